@@ -8,16 +8,17 @@ use visibility_core::cells::CellGraph;
 /// lines, the limit of steps, and the tests used.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Settings {
-    /// Distance, in world units, that a line of sight must keep from all portal edges to count: a cell is
-    /// called hidden only if no such line leads to the cell. Must be positive, finite and at least 2^-33 of
-    /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. 1e-6 by default.
+    /// Distance, in world units, that a line of sight must keep from all portal edges to count. A cell
+    /// counts as hidden only if no such line leads to it. Must be positive, finite and at least 2^-33 of
+    /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. 1e-6 by
+    /// default.
     pub clearance: f64,
-    /// Maximum number of portal chains inspected for one viewcell, summed over its portals. A viewcell that
-    /// needs more keeps every target that is not yet proven hidden. Unlimited by default.
+    /// Maximum number of portal chains inspected for one viewcell, summed over its portals. Where a viewcell
+    /// needs more, all its targets not yet proven hidden count as visible. Unlimited by default.
     pub steps_per_cell: u64,
-    /// Whether portal chains that separating planes do not exclude are also tested in Pluecker space, where
-    /// the test decides whether a cell is seen. `true` marks the same cells visible or fewer, for somewhat
-    /// more time. `false` by default.
+    /// Whether portal chains that separating planes do not exclude are also tested in Pluecker space (six
+    /// coordinates per line), wherever such a chain would make a cell visible. `true` marks the same cells
+    /// visible or fewer, and takes more time. `false` by default.
     ///
     /// Each rejection is certain: a certificate shows that no line passes the edges of the chain and keeps
     /// the clearance from them. A chain that is kept need not be passable, for two reasons. The half-spaces
@@ -46,7 +47,7 @@ impl Settings {
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum BakeError {
-    /// The clearance is zero, negative, infinite or NaN, or less than coordinates of this size allow.
+    /// The requested clearance is zero, negative, infinite, NaN or less than `least`.
     Clearance {
         /// Clearance that was requested, in world units.
         clearance: f64,
@@ -101,11 +102,11 @@ impl core::error::Error for BakeError {}
 const MAX_CELLS_OR_PORTALS: usize = 1 << 16;
 
 /// Checks `settings` against `graph` and returns the portals in both directions, shrunk by part of the
-/// clearance.
+/// clearance (see [`Margins::inset`](crate::directed_portals::Margins::inset)).
 ///
 /// # Errors
-/// [`BakeError::TooLarge`] if cells or portals exceed the maximum, [`BakeError::Clearance`] if the clearance
-/// is not finite or less than 65,536 times the rounding bound of the coordinates.
+/// [`BakeError::TooLarge`] if cells or portals exceed [`MAX_CELLS_OR_PORTALS`], [`BakeError::Clearance`] if
+/// the clearance is not finite or less than 65,536 times the rounding bound of the coordinates.
 pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<DirectedPortals, BakeError> {
     let (cells, count) = (graph.cell_count(), graph.portals().len());
     if cells > MAX_CELLS_OR_PORTALS || count > MAX_CELLS_OR_PORTALS {

@@ -67,12 +67,14 @@ pub struct Outcome {
 pub struct CellBaker {
     portals: DirectedPortals,
     settings: Settings,
-    /// Candidate matrix: in the row of directed portal a, bit b is set while a line through a may later pass
-    /// directed portal b. See [`FlowInput::rows`].
+    /// Candidate matrix, a bit for each ordered pair of directed portals (`stride` words per row): in the
+    /// row of directed portal a, bit b is set while a line through a may later pass directed portal b.
+    /// See [`FlowInput::rows`].
     rows: Vec<u64>,
     /// Number of 64-bit words in a row of `rows`, which has one bit per directed portal.
     stride: usize,
-    /// Visible cells: cell a sees cell b once b is known to be seen from a. See [`FlowInput::seen`].
+    /// Cells known to be seen: the bit of (a, b) is set once b counts as seen from a, with or without proof.
+    /// See [`FlowInput::seen`].
     seen: CellMatrix,
     /// Number of candidates of each directed portal, by portal index: the number of set bits in its row of
     /// `rows`.
@@ -84,9 +86,9 @@ pub struct CellBaker {
 }
 
 impl CellBaker {
-    /// Prepares the portals and computes, for each directed portal, its candidates: the portals that can
-    /// follow by the positions of the two planes and by reachability through cells. Takes time proportional
-    /// to the number of portal pairs at worst.
+    /// Prepares the portals and computes, for each directed portal, its candidates: the directed portals that
+    /// a line can pass later, judged by the positions of the two portals' planes and by reachability through
+    /// cells. Takes time proportional to the number of portal pairs at worst.
     ///
     /// # Errors
     /// [`BakeError::TooLarge`] for more than 65,536 cells or portals. [`BakeError::Clearance`] for a
@@ -111,7 +113,8 @@ impl CellBaker {
         Ok(baker)
     }
 
-    /// Fills `rows` by plane tests and reachability, and `seen` with each cell itself and its neighbours.
+    /// Computes `rows`, the candidates of each directed portal, by tests of portal planes and by reachability
+    /// through cells. Sets in `seen` each cell itself and its neighbours.
     fn begin(&mut self) {
         let portals = &self.portals;
         fill_rows(&mut self.rows, self.stride, |flood, source, row| {
@@ -262,8 +265,8 @@ impl Baker for CellBaker {
     }
 }
 
-/// Sets in `row` the bits of the directed portals that can follow directed portal `source`, by plane tests
-/// and through cells that can be reached.
+/// Sets in `row` the bits of the directed portals that a line through directed portal `source` can pass
+/// later, judged by the portals' planes and by the cells that can be reached. `flood` is scratch memory.
 fn candidates(portals: &DirectedPortals, source: u32, flood: &mut CellFlood, row: &mut [u64]) {
     let portal = &portals.all[source as usize];
     flood.begin(portals.first.len(), portal.to);

@@ -81,8 +81,8 @@ impl CellMatrix {
             .flat_map(|(i, &word)| bits(word).map(move |bit| CellId(i as u32 * 64 + bit)))
     }
 
-    /// Returns the number of ordered pairs (cell, cell that it sees), a cell with itself included. Counts all
-    /// words.
+    /// Returns the number of ordered pairs (a, b) of cells for which a sees b, pairs (a, a) included. Time is
+    /// proportional to the square of the number of cells.
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| u64::from(word.count_ones())).sum()
     }
@@ -135,8 +135,8 @@ impl CellMatrix {
     }
 }
 
-/// Returns the viewcells of the cells that share a portal with the cell of `viewcell`, once for each shared
-/// portal. The viewcell and the cell have the same index.
+/// Returns the viewcells of all cells that share a portal with the cell of the same index as `viewcell`, once
+/// for each shared portal. Empty for an unknown viewcell.
 pub(crate) fn neighbours(graph: &CellGraph, viewcell: ViewcellId) -> impl Iterator<Item = ViewcellId> + '_ {
     let cell = CellId(viewcell.0);
     let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));

@@ -15,7 +15,7 @@ const MAX_CLIPPED_VERTICES: usize = 120;
 pub(crate) enum Clip {
     Nothing,
     All,
-    /// The polygon was cut. The vertices of the result run from this index to the end of the list.
+    /// A part of the polygon is left. Its vertices run from this index of `points` to the end.
     Part(usize),
 }
 
@@ -69,16 +69,16 @@ pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane
     Clip::Part(start)
 }
 
-/// Appends vertex `p` to the polygon whose vertices are `points[start..]`, unless the squared distance of `p`
-/// to its last vertex is at most `near`.
+/// Appends vertex `p` to the polygon whose vertices are `points[start..]`, unless its squared distance to the
+/// last vertex appended is at most `near` (square world units).
 fn push_apart(points: &mut Vec<DVec3>, start: usize, p: DVec3, near: f64) {
     if points.len() == start || (points[points.len() - 1] - p).length_squared() > near {
         points.push(p);
     }
 }
 
-/// Clips the polygon with the vertices `points[polygon]` like [`clip`]. Returns the range of the result's
-/// vertices in `points`, `None` if nothing is left.
+/// Clips the polygon with the vertices `points[polygon]` like [`clip`]. Returns the range of `points` that
+/// holds the vertices of the result: `polygon` itself if nothing was cut off. `None` if nothing is left.
 pub(crate) fn clip_range(
     points: &mut Vec<DVec3>,
     polygon: Range<usize>,

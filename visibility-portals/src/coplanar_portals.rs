@@ -7,16 +7,16 @@
 //!
 //! # Why no line is lost
 //! Let a line stay clear of all edges of two convex polygons by `c`, and let all vertices of both polygons
-//! lie within `d < c` of some plane. Let the line meet the plane at an angle `w`. Take the section across the
-//! plane along the line, and in this section the strip of all points nearer to the line than `c`. A polygon
-//! that the line passes crosses the strip from border to border. On the upper border, at `x` along the plane
-//! from where the line meets the plane, the height is `x tan w + c / cos w`, and the polygon is no higher
-//! than `d`. So the polygon crosses the upper border at `x <= -(c - d cos w) / sin w <= -(c - d)`. It crosses
-//! the lower border likewise at `x >= c - d`. In sections at `s` beside the line the strip has the half-width
-//! `sqrt(c^2 - s^2)`, which for `s` up to `sqrt(c^2 - d^2) >= c - d` leaves at least `x = 0` between the two
-//! crossings. Projected along the plane's normal, both polygons therefore contain the same points, of an
-//! extent of at least `2 (c - d)` in every direction. No such line passes through two polygons that overlap
-//! by less than that in some direction.
+//! lie within `d < c` of some plane. Let the line meet the plane at an angle `w`. Take the section that
+//! contains the line and is perpendicular to the plane, and in this section the strip of all points nearer to
+//! the line than `c`. A polygon that the line passes crosses the strip from border to border. On the upper
+//! border, at `x` along the plane from where the line meets the plane, the height is `x tan w + c / cos w`,
+//! and the polygon is no higher than `d`. So the polygon crosses the upper border at `x <= -(c - d cos w) /
+//! sin w <= -(c - d)`. It crosses the lower border likewise at `x >= c - d`. In parallel sections at a
+//! distance `s` from the line the strip has the half-width `sqrt(c^2 - s^2)`, which for `s` up to `sqrt(c^2 -
+//! d^2) >= c - d` leaves at least `x = 0` between the two crossings. Projected along the plane's normal, both
+//! polygons therefore contain the same points, of an extent of at least `2 (c - d)` in every direction. No
+//! such line passes through two polygons that overlap by less than that in some direction.
 
 use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
@@ -64,8 +64,8 @@ pub(crate) fn lie_side_by_side<P: Iterator<Item = DVec3> + Clone>(
     edges(&a).into_iter().chain(edges(&b)).any(|across| overlap(across) < least)
 }
 
-/// Returns the least-squares plane through `points`, with unit normal; distances are measured along the
-/// unit vector `along`, to which the plane must not be parallel. `None` if the normal is not finite, for
+/// Returns the least-squares plane through `points`, with unit normal. Distances are measured along the unit
+/// vector `along`, so the plane must not be parallel to `along`. `None` if the normal is not finite, for
 /// instance for points on one line.
 fn fitted_plane(points: impl Iterator<Item = DVec3> + Clone, along: DVec3) -> Option<Plane> {
     let u = along.any_orthonormal_vector();

@@ -17,7 +17,7 @@ use core::ops::Range;
 use visibility_core::glam::DVec3;
 use visibility_core::{cells::CellGraph, geometry::Plane};
 
-/// Bound on the rounding of a product of a unit vector and a position, as a fraction of the greatest absolute
+/// Bound on the rounding of the product of a unit vector and a position, divided by the greatest absolute
 /// coordinate. Derived in [`Margins::new`].
 const NOISE: f64 = 8.0 * f64::EPSILON;
 
@@ -28,11 +28,11 @@ pub(crate) struct Margins {
     pub(crate) inset: f64,
     /// A point less than this distance in front of a plane counts as on the plane.
     pub(crate) side: f64,
-    /// Clipping keeps points up to this distance outside a plane.
+    /// Clipping to a plane keeps points up to this distance on the outer side of the plane.
     pub(crate) keep: f64,
     /// Neighbouring vertices no farther apart than this become one.
     pub(crate) merge: f64,
-    /// Absolute bound on the rounding of a product of a unit vector and a position.
+    /// Absolute bound on the rounding of the product of a unit vector and a position.
     pub(crate) noise: f64,
     /// Distance that lines must keep from all portal edges:
     /// [`Settings::clearance`](crate::Settings::clearance).
@@ -57,7 +57,7 @@ impl Margins {
 pub(crate) struct DirectedPortal {
     /// Plane of the portal. Its unit normal points in the direction of the portal, into the cell `to`.
     pub(crate) plane: Plane,
-    /// Centre of a ball that contains all shrunk vertices.
+    /// Centre of a ball, in world space, that contains all shrunk vertices.
     pub(crate) center: DVec3,
     /// Radius of the ball around `center` that contains all shrunk vertices, in world units.
     pub(crate) radius: f64,
@@ -173,9 +173,9 @@ impl DirectedPortals {
         self.first[cell as usize]..self.first[cell as usize + 1]
     }
 
-    /// Tests whether a line may pass portal `a` and later portal `b`: part of `b` lies in front of the plane
-    /// of `a`, part of `a` lies behind the plane of `b`, and the two do not lie side by side in one plane.
-    /// `false` is certain.
+    /// Tests whether a line may pass portal `a` and later portal `b`. That requires that part of `b` lies in
+    /// front of the plane of `a`, that part of `a` lies behind the plane of `b`, and that the two do not lie
+    /// side by side in one plane. `false` is certain.
     pub(crate) fn can_follow(&self, a: &DirectedPortal, b: &DirectedPortal) -> bool {
         self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped()) && !self.lie_side_by_side(a, b)
     }
@@ -196,7 +196,8 @@ impl DirectedPortals {
         coplanar_portals::lie_side_by_side(first, second, larger.plane.normal, self.margins.clearance)
     }
 
-    /// Tests whether some shrunk vertex of `portal` is more than [`Margins::side`] inside `plane`.
+    /// Tests whether some shrunk vertex of `portal` is more than [`Margins::side`] on the inner side of
+    /// `plane`.
     fn reaches(&self, portal: &DirectedPortal, plane: &Plane) -> bool {
         let (side, middle) = (self.margins.side, plane.signed_distance(portal.center));
         // The ball decides most cases: at least one vertex is as far inside as the mean of the vertices.
@@ -208,8 +209,9 @@ impl DirectedPortals {
     }
 }
 
-/// Returns the part of a convex polygon that is farther than [`Margins::inset`] from its boundary. Empty if
-/// nothing is left. The vertices run counter-clockwise around the unit `normal`.
+/// Returns the part of a convex polygon that is farther than [`Margins::inset`] from the polygon's edges, in
+/// order around `normal`. Empty if nothing is left. The vertices of the input run counter-clockwise around
+/// the unit vector `normal`.
 fn shrunk_polygon(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
     let mut polygon = vertices.to_vec();
     let mut next = Vec::new();

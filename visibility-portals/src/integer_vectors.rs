@@ -37,7 +37,8 @@ impl IntegerVector {
     }
 }
 
-/// A linear congruential generator with Knuth's constants; the field is the state.
+/// A linear congruential generator of random numbers with Knuth's constants. The field is its state, at first
+/// the seed.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {

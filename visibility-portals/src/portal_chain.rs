@@ -12,7 +12,7 @@ use core::ops::Range;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// A portal of the current chain, and the lists' state when the portal was pushed.
+/// A portal of the current chain, with the parts of the chain's lists that belong to it.
 #[derive(Clone, Debug)]
 pub(crate) struct ChainFrame {
     /// Index of the directed portal in `DirectedPortals::all`.
@@ -27,7 +27,8 @@ pub(crate) struct ChainFrame {
     /// Offset in `PortalChain::sets` of the bitset of the portals that lines through this portal can still
     /// reach.
     pub(crate) set: usize,
-    /// The portals behind this portal that have not been inspected, as bits of the set.
+    /// Bits of the set (see `set`) that have not been inspected yet, among those of the portals of the cell
+    /// behind this portal.
     pub(crate) children: Range<u32>,
     /// Length of `PortalChain::points` before this frame was pushed, restored when the frame is popped.
     pub(crate) points: usize,
@@ -51,7 +52,7 @@ impl PortalChain {
         self.sets.clear();
     }
 
-    /// Returns the next child by which to extend the chain, a bit of the last frame's set, and pops the
+    /// Returns the next portal by which to extend the chain, as a bit of the last frame's set, and pops the
     /// frames that have none left. `None` when the chain is empty.
     pub(crate) fn next_child(&mut self) -> Option<u32> {
         while let Some(frame) = self.frames.last_mut() {
@@ -68,12 +69,13 @@ impl PortalChain {
         None
     }
 
-    /// Returns the part of directed portal `first` and the part of directed portal `next` between which lines
-    /// can pass `last`, the last portal of the chain, as ranges of `points`. `None` if either part is empty.
-    /// Clipped polygons are appended to `points`, also if the result is `None`.
+    /// Returns the parts of two portals between which lines can pass `last`, the last portal of the chain:
+    /// the part of directed portal `first`, where the lines come from, and the part of directed portal
+    /// `next`, where they go. Both are ranges of `points`. `None` if either part is empty. Clipped polygons
+    /// are appended to `points`, also if the result is `None`.
     ///
-    /// `meets_first` is `false` if portal `next` is known to lie in front of the plane of `first`, so that it
-    /// need not be clipped to this plane.
+    /// `meets_first` tells whether the plane of `first` may cut portal `next`. If `false`, `next` is known to
+    /// lie in front of that plane and is not clipped to it.
     pub(crate) fn narrow(
         &mut self,
         portals: &DirectedPortals,
@@ -114,9 +116,9 @@ impl PortalChain {
         Some((source, pass))
     }
 
-    /// Appends to `planes` the planes that bound everything that lines reach that come from the part `source`
-    /// of directed portal `first` and pass the part `pass` of directed portal `last`. The parts are ranges of
-    /// `points`.
+    /// Appends to `planes` the planes that bound everything beyond directed portal `last` that lines of the
+    /// chain can reach. The lines come from the part `source` of directed portal `first` and pass the part
+    /// `pass` of `last`. Both parts are ranges of `points`.
     pub(crate) fn push_planes(
         &mut self,
         portals: &DirectedPortals,
@@ -137,8 +139,8 @@ pub(crate) fn outward(plane: &Plane, by: f64) -> Plane {
     Plane::new(plane.normal, plane.offset + by)
 }
 
-/// Tests whether all vertices of directed portal `portal` are outside one of the planes. `false` without
-/// planes. `ball` is the centre and the radius of a ball that contains the portal.
+/// Tests whether all vertices of directed portal `portal` are on the outer side of one of the planes. `false`
+/// without planes. `ball` is the centre and the radius, in world space, of a ball that contains the portal.
 pub(crate) fn is_outside(
     portals: &DirectedPortals,
     planes: &[Plane],
@@ -165,7 +167,7 @@ pub(crate) fn is_outside(
         .any(|plane| signed_distance(plane) < 0.0 && vertices.iter().all(|&v| plane.signed_distance(v) < 0.0))
 }
 
-/// Scratch memory of a flood fill through cells that reaches each cell once.
+/// Scratch memory of a flood fill through cells, in which each cell is reached once.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CellFlood {
     /// By cell index: number of the last fill that reached the cell, compared with `fill`.

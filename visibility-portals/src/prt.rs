@@ -159,8 +159,8 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
     Ok(PortalFile { graph, cell_of_leaf })
 }
 
-/// Returns cells and portals in the form `PRT1`, each coordinate with enough digits to be read back
-/// unchanged.
+/// Returns the cells and portals of a graph as text in the form `PRT1`, each coordinate with enough digits to
+/// be read back unchanged.
 pub fn write(graph: &CellGraph) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.

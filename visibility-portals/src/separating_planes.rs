@@ -4,10 +4,11 @@
 //! Computations", 1993. There the antipenumbra of a source through portals is bounded by planes that separate
 //! source and portal. Each plane contains an edge of one polygon and a vertex of the other.
 //!
-//! For an edge of the polygon A with inward normal `m` in A's plane, and A's normal `n` towards B, the planes
-//! through the edge are `-m + t n`. A lies on the negative side of all of them. B lies on the positive side
-//! if `t >= u / w` for each of its vertices, at `u` along `m` and `w > 0` along `n` from the edge. The
-//! greatest of these quotients gives the tangent plane, in time linear in B's vertices.
+//! Let A and B be the polygons, `n` the normal of A towards B, and `m` the inward normal of an edge of A
+//! within A's plane. The planes through the edge have the normals `-m + t n`, for any `t`. A lies on the
+//! negative side of all of them. B lies on the positive side if `t >= u / w` for each vertex of B, at `u`
+//! along `m` and `w > 0` along `n` from the edge. The greatest of these quotients gives the tangent plane, in
+//! time linear in B's vertices.
 //!
 //! # Why rounding hides no line
 //! Let `f(x) = normal . x`, with *any* normal. If `f <= d` on A and `f >= d` on B, then `f` does not decrease
@@ -32,8 +33,8 @@ pub(crate) struct Facing<'a> {
 }
 
 /// Appends to `planes` separating planes of polygons `a` and `b`. Every line that has passed `a` and then `b`
-/// is on the inner side of each plane from `b` onwards. At most one plane for each edge of either polygon;
-/// none if a polygon has too many vertices.
+/// stays on the inner side of each plane from `b` onwards. At most one plane for each edge of either polygon;
+/// none if a polygon has more than 128 vertices.
 pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, planes: &mut Vec<Plane>) {
     // Edges of A with vertices of B, which lie in the direction of the lines. A is on the negative side.
     tangents(a, b, a.sense, -1.0, margins, planes);
@@ -42,8 +43,9 @@ pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, pl
 }
 
 /// Appends to `planes` the planes through an edge of polygon `of` and a vertex of polygon `to` that separate
-/// the two. `side` (1 or -1) is the side of the plane of `of` on which `to` lies. `own` (1 or -1) is the side
-/// of each new plane on which `of` shall lie; 1 is the inner side.
+/// the two polygons. `side` is the side of the plane of `of` on which `to` lies: 1 along the normal of `of`,
+/// -1 against it. `own` is the side of each new plane on which `of` shall lie: 1 for the inner side, -1 for
+/// the outer.
 fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, planes: &mut Vec<Plane>) {
     let toward = of.normal * side;
     // Maximum number of vertices. Polygons with more get no separating planes, which is conservative.

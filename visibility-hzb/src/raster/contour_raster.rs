@@ -2,8 +2,6 @@
 //! covers and a lower bound on its depth keys there.
 //!
 //! Triangles are not filled. All drawn triangles, turned to run in the same sense on the screen, wind once
-//! round each point that they cover. So the sum of their edges, the contour, winds round a point as often as
-//! Triangles are not filled. All drawn triangles, turned to run in the same sense on the screen, wind once
 //! round each point that they cover. The contour is the sum of their directed edges, where opposite edges
 //! cancel. So the contour winds round a point as often as triangles cover the point (see
 //! [`screen_shape`](crate::setup::screen_shape)). A contour edge that crosses a row of pixel centres changes

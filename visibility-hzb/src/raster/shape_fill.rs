@@ -129,7 +129,6 @@ fn end_pixel(high: f32) -> i32 {
 /// right end means an empty span. The shape's own row range is not considered.
 /// The rectangle's limits are whole numbers. They are moved outwards by a quarter of a pixel, so that
 /// rounding to whole pixels cannot go either way.
-/// could go either way.
 #[inline(always)]
 fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     let (mut low, mut high) = ([shape.columns[0] - 0.25; SIDE], [shape.columns[1] + 0.25; SIDE]);

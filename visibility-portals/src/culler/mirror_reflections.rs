@@ -64,10 +64,12 @@ pub(super) struct Reflections {
     /// Number of reflections of the last frame: the first entries of `all`.
     count: usize,
     walk: PortalWalk,
-    /// Mirrors that were seen: the index in `all` of the reflection in which the mirror was seen (`None` for
-    /// the eye's own view), and the mirror with its window.
+    /// Mirrors that were seen, each once for each window through which it was seen: the index in `all` of
+    /// the reflection in which the mirror was seen (`None` for the eye's own view), and the mirror with
+    /// its window.
     seen: Vec<(Option<usize>, SeenMirror)>,
-    /// Planes of the windows in `seen`, relative to the anchor of the view in which the mirror was seen.
+    /// Planes of the windows in `seen`, anchor-relative (relative to the anchor of the view in which the
+    /// mirror was seen).
     sides: Vec<WindowPlane>,
     max_count: usize,
     max_depth: u32,
@@ -100,10 +102,10 @@ impl Reflections {
 
     /// Reflects the view in the mirrors that `walk` has met, and again in the mirrors that the reflections
     /// show, until a limit is reached.
-    ///
-    /// `known` is the pair of `PortalEye::unknown` and the current frame number: objects whose entry equals
-    /// the frame number stay visible. `settings` is the narrowing and the maximum number of portals per walk.
-    /// `stats` is updated.
+    /// `known` holds `PortalEye::unknown` (by object index, the last frame in which the object was out of
+    /// date) and the current frame number: objects whose entry equals the frame number stay visible.
+    /// `settings` holds the narrowing and the maximum number of portals per walk. Adds to the counters in
+    /// `stats`.
     #[expect(clippy::too_many_arguments)]
     pub(super) fn reflect_all(
         &mut self,
@@ -207,10 +209,10 @@ fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
         .with_clip_planes(&[Plane::new(n, offset + error + 8.0 * U * offset.abs())])
 }
 
-/// Reflects the plane of a window in the mirror plane `plane`. `side` is relative to the anchor of `from`,
-/// the result to the anchor of `to`, the reflected view. The distance between the anchor of `to` and the
-/// exact reflection of the anchor of `from` enters the result's error, and so does the rounding of the
-/// normal, `8u`.
+/// Reflects the plane of a window in the mirror plane `plane`. `side` is relative to the anchor of the view
+/// `from`, the result relative to the anchor of the reflected view `to`. The distance between the anchor of
+/// `to` and the exact reflection of the anchor of `from` is added to the result's error, and so is the
+/// rounding of the normal, `8u` with `u` the unit round-off 2^-53.
 fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &PortalView) -> WindowPlane {
     let n = plane.normal;
     let turned = side.plane.normal - n * (2.0 * n.dot(side.plane.normal));

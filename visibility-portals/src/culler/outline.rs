@@ -7,9 +7,9 @@ use visibility_core::glam::DVec3;
 pub(super) struct Outline {
     /// Unit normal of the polygon's plane, in world space.
     pub(super) normal: DVec3,
-    /// Absolute bound, in world units, on the distance between a stored vertex and the exact plane and
-    /// edges: the tolerance plus twice the greatest distance of a vertex from the plane or beyond an
-    /// edge.
+    /// Absolute bound, in world units, on the distance between a stored vertex and the exact polygon: the
+    /// tolerance of the cells plus twice the greatest distance of a vertex from the stored plane or beyond
+    /// an edge.
     pub(super) error: f64,
     /// Lower bound on the smallest extent of the polygon within its plane, in world units. 0 if the polygon
     /// has no area.

@@ -63,8 +63,8 @@ impl PortalCuller {
         Self { cells, eye: PortalEye::new() }
     }
 
-    /// Returns the culler with `eye` in place of its own; the cells are kept. `eye` brings its settings and
-    /// its state of the last frame.
+    /// Returns the culler with `eye` in place of its own eye; the cells are kept. `eye` brings its settings
+    /// and its state of the last frame.
     pub fn with_eye(self, eye: PortalEye) -> Self {
         Self { eye, ..self }
     }

@@ -48,13 +48,14 @@ use visibility_core::{
 pub struct PortalEye {
     narrowing: Narrowing,
     /// Maximum number of portals inspected in one walk. A walk that needs more is abandoned, and all objects
-    /// stay visible.
+    /// that earlier stages left stay visible.
     steps: u64,
     walk: PortalWalk,
     start_cells: StartCells,
     reflections: Reflections,
     stats: PortalStats,
-    /// Origin, in world space, of the anchor-relative coordinates of the last walk.
+    /// World-space position of the anchor of the last walk (the eye of a perspective view): the origin of
+    /// anchor-relative coordinates.
     anchor: DVec3,
     /// By object index: the number of the last frame in which the object had changed since the last sync of
     /// the cells. Such an object is not culled in that frame.
@@ -181,16 +182,16 @@ impl PortalEye {
         result
     }
 
-    /// Records in `stats` the reason `why` the frame removes no object. Returns counters in which all objects
-    /// of `visible` count as visible.
+    /// Records in `stats` the reason `why` the frame removes no object. Returns the frame's counters: all
+    /// objects of `visible` count as visible.
     fn fall_back(&mut self, why: NotCulled, scene: &Scene, visible: &VisibleSet) -> CullStats {
         self.stats.fallback = Some(why);
         CullStats { visible: visible.count(scene) as u64, ..CullStats::default() }
     }
 
-    /// Marks in `unknown` the objects that have changed since the last sync of `cells`. Returns `false` if
-    /// the cells were never synced, were synced with another scene, or so long ago that the scene no longer
-    /// lists the changes.
+    /// Marks in `unknown` the objects that have changed since the last sync of `cells`; these are not culled
+    /// in this frame. Returns `false`, without marks, if the cells were never synced, were synced with
+    /// another scene, or so long ago that the scene no longer lists the changes.
     fn mark_changed_objects(&mut self, cells: &SceneCells, scene: &Scene) -> bool {
         let Changes::Objects(changed) = cells.cursor.peek(scene) else { return false };
         if !changed.is_empty() && self.unknown.len() < scene.index_limit() {

@@ -1,6 +1,6 @@
 //! Counters of a frame, and the reasons for a frame without culling.
 
-/// Why a frame removed no object: all objects that earlier stages have left stay visible.
+/// Reason why a frame removed no object: all objects that earlier stages have left stay visible.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub enum NotCulled {
     /// Some lines of sight begin outside all cells: part of the near plane or of a clip plane lies in a wall
@@ -16,8 +16,8 @@ pub enum NotCulled {
     NotSynced,
 }
 
-/// Counters of one frame, reflections included unless stated otherwise. The same input gives the same
-/// counters on every machine.
+/// Counters of one frame. They include reflections in mirrors unless stated otherwise. The same input gives
+/// the same counters on every machine.
 ///
 /// ```
 /// use visibility_portals::{PortalEye, PortalStats};
@@ -25,19 +25,20 @@ pub enum NotCulled {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct PortalStats {
-    /// Number of cells in which lines of sight begin: one for the eye unless the near plane crosses a
-    /// portal, plus one for each window through which a mirror is reflected.
+    /// Number of cells in which lines of sight begin: usually one, the cell of the eye, and more where the
+    /// near plane crosses a portal. Plus one for each window through which a mirror is reflected.
     pub starts: u32,
-    /// Number of portals inspected, counted once for each path from which the portal was inspected.
+    /// Number of portals inspected. A portal counts once for each path of portals that reached it.
     pub portals: u64,
-    /// Number of inspected portals that a line of sight may pass, counted once for each path.
+    /// Number of inspected portals that a line of sight may pass, counted once for each path of portals.
     pub crossed: u64,
-    /// Number of paths from the eye to cells. Paths of reflections are not counted.
+    /// Number of paths of portals from the eye to cells. Paths of reflections are not counted.
     pub paths: u64,
-    /// Number of cells that were treated as seen through the whole view, because more than 48 paths led to
-    /// them.
+    /// Number of times that more than 48 paths led to a cell, so that the whole view into the cell counted
+    /// as seen.
     pub widened: u64,
-    /// Number of tests of an object's bounds against the window of a path.
+    /// Number of tests of an object's bounds against the window (the visible part of the last portal) of a
+    /// path.
     pub tests: u64,
     /// Number of reflections in mirrors made this frame.
     pub reflections: u32,

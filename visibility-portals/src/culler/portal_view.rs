@@ -1,5 +1,5 @@
-//! A view in the form that portals are clipped to: the anchor of the lines of sight, and the planes that
-//! bound the view.
+//! A view in the form that portals are clipped to: its anchor (the eye of a perspective view), and the planes
+//! that bound the view.
 
 use super::window_plane::{U, WindowPlane};
 use smallvec::SmallVec;
@@ -12,13 +12,13 @@ use visibility_core::{View, view::Eye};
 pub(super) enum Lines {
     /// Perspective: all lines of sight start at the anchor, which is the eye.
     FromAnchor,
-    /// Orthographic: all lines of sight are parallel to the unit direction in the first part. The second part
-    /// bounds the length of the difference between that direction and the exact one.
+    /// Orthographic: all lines of sight are parallel to the unit direction (world axes) in the first part.
+    /// The second part bounds the length of the difference between that direction and the exact one.
     Along(DVec3, f64),
 }
 
-/// A view in anchor-relative coordinates. The anchor is the eye, or the view's origin if its lines of sight
-/// are parallel.
+/// A view in anchor-relative coordinates: world axes and units, relative to the anchor. The anchor is the
+/// eye, or the view's origin if its lines of sight are parallel.
 #[derive(Clone, Debug)]
 pub(super) struct PortalView {
     /// Origin of the anchor-relative coordinates, in world space.
@@ -66,12 +66,13 @@ impl PortalView {
     }
 
     /// Returns in which direction lines of sight cross a polygon. The vertices are anchor-relative and each
-    /// known up to `error` (which includes the error of the eye); `normal` is the polygon's unit normal, and
-    /// its extent in every direction of its plane is at least `width`, both in world units.
+    /// known up to `error` (which includes the error of the eye). `normal` is the polygon's unit normal. The
+    /// polygon's extent in every direction of its plane is at least `width`. Both lengths are in world units.
     ///
     /// Lines from an eye cross along the normal if and only if the eye is behind the plane. Vertices that are
-    /// off by `error` tilt the plane by twice `error / width`. Evaluating the height of a vertex rounds by
-    /// `8u` of its distance from the anchor, and each component of the stored normal is off by up to `4u`.
+    /// off by `error` tilt the plane by twice `error / width`. With the unit round-off `u` = 2^-53,
+    /// evaluating the height of a vertex rounds by `8u` of its distance from the anchor, and each component
+    /// of the stored normal is off by up to `4u`.
     pub(super) fn crossing(
         &self,
         vertices: impl Iterator<Item = DVec3>,
@@ -103,9 +104,10 @@ impl PortalView {
     }
 
     /// Returns the half-space bounded by the plane of the lines of sight that meet the edge from `a` to `b`
-    /// (anchor-relative, each known up to `error`). Its inner side is on the left of the edge as seen along
-    /// the lines of sight for `sign` 1, on the right for `sign` -1. `None` if the edge is too short or too
-    /// nearly in line with the lines of sight to give a plane. See [`WindowPlane::through_edge`].
+    /// (anchor-relative, each known up to `error` world units). As seen along the lines of sight, its inner
+    /// side is on the left of the edge for `sign` 1, on the right for `sign` -1. `None` if the edge is too
+    /// short or too nearly in line with the lines of sight to give a plane. See
+    /// [`WindowPlane::through_edge`].
     pub(super) fn through_edge(&self, a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<WindowPlane> {
         match self.lines {
             Lines::FromAnchor => WindowPlane::through_edge(a, b, sign, error),

@@ -1,5 +1,5 @@
-//! The walk of a frame: depth first from the cells in which lines of sight begin, through portals, each of
-//! which narrows the view.
+//! The walk of a frame: depth first through portals, from the cells in which lines of sight begin. Each
+//! portal narrows the view to a window.
 //!
 //! This work is based on Luebke and Georges, "Portals and Mirrors: Simple, Fast Evaluation of Potentially
 //! Visible Sets", 1995. They keep the screen-space rectangle around each portal; here the exact convex
@@ -22,12 +22,13 @@ use visibility_core::{
     stamp::Stamp,
 };
 
-/// Maximum number of planes of one window. Further planes are left out, which can only enlarge the window.
+/// Maximum number of planes of one window (the part of the view seen through a chain of portals). Further
+/// planes are left out, which can only enlarge the window.
 const MAX_WINDOW_PLANES: usize = 24;
 /// Maximum number of paths to one cell. A cell with more paths is treated as seen through the whole view.
 const MAX_PATHS_PER_CELL: u32 = 48;
 
-/// The shape to which each portal narrows the view. Both shapes are conservative.
+/// Shape to which each portal narrows the view. Both shapes are conservative.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash, Default)]
 pub enum Narrowing {
     /// The exact convex polygon of the visible part of the portal, with one plane for each of its edges. The
@@ -39,28 +40,31 @@ pub enum Narrowing {
     Rectangle,
 }
 
-/// The last step of a path of portals from the eye to a cell. The earlier steps follow by `parent`.
+/// The last step of a path of portals from the eye to a cell, for a path without portals the cell of the eye.
+/// `parent` leads to the earlier steps.
 #[derive(Clone, Debug)]
 pub(super) struct PortalPath {
     pub(super) cell: CellId,
-    /// Index of the path without its last portal, or `NONE` for a path that starts at the eye.
+    /// Index in `PortalWalk::paths` of the path without its last portal, or `NONE` for a path that starts at
+    /// the eye.
     pub(super) parent: u32,
     /// The portal crossed last on this path. Meaningless if `parent` is `NONE`.
     pub(super) portal: PortalId,
-    /// Index of the path to the same cell that was found before this path, or `NONE`.
+    /// Index in `PortalWalk::paths` of the path to the same cell that was found before this path, or `NONE`.
     next: u32,
     /// The planes and screen bounds of the view into this cell along this path.
     pub(super) window: Window,
-    /// Range in `PortalWalk::corners` of the visible part of the portal. Empty if `parent` is `NONE`.
+    /// Range in `PortalWalk::corners` of the corners of the visible part of the last portal. Empty if
+    /// `parent` is `NONE`.
     pub(super) corners: Range<u32>,
 }
 
 /// The planes and screen bounds that contain all lines of sight through a chain of portals.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
-    /// Range of the bounding planes in `PortalWalk::sides`. Empty if the lines are unbounded.
+    /// Range of the bounding planes in `PortalWalk::sides`. Empty if no plane bounds the lines of sight.
     pub(super) sides: Range<u32>,
-    /// Bounds of the window on the screen, as quotients of clip coordinates. Narrowed only with
+    /// Bounds of the window on the screen, in NDC. Each portal narrows them only with
     /// [`Narrowing::Rectangle`].
     pub(super) rectangle: ScreenRectangle,
     /// Whether the window is the whole view. Earlier stages have already tested objects against the whole
@@ -85,26 +89,27 @@ pub(super) struct PortalWalk {
     graph: Option<Stamp>,
     pub(super) paths: Vec<PortalPath>,
     pub(super) sides: Vec<WindowPlane>,
-    /// Corners of the visible parts of the portals, anchor-relative. `PortalPath::corners` are ranges of
-    /// this list.
+    /// Corners of the visible parts of the portals, relative to the anchor of the view.
+    /// `PortalPath::corners` are ranges of this list.
     pub(super) corners: Vec<DVec3>,
     pub(super) mirrors: Vec<SeenMirror>,
     /// By cell index: index in `paths` of the path to the cell that was found last, or `NONE`.
     heads: Vec<u32>,
     /// By cell index: number of paths to the cell.
     counts: Vec<u32>,
-    /// By cell index: whether the cell is entered through the whole view, already or later in this walk.
+    /// By cell index: whether the cell counts as seen through the whole view: it was entered so, or is in
+    /// `waiting`.
     entered_full_view: Vec<bool>,
-    /// By directed portal, at index 2 * portal + 1 if forward (along the normal): whether the current chain
-    /// has passed the portal in that direction.
+    /// By portal and direction, whether the current chain has passed the portal in that direction: index `2
+    /// * portal + 1` for passing along the portal's normal, `2 * portal` for passing against it.
     passed: Vec<bool>,
-    /// Stack of the current chain: the index of each path in `paths`, and the number of portals of its cell
-    /// that have been inspected.
+    /// Stack of the current chain. Each entry holds the index of a path in `paths`, and the number of
+    /// portals of the path's cell that have been inspected.
     stack: Vec<(u32, u32)>,
     /// Cells that are still to be entered through the whole view.
     waiting: Vec<CellId>,
-    /// Corners of the portal that is being clipped, anchor-relative. The next field, `clipped`, receives the
-    /// result of each clip.
+    /// Corners of the portal that is being clipped, relative to the anchor of the view. The field `clipped`
+    /// receives the result of each clip.
     polygon: Vec<Corner>,
     clipped: Vec<Corner>,
     /// Union of the PVS rows of the starting cells: bit i % 64 of word i / 64 is set if the walk may enter
@@ -221,8 +226,8 @@ impl PortalWalk {
         }
     }
 
-    /// Updates `allowed` to the union of the PVS rows of the starting cells. Does nothing if neither the PVS
-    /// nor the starting cells have changed.
+    /// Updates `allowed`, the set of cells that the walk may enter, to the union of the PVS rows of the cells
+    /// in which lines of sight begin. Does nothing if neither the PVS nor these cells have changed.
     fn allow(&mut self, cells: &SceneCells) {
         let Some(pvs) = &cells.pvs else {
             self.allowed.clear();
@@ -345,7 +350,8 @@ impl PortalWalk {
         }
     }
 
-    /// Appends `sides`, planes of a window, and returns the window.
+    /// Appends `sides`, the planes of a window, to the field `sides`. Returns the window with these planes
+    /// and the screen bounds `rectangle`.
     fn window(&mut self, sides: impl IntoIterator<Item = WindowPlane>, rectangle: ScreenRectangle) -> Window {
         let start = self.sides.len() as u32;
         self.sides.extend(sides);
@@ -356,12 +362,13 @@ impl PortalWalk {
         Window { full_view: true, ..self.window(eye_view.sides, [-1.0, 1.0, -1.0, 1.0]) }
     }
 
-    /// Returns the part of `window` behind a polygon, and the range in `corners` of the polygon's visible
-    /// part. `None` if no line of sight in the window meets the polygon.
+    /// Returns `window` narrowed to the lines of sight through a polygon, and the range in `corners` of the
+    /// polygon's visible part, which is appended there. `None` if no line of sight in the window meets the
+    /// polygon.
     ///
-    /// `sign` is 1 if lines of sight cross the polygon along its normal and -1 if against its normal. If
-    /// `sign` is `None`, the direction is undecided: the window is then not narrowed by the polygon's edges,
-    /// but bounded near the polygon's plane where possible. `vertices` are in world space.
+    /// `sign` is 1 if lines of sight cross the polygon along its normal, -1 if against its normal, `None` if
+    /// the direction is undecided. In the latter case the polygon's edges do not narrow the window; where
+    /// possible, planes close to the polygon's plane bound it instead. `vertices` are in world space.
     fn narrow(
         &mut self,
         eye_view: &PortalView,
@@ -427,14 +434,15 @@ impl PortalWalk {
         Some((Window { sides, rectangle, full_view: false }, corners))
     }
 
-    /// Returns the window behind a portal whose plane passes through the eye, as far as rounding can tell:
-    /// `window`, further bounded to lines close to that plane. Returns a copy of `window` where no such bound
-    /// is known.
+    /// Returns the window behind a portal whose plane passes, up to rounding, through the eye: `window`,
+    /// further bounded to lines of sight close to that plane. Returns a copy of `window` where no such bound
+    /// is known. `error` bounds the distance between `self.polygon` and the exact visible part, in world
+    /// units.
     ///
     /// Let all vertices be at heights of at most `h` over the plane through the eye, errors included, and let
-    /// the visible part of the portal be at least `r` away. A line of sight that meets this part is at most
-    /// `h / r` of its length off the plane, however far it extends. Without this bound, an eye in the plane
-    /// of a wall would see through all doors of the wall, and back through all other doors.
+    /// the visible part of the portal be at least `r` away. A line of sight that meets this part rises off
+    /// the plane by at most `h / r` of its length, however far it extends. Without this bound, an eye in the
+    /// plane of a wall would see through all doors of the wall, and back through all other doors.
     fn edge_on(
         &mut self,
         eye_view: &PortalView,

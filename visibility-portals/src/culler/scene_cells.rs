@@ -64,8 +64,8 @@ pub struct SceneCells {
     stamp: Stamp,
 }
 
-/// The cells of one object, in ascending order once synced. `id` is `None` if no object is known at this
-/// index.
+/// The cells that one object belongs to, in ascending order. `id` is `None` if no object with this index is
+/// known.
 #[derive(Clone, Debug, Default)]
 struct Entry {
     id: Option<ObjectId>,
@@ -117,8 +117,8 @@ impl SceneCells {
     }
 
     /// Limits the cells seen from a cell to its row of `pvs`, whose viewcells and targets must be the cells
-    /// of the graph. The PVS must have been computed with all portals open, since opening a door never adds
-    /// to it.
+    /// of the graph. The PVS must have been computed with all portals open: a door that is opened later adds
+    /// no cell to the PVS.
     ///
     /// # Errors
     /// [`SceneCellsError::Pvs`] if the targets of `pvs` are not cells, or if its counts of viewcells or
@@ -150,8 +150,8 @@ impl SceneCells {
         &self.viewcells
     }
 
-    /// Takes a new stamp. `known` tells whether `portal` exists; if `false`, returns
-    /// [`SceneCellsError::UnknownPortal`].
+    /// Takes a new stamp. Returns [`SceneCellsError::UnknownPortal`] if `known` is `false`: `portal` is not
+    /// in the graph.
     fn changed(&mut self, known: bool, portal: PortalId) -> Result<(), SceneCellsError> {
         self.stamp = Stamp::new();
         if known { Ok(()) } else { Err(SceneCellsError::UnknownPortal(portal)) }
@@ -245,8 +245,8 @@ impl SceneCells {
         self.stamp = Stamp::new();
     }
 
-    /// Puts the objects that the graph lists into the listed cells. Listed objects that are not in the scene
-    /// are skipped.
+    /// Puts the objects that the graph lists (`CellGraph::set_objects`) into the listed cells. Listed objects
+    /// that are not in the scene are skipped.
     fn assign_listed_cells(&mut self, scene: &Scene) {
         self.objects.resize_with(scene.index_limit(), Entry::default);
         for cell in (0..self.graph.cell_count() as u32).map(CellId) {
@@ -331,8 +331,9 @@ impl SceneCells {
     }
 }
 
-/// Converts a box relative to `origin` to world space. Returns the minimum and the maximum corner, enlarged
-/// on all sides by `tolerance` and by the rounding of adding the origin.
+/// Converts a scene-relative box to world space. `origin` is the scene's origin. Returns the minimum and the
+/// maximum corner, enlarged on all sides by `tolerance` (world units) and by the rounding of adding the
+/// origin.
 pub(super) fn in_world(bounds: &Aabb, origin: DVec3, tolerance: f64) -> (DVec3, DVec3) {
     let (min, max) = (bounds.min.as_dvec3() + origin, bounds.max.as_dvec3() + origin);
     let grown = DVec3::splat(tolerance) + (min.abs().max(max.abs())) * f64::EPSILON;

@@ -4,7 +4,7 @@ use super::hung_mirrors::MirrorId;
 use core::fmt;
 use visibility_core::cells::{CellId, PortalId};
 
-/// Why [`SceneCells`](super::scene_cells::SceneCells) cannot be made or changed.
+/// Reason why [`SceneCells`](super::scene_cells::SceneCells) cannot be made or changed.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum SceneCellsError {

@@ -11,9 +11,9 @@ use visibility_core::view::ClipRow;
 /// coordinates. The whole screen is -1 to 1.
 pub(super) type ScreenRectangle = [f64; 4];
 
-/// Returns the screen-space rectangle around `corners`, intersected with `outer`. The corners are
-/// anchor-relative and may each be off by `error` world units. Returns `outer` if a corner is at or behind
-/// the eye, so near the eye that rounding decides, or NaN.
+/// Returns the screen-space rectangle around `corners`, intersected with the rectangle `outer`, both in NDC.
+/// The corners are relative to the anchor of the view and may each be off by `error` world units. Returns
+/// `outer` if a corner is at or behind the eye, so near the eye that rounding decides, or NaN.
 ///
 /// The value of a clip-matrix row at a corner is off by the row's own error plus `error` times the length of
 /// the row's linear part. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most
@@ -50,10 +50,10 @@ pub(super) fn rectangle_around(
 /// `x - left w >= 0`, and likewise for the other three bounds. Planes whose error is too large to bound
 /// anything are left out.
 ///
-/// Let `s` be the sum of the lengths of the two terms of a row, and `l` the length of their difference, so
-/// that `s >= l`. The difference is rounded by `2u s`, the unit normal by `4u` of itself, the product with a
-/// point `x` by `4u |x|`: at most `10u (s / l) |x|` in all. The offset is off by the errors of the rows, and
-/// rounded by `6u` of itself.
+/// Let `s` be the sum of the lengths of the two terms of the difference `x - left w` of two rows, and `l` the
+/// length of the difference. So `l` is at most `s`. With the unit round-off `u` = 2^-53, the difference is
+/// rounded by `2u s`, the unit normal by `4u` of itself, the product with a point `x` by `4u |x|`: at most
+/// `10u (s / l) |x|` in all. The offset is off by the errors of the rows, and rounded by `6u` of itself.
 pub(super) fn push_rectangle_planes(
     eye_view: &PortalView,
     rectangle: ScreenRectangle,

@@ -1,4 +1,4 @@
-//! The test of objects against the windows of a walk.
+//! The test of objects against the windows (views through chains of portals) of a walk.
 
 use super::portal_view::PortalView;
 use super::portal_walk::PortalWalk;
@@ -15,8 +15,9 @@ pub(super) struct WalkedScene<'a> {
 
 impl WalkedScene<'_> {
     /// Removes from `visible` the objects whose bounds lie outside all windows of all cells that they belong
-    /// to. Objects in no cell stay, and so do objects whose entry in `unknown`, by object index, equals
-    /// `frame`. Adds the number of windows tested to `tests`. Undecided objects stay.
+    /// to. Undecided objects stay, and so do objects in no cell, and objects that changed since the cells
+    /// were synced: those whose entry in `unknown`, by object index, equals `frame`. Adds the number of
+    /// windows tested to `tests`.
     pub(super) fn retain(
         &self,
         unknown: &[u64],

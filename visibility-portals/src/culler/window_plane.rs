@@ -31,9 +31,9 @@ pub(super) struct WindowPlane {
 }
 
 impl WindowPlane {
-    /// Converts a plane of the view. Each component of its normal has a relative error of up to `8 EPSILON`,
-    /// which contributes `16u |x|` to the product with a point `x`. Evaluating the product rounds by `4u
-    /// |x|`, and the sum by `u` of itself. The slope of `32u` covers all three.
+    /// Converts a plane of the view. With the unit round-off `u` = 2^-53, each component of its normal has a
+    /// relative error of up to `16u`, which contributes `16u |x|` to the product with a point `x`. Evaluating
+    /// the product rounds by `4u |x|`, and the sum by `u` of itself. The slope of `32u` covers all three.
     pub(super) fn of_view(plane: &ViewPlane) -> Self {
         let ViewPlane { plane, error } = *plane;
         Self { plane, slope: 32.0 * U, slack: error + 4.0 * U * plane.offset.abs() }
@@ -45,10 +45,11 @@ impl WindowPlane {
     /// 1, on the right for `sign` -1. `None` if the edge is too short, or too nearly in line with the eye, to
     /// bound anything.
     ///
-    /// The exact normal is `(a + p) x (b + q)` with `|p|, |q| <= error = e`. It differs from `a x b` by at
-    /// most `e (|a| + |b| + e)`. The computed product is off by another `4u |a| |b|` and, once it has unit
-    /// length, by `8u` of itself. For a point at a distance `|x|` from the eye this gives `slope |x|`, plus
-    /// `e` for the position of the eye.
+    /// Let `p` and `q` be the errors of `a` and `b`, at most `error = e` long, and `u` the unit round-off
+    /// 2^-53. The exact normal is `(a + p) x (b + q)`. It differs from `a x b` by at most `e (|a| + |b| +
+    /// e)`. The computed product is off by another `4u |a| |b|` and, once it has unit length, by `8u` of
+    /// itself. For a point at a distance `|x|` from the eye this gives `slope |x|`, plus `e` for the position
+    /// of the eye.
     pub(super) fn through_edge(a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<Self> {
         let normal = a.cross(b);
         let (length, la, lb) = (normal.length(), a.length(), b.length());
@@ -66,9 +67,10 @@ impl WindowPlane {
     /// differs from the exact direction by at most `turn`. `None` if the edge is too short, or too nearly
     /// parallel to the lines of sight, to bound anything.
     ///
-    /// The exact normal is `direction' x (b - a + r)` with `|r| <= 2 error`; the computed normal is off by at
-    /// most `2 e + |b - a| (turn + 8u)`. For a point `x` this error is multiplied by its distance from `a`,
-    /// at most `|x| + |a|`.
+    /// Let `direction'` be the exact direction, `u` the unit round-off 2^-53, and `r` the error of `b - a`,
+    /// at most `2 error` long. The exact normal is `direction' x (b - a + r)`; the computed normal is off by
+    /// at most `2 error + |b - a| (turn + 8u)`. For a point `x` this error is multiplied by its distance from
+    /// `a`, at most `|x| + |a|`.
     pub(super) fn along(
         direction: DVec3,
         turn: f64,
@@ -89,8 +91,8 @@ impl WindowPlane {
         })
     }
 
-    /// Returns the greatest distance, in world units, by which a visible point at most `reach` from the
-    /// anchor may seem to lie outside the plane.
+    /// Returns the greatest distance, in world units, by which a visible point may seem to lie outside the
+    /// plane. The point is at most `reach` world units from the anchor.
     pub(super) fn margin(&self, reach: f64) -> f64 {
         self.slack + self.slope * reach
     }
@@ -106,11 +108,12 @@ impl WindowPlane {
     }
 }
 
-/// Maximum slope of a plane that is used. A plane with this slope or more is too uncertain to bound anything
-/// and is left out.
+/// Maximum [slope](WindowPlane::slope) (error per unit of distance) of a plane that is used. A plane with
+/// this slope or more is too uncertain to bound anything and is left out.
 const USELESS: f64 = 0.25;
 
-/// A corner of a clipped portal, anchor-relative, and the source of the edge from this corner to the next.
+/// A corner of a clipped portal, relative to the anchor of the view, and the source of the edge from this
+/// corner to the next.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Corner {
     pub(super) at: DVec3,
@@ -129,16 +132,17 @@ pub(super) enum EdgeSource {
 }
 
 /// Clips a convex polygon with anchor-relative `corners` to the inner side of `side`, and replaces `out` by
-/// the result. New corners on the plane take `edge` as the source of their edge. `error` bounds the distance
-/// between the corners and the exact polygon, in world units; the rounding of clipping is added to `error`.
+/// the result. An edge that runs along the plane gets `edge` as its source. `error` bounds the distance
+/// between the corners and the exact polygon, in world units; the rounding of clipping is added to it.
 /// Returns `false` if the polygon is certainly outside, so that nothing is left.
 ///
-/// Let an exact point `x` of the polygon be inside the exact half-space, so that `n . x + o >= -margin`. The
-/// polygon that `corners` span has a point `y` within `error` of `x`, for which `n . y + o >= -(margin +
-/// error)`: clipping to the plane moved outwards by that sum keeps `y`. Computing the distance of a corner
-/// rounds by `8u` of its reach. This is added once for the corner that is dropped, and once more for the
-/// position of the crossing. The crossing is off the edge by rounding only, `4u` of the reach, which is added
-/// to `error`.
+/// Let an exact point `x` of the polygon be inside the exact half-space, so that `n . x + o >= -margin` with
+/// the stored normal `n`, the stored offset `o` and the plane's [margin](WindowPlane::margin). The polygon
+/// that `corners` span has a point `y` within `error` of `x`, for which `n . y + o >= -(margin + error)`:
+/// clipping to the plane moved outwards by that sum keeps `y`. Computing the distance of a corner rounds by
+/// `8u` (`u` = 2^-53) of its distance from the anchor, its reach. This is added once for the corner that is
+/// dropped, and once more for the position of the crossing. The crossing is off the edge by rounding only,
+/// `4u` of the reach, which is added to `error`.
 pub(super) fn clip_corners(
     corners: &[Corner],
     side: &WindowPlane,

@@ -35,8 +35,8 @@ pub(super) struct Node {
     pub(super) covers: Vec<(Vec<DVec3>, bool)>,
 }
 
-/// An opaque polygon prepared for subtraction: planes perpendicular to the polygon through its widened edges,
-/// and the widened bounds.
+/// An opaque polygon prepared for subtraction from a portal in the same plane: planes perpendicular to the
+/// polygon through its widened edges, and the bounds of the widened polygon.
 struct Cover {
     planes: Vec<Plane>,
     min: DVec3,
@@ -69,22 +69,23 @@ pub(super) struct Bsp {
     pub(super) max: DVec3,
 }
 
-/// A leaf of the BSP tree: its volume, and the opaque area on its boundary.
+/// A leaf region of the BSP tree: its volume, and the opaque area on its boundary.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
     pub(super) body: Viewcell,
-    /// Whether the leaf touches the boundary of the box.
+    /// Whether the leaf touches the boundary of the box that the tree divides.
     pub(super) outside: bool,
-    /// Area, in square world units, of the polygon fronts on the leaf's boundary.
+    /// Area, in square world units, of the opaque polygons on the leaf's boundary whose front faces the
+    /// leaf.
     pub(super) fronts: f64,
-    /// Area, in square world units, of the polygon backs on the leaf's boundary.
+    /// Area, in square world units, of the opaque polygons on the leaf's boundary whose back faces the leaf.
     pub(super) backs: f64,
 }
 
 /// A portal between two leaves, by leaf index. The polygon's normal points into the second leaf.
 pub(super) type LeafPortal = (ConvexPolygon, [u32; 2]);
 
-/// Returns the section of a plane with the box from `min` to `max`. Empty if the plane misses the box.
+/// Returns the polygon in which a plane cuts the box from `min` to `max`. Empty if the plane misses the box.
 pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Lengths) -> Vec<DVec3> {
     let middle = (min + max) * 0.5;
     let reach = (max - min).length();
@@ -108,8 +109,9 @@ pub(super) fn clip_in_place(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &L
 }
 
 impl Bsp {
-    /// Returns the section of a plane with the region of one child of a node. `at` is the node and `true` for
-    /// its front child; `None` means the whole box. Empty if the plane misses the region.
+    /// Returns the polygon in which a plane cuts the region of one child of a node. `at` holds the node's
+    /// index and whether the child is its front child; `None` means the whole box. Empty if the plane misses
+    /// the region.
     pub(super) fn section(
         &self,
         plane: &Plane,
@@ -179,8 +181,8 @@ impl Bsp {
         (leaves, portals)
     }
 
-    /// Splits a polygon among the leaves below `child`, and appends each part to `out` with the index of its
-    /// leaf. A polygon that lies in the plane of a node goes to both sides.
+    /// Splits a polygon among the leaves below `child`. Appends to `out`, for each leaf, the leaf's index and
+    /// the polygon's part in that leaf. A polygon that lies in the plane of a node goes to both sides.
     fn split_among_leaves(
         &self,
         polygon: Vec<DVec3>,

@@ -35,16 +35,16 @@ pub enum Solid<'a> {
 /// Settings of [`from_polygons`]. Lengths are in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PolygonSettings<'a> {
-    /// Distance that a line must keep from all polygons to be certain to pass. `None`: 2^-20 of the greatest
-    /// absolute coordinate, well above the rounding of `f32`.
+    /// Distance that a line must keep from all polygons to be certain to pass. `None`, the default: 2^-20 of
+    /// the greatest absolute coordinate, well above the rounding of `f32`.
     pub tolerance: Option<f64>,
     /// Minimum covered fraction, from 0 to 1, for a split: the region is split along a plane if polygons
     /// cover at least this fraction of the plane's section of the region. A covered area of at least 1/512
     /// of the square of the longest side of the bounding box also suffices, since even large walls cover
     /// a small fraction of a large region. Default 0.25.
     pub least_share: f64,
-    /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`: 2^-13
-    /// of the square of the longest side of the bounding box.
+    /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`, the
+    /// default: 2^-13 of the square of the longest side of the bounding box.
     pub least_area: Option<f64>,
     /// Distance by which the outermost cells extend beyond the polygons. Default 1.
     pub margin: f64,
@@ -68,14 +68,15 @@ impl Default for PolygonSettings<'_> {
     }
 }
 
-/// Maximum number of planes that are scored for a split: the planes with the greatest covered area.
+/// Maximum number of planes that are scored for one split: those with the greatest covered area in the
+/// region.
 const CANDIDATES: usize = 12;
 
 /// An input polygon, or the part of one inside the region of a node.
 #[derive(Clone, Debug)]
 struct Fragment {
     vertices: Vec<DVec3>,
-    /// Index of the fragment's plane in the list of distinct planes.
+    /// Index of the fragment's plane in the list of distinct planes that [`fragments`] returns.
     plane: u32,
     area: f64,
 }
@@ -165,8 +166,8 @@ pub fn from_polygons(
     Ok(Subdivision { graph, viewcells: kept().map(|leaf| leaf.body.clone()).collect(), outside })
 }
 
-/// The [`PolygonSettings`] converted to absolute lengths and areas in world units, and the maximum number of
-/// leaves.
+/// The [`PolygonSettings`], with lengths in world units and areas in square world units, and the maximum
+/// number of leaves.
 struct Limits {
     lengths: Lengths,
     share: f64,
@@ -175,8 +176,8 @@ struct Limits {
     leaves: usize,
 }
 
-/// Returns the input polygons wider than `lengths.sliver`, largest first, and the distinct planes that they
-/// index. Nearly equal planes become one, and so do planes of opposite orientation.
+/// Returns the input polygons wider than `lengths.sliver`, largest first, and the distinct planes that
+/// `Fragment::plane` indexes. Nearly equal planes become one, and so do planes of opposite orientation.
 fn fragments(polygons: &[ConvexPolygon], lengths: &Lengths) -> (Vec<Fragment>, Vec<Plane>) {
     let mut order: Vec<(f64, usize)> = polygons.iter().map(ConvexPolygon::area).zip(0..).collect();
     // Largest first, since the planes of large polygons are the most accurate.
@@ -244,9 +245,10 @@ fn build(fragments: Vec<Fragment>, planes: &[Plane], min: DVec3, max: DVec3, lim
     bsp
 }
 
-/// Returns the plane along which to split the region of a node's child (`parent` is the node, and whether the
-/// child is in front). The score of a plane is the covered fraction of its section, less the fraction of
-/// polygons that it cuts, plus a bonus for balance. `None` if no plane is covered enough.
+/// Returns the plane along which to split a region: that of one child of a node (`parent` is the node's
+/// index, and whether the child is in front), or the whole box if `parent` is `None`. The score of a plane is
+/// the fraction of its section of the region that polygons cover, less the fraction of polygons that it cuts,
+/// plus a bonus for balance. `None` if no plane is covered enough.
 fn best_plane(
     bsp: &Bsp,
     parent: Option<(u32, bool)>,
@@ -288,8 +290,8 @@ fn best_plane(
 }
 
 /// Distributes the fragments of a region to its two children. Returns the polygons in `plane` (each with
-/// `true` if it faces the plane's front), the fragments in front, and the fragments behind. Fragments that
-/// cross the plane are cut.
+/// `true` if it faces the plane's front), the fragments in front of `plane`, and the fragments behind.
+/// Fragments that cross the plane are cut.
 #[allow(clippy::type_complexity)]
 fn divide_fragments(
     fragments: Vec<Fragment>,
@@ -333,8 +335,8 @@ impl Fragment {
     }
 }
 
-/// Returns, by leaf index, `true` if no chain of portals joins the leaf to one of `starts`. All `false` if
-/// `starts` is empty.
+/// Returns, by leaf index, `true` if no chain of portals joins the leaf to one of the leaves `starts`. All
+/// `false` if `starts` is empty.
 fn unreached(
     leaves: usize,
     portals: &[super::bsp_portals::LeafPortal],

@@ -17,8 +17,8 @@ use visibility_core::{
 /// Settings of [`from_walls`]. Lengths are in world units.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct WallSettings {
-    /// Coordinates along one axis that differ by no more than this become one. 0 merges equal coordinates
-    /// only.
+    /// Distance in world units. Coordinates of walls along one axis that differ by no more than this become
+    /// one. 0 merges equal coordinates only.
     pub tolerance: f64,
     /// Minimum covered fraction, from 0 to 1, for a split: a region is split along a plane if wall faces
     /// cover at least this fraction of the region's section there. A covered area of at least `least_area`
@@ -71,8 +71,8 @@ enum Node {
     Split { axis: usize, at: f64, low: usize },
 }
 
-/// A rectangle in the plane of a split that still has to be divided among leaves: `low` and `high` are
-/// indices of the nodes on the lower and the upper side.
+/// A rectangle in the plane of a split that still has to be divided among leaves. `low` and `high` are the
+/// indices of the nodes on its lower and its upper side; `axis` is the axis perpendicular to the rectangle.
 struct Shared {
     low: usize,
     high: usize,
@@ -247,9 +247,10 @@ impl Tree<'_> {
         }
     }
 
-    /// Returns the split plane with the greatest covered fraction of a region's section: axis, coordinate,
-    /// covered fraction, and covered area. Among equal fractions the most central plane wins. `None` if no
-    /// face lies inside the region. `faces` is scratch memory.
+    /// Returns the split plane of which wall faces cover the greatest fraction within a region: axis (0 to
+    /// 2), coordinate, covered fraction (0 to 1), and covered area. Among equal fractions the most central
+    /// plane wins. `None` if no face lies strictly inside the region. `walls` are the indices of the region's
+    /// walls; `faces` is scratch memory.
     fn best_split(
         &self,
         region: &Box3,
@@ -287,8 +288,9 @@ impl Tree<'_> {
         best
     }
 
-    /// Returns the open parts of the rectangles that pairs of cells share, each with the two cells. The
-    /// polygon's normal points from the first cell, at lower coordinates, into the second.
+    /// Returns the open parts of the rectangles that pairs of neighbouring cells share, each with the two
+    /// cells. The polygon's normal points from the first cell, at lower coordinates, into the second. `root`
+    /// is the whole divided box.
     fn portals(&self, root: &Box3) -> Vec<(ConvexPolygon, [CellId; 2])> {
         let mut shared = Vec::new();
         let mut regions = alloc::vec![(0, *root)];
@@ -340,7 +342,7 @@ impl Tree<'_> {
     }
 
     /// Returns the parts of `rectangle`, perpendicular to `axis`, that no wall covers. The whole rectangle if
-    /// no wall overlaps it, empty if walls cover it.
+    /// no wall overlaps it; empty if walls cover all of it.
     fn open_parts(&self, axis: usize, rectangle: &Box3) -> Vec<Box3> {
         let (mut open, mut next) = (alloc::vec![*rectangle], Vec::new());
         for wall in self.walls {
@@ -360,16 +362,16 @@ fn fills(wall: &Box3, region: &Box3) -> bool {
     wall.min.cmple(region.min).all() && region.max.cmple(wall.max).all()
 }
 
-/// Returns the parts of `rectangle` below and above coordinate `at` of `axis`, each with its child node:
-/// `child` below, `child + 1` above. A part without extent is left out.
+/// Returns the parts of `rectangle` below and above coordinate `at` of `axis`, each with the index of its
+/// kd-tree node: `child` below, `child + 1` above. A part without extent is left out.
 fn halves(rectangle: &Box3, axis: usize, at: f64, child: usize) -> impl Iterator<Item = (usize, Box3)> {
     let (mut below, mut above) = (*rectangle, *rectangle);
     (below.max[axis], above.min[axis]) = (below.max[axis].min(at), above.min[axis].max(at));
     [(child, below), (child + 1, above)].into_iter().filter(move |(_, part)| part.min[axis] < part.max[axis])
 }
 
-/// Appends to `out` the parts of the rectangle `piece`, perpendicular to `axis`, that `wall` does not cover:
-/// up to four rectangles. The whole `piece` if the two do not overlap.
+/// Appends to `out` the parts of the rectangle `piece`, perpendicular to `axis`, that the box `wall` does not
+/// cover: up to four rectangles, or the whole `piece` if the two do not overlap.
 fn subtract_wall(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let apart = |i: usize| wall.max[i] <= piece.min[i] || piece.max[i] <= wall.min[i];

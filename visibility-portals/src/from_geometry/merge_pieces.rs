@@ -8,14 +8,14 @@ use super::subtract_polygons::area;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Maximum fraction, of the area of a hull that replaces pieces, that the pieces may leave uncovered.
+/// Maximum fraction of the area of a convex hull that the merged pieces may leave uncovered.
 const WASTE: f64 = 0.1;
 
-/// Maximum number of pieces to merge in pairs. With more pieces, only the hull of all pieces is tried.
+/// Maximum number of pieces that are merged in pairs. With more pieces, only the hull of all pieces is tried.
 const MAX_PAIRWISE_PIECES: usize = 48;
 
-/// Merges coplanar convex pieces and replaces `pieces` by the result, which covers at least the same points.
-/// `normal` is the unit normal of the common plane.
+/// Merges coplanar convex pieces and replaces `pieces` by the result, which covers at least all points of the
+/// input. `normal` is the unit normal of the common plane.
 pub(super) fn merge_pieces(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     if pieces.len() < 2 {
         return;

@@ -32,7 +32,7 @@ impl Subdivision {
     }
 }
 
-/// Why `from_walls`, `from_polygons` or `floor_plan` fails.
+/// Reason why `from_walls`, `from_polygons` or `floor_plan` fails.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum GeometryError {

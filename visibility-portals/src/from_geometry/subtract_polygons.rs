@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// Distances below which differences are ignored, in world units. `merge` depends on the size of the
-/// coordinates, the others on the tolerance.
+/// Distances below which differences are ignored, in world units. `merge` is derived from the size of the
+/// coordinates, the others from the tolerance of the settings.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lengths {
     /// Tolerance of coplanarity: a polygon whose vertices are all within this distance of a plane lies in
@@ -23,10 +23,10 @@ pub(super) struct Lengths {
 }
 
 impl Lengths {
-    /// Returns the lengths for a tolerance and for coordinates of at most `extent` in absolute value. An
-    /// opaque polygon extends by 1/2 of the tolerance off its plane and by 1.42/4 of the tolerance within the
-    /// plane: 0.86 of the tolerance in all, so no opaque point is farther than the tolerance from its input
-    /// polygon.
+    /// Returns the lengths for a tolerance and for coordinates of at most `extent` in absolute value, all in
+    /// world units. An opaque polygon extends by 1/2 of the tolerance off its plane and by 1.42/4 of the
+    /// tolerance within the plane: 0.86 of the tolerance in all, so no opaque point is farther than the
+    /// tolerance from its input polygon.
     pub(super) fn new(tolerance: f64, extent: f64) -> Self {
         let merge = extent / (1u64 << 40) as f64;
         Self { plane: tolerance * 0.5, widen: tolerance * 0.25, sliver: tolerance * 0.25, merge }
@@ -66,9 +66,9 @@ pub(super) fn widened_sides(cover: &[DVec3], normal: DVec3, by: f64, out: &mut V
     }
 }
 
-/// Subtracts the common inner side of `planes` from the convex polygons `pieces`, and replaces `pieces` by
-/// the remaining parts. Returns the subtracted area. Parts narrower than `lengths.sliver` are dropped.
-/// `normal` is the unit normal of the pieces.
+/// Subtracts the region on the inner side of all `planes` from the convex polygons `pieces`, and replaces
+/// `pieces` by the remaining parts. Returns the subtracted area in square world units. Parts narrower than
+/// `lengths.sliver` are dropped. `normal` is the unit normal of the pieces.
 pub(super) fn subtract(
     pieces: &mut Vec<Vec<DVec3>>,
     planes: &[Plane],

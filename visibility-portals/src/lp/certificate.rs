@@ -1,14 +1,15 @@
 //! Multipliers that prove that constraints contradict each other (Farkas' lemma), checked so that rounding
 //! can never pass for a proof.
 //!
-//! Let `h_i . x >= s_i` for all `i`, and `|x_k| <= B_k`. For any `l_i >= 0` and `r = sum l_i h_i`,
+//! Let the constraints be `h_i . x >= s_i` for all `i`, and the bounds of the box `|x_k| <= B_k`. For any
+//! multipliers `l_i >= 0` and `r = sum l_i h_i`,
 //!
 //! ```text
 //! sum l_i s_i  <=  r . x  <=  sum |r_k| B_k
 //! ```
 //!
-//! so that no `x` exists if the left side is certainly greater than the right side. The origin of the
-//! multipliers does not matter. Here they are found by elimination in `f64` and corrected in double-double
+//! so that no `x` exists if the left side is certainly greater than the right side. Any multipliers will do,
+//! wherever they come from. Here they are found by elimination in `f64` and corrected in double-double
 //! numbers, which leaves an `r` of about 2^-100. Then both sides are evaluated, with every rounding counted
 //! against the proof.
 
@@ -27,14 +28,17 @@ pub(crate) struct Row<const K: usize> {
     pub(crate) least: f64,
 }
 
-/// Bound on the total loss by underflow. Each of the few hundred operations below loses at most 2^-1074.
+/// Bound on the total loss by underflow in [`proof_sides`]. Each of its few hundred operations loses at most
+/// 2^-1074.
 const UNDERFLOW: f64 = 1e-300;
 
-/// Factor that rounds a computed bound up. The quotients and sums below have far smaller relative errors.
+/// Factor that rounds a computed bound up. The quotients and sums in [`proof_sides`] have far smaller
+/// relative errors.
 const UP: f64 = 1.0 + 1e-12;
 
-/// Returns a lower bound of the left side of the inequality at the head of this module, and an upper bound of
-/// its right side. `bounds` are the `B_k`.
+/// Returns a lower bound of `sum l_i s_i` and an upper bound of `sum |r_k| B_k`, the two sides of the
+/// inequality at the head of this module, for the multipliers `l_i` (one per row), the rows' least values
+/// `s_i`, the weighted sum `r` of the rows' normals, and `bounds` as `B_k`.
 fn proof_sides<const K: usize>(
     rows: &[Row<K>],
     bounds: &[f64; K],
@@ -117,11 +121,12 @@ struct Elimination<const K: usize> {
     /// LU factors in place: multipliers below the diagonal, the upper triangle from the diagonal on. Matrix
     /// rows and columns are in pivoting order.
     m: [[f64; MAX_ROWS]; K],
-    /// By matrix row: the coordinate of the normals that the row holds, after pivoting. The next field,
-    /// `row`, is the index of the constraint in each matrix column.
+    /// By matrix row: the index of the coordinate of the normals that the row holds, after pivoting. The
+    /// field `row` is the index of the constraint in each matrix column.
     coordinate: [usize; K],
     row: [usize; MAX_ROWS],
-    /// By matrix column: the factor that made the greatest coefficient of the constraint's normal 1.
+    /// By matrix column: the factor by which the constraint's normal was multiplied, so that its greatest
+    /// coefficient is 1.
     scale: [f64; MAX_ROWS],
     count: usize,
     rank: usize,
@@ -174,8 +179,8 @@ impl<const K: usize> Elimination<K> {
         Some(Self { m, coordinate, row, scale, count, rank })
     }
 
-    /// Solves the upper triangular system of the pivot columns for the right side `right`, after forward
-    /// elimination.
+    /// Solves the upper triangular system of the first `rank` (pivot) columns by back substitution. `right`
+    /// is the right side after forward elimination.
     fn back(&self, mut right: [f64; K]) -> [f64; K] {
         for k in (0..self.rank).rev() {
             for j in k + 1..self.rank {
@@ -186,9 +191,10 @@ impl<const K: usize> Elimination<K> {
         right
     }
 
-    /// Returns multipliers by constraint index, none negative, whose weighted sum of normals is zero, and
-    /// whether constraints were dropped: a multiplier was at most `zero` relative to the greatest and was set
-    /// to 0, or a free column was left out. `None` if no free column gives such multipliers.
+    /// Returns multipliers by constraint index, none negative, for which the weighted sum of normals is zero,
+    /// and whether constraints were dropped: either a multiplier was at most `zero` times the greatest and
+    /// was set to 0, or a column without pivot was left out. `None` if no column without pivot gives such
+    /// multipliers.
     fn nonnegative(&self, zero: f64) -> Option<([f64; MAX_ROWS], bool)> {
         (self.rank..self.count).find_map(|free| {
             let mut right = [0.0; K];
@@ -213,8 +219,8 @@ impl<const K: usize> Elimination<K> {
         })
     }
 
-    /// Returns the multipliers corrected by iterative refinement, until the weighted sum of normals is zero
-    /// up to about 2^-100.
+    /// Returns the multipliers corrected by three steps of iterative refinement, after which the weighted sum
+    /// of normals is zero up to about 2^-100.
     fn refined(&self, rows: &[Row<K>], multipliers: [f64; MAX_ROWS]) -> [DoubleDouble; MAX_ROWS] {
         let mut multipliers = multipliers.map(DoubleDouble::from);
         for _ in 0..3 {

@@ -50,8 +50,8 @@ impl Certificate {
         self
     }
 
-    /// Returns the indices of the contradicting half-spaces, each with its multiplier: the exact sum of the
-    /// two numbers, the larger first.
+    /// Returns the indices of the contradicting half-spaces, each with its multiplier: two numbers whose
+    /// exact sum is the multiplier, the larger first.
     pub fn multipliers(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
         let pairs = self.constraints.iter().zip(&self.multipliers).take(self.count);
         pairs.map(|(&constraint, l)| (constraint as usize, [l.hi, l.lo]))
@@ -103,9 +103,9 @@ pub struct Solver<const D: usize> {
     seidel: SeidelSolver,
 }
 
-/// Attempts of [`Solver::feasible`], in order: the distance by which the half-spaces are shrunk, relative to
-/// their greatest coefficient, and the seed of the random order. A point well inside is easily proved. Where
-/// many half-spaces are nearly parallel, another order may lose fewer digits.
+/// Attempts of [`Solver::feasible`], in order. Element 0: the distance by which each half-space is shrunk, as
+/// a fraction of its greatest coefficient. Element 1: the seed of the random order. A point well inside is
+/// easily proved. Where many half-spaces are nearly parallel, another order may lose fewer digits.
 const TRIES: [(f64, u64); 5] = [(1e-9, 0), (0.0, 0), (1e-7, 1), (1e-10, 2), (0.0, 3)];
 
 impl<const D: usize> Solver<D> {
@@ -165,7 +165,7 @@ impl<const D: usize> Solver<D> {
     }
 
     /// Returns a certificate that the half-spaces of the last conflict that `seidel` found contradict each
-    /// other within the box of coordinates up to `bound`. `None` if no proof is found.
+    /// other within the box of coordinates of at most `bound` in absolute value. `None` if no proof is found.
     fn certificate(&self, constraints: &[HalfSpace<D>], bound: f64) -> Option<Certificate> {
         let mut rows = [Row { normal: [DoubleDouble::ZERO; D], error: 0.0, least: -bound }; MAX_ROWS];
         let conflict = self.seidel.conflict();

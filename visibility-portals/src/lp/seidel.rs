@@ -6,9 +6,9 @@
 //! and a program of one dimension less, made of the constraints before it, finds the point. In random order
 //! the i-th constraint requires this with probability d / i, which gives O(d! n) steps in all.
 //!
-//! In the program of full dimension, but not in those of fewer dimensions, the next constraint is the one
-//! that the best point so far violates most (as in Bernd Gaertner, "Fast and Robust Smallest Enclosing
-//! Balls", 1999). Few constraints then need a program in their planes, and those programs are short.
+//! At full dimension, the next constraint inspected is the one that the best point so far violates most (as
+//! in Bernd Gaertner, "Fast and Robust Smallest Enclosing Balls", 1999). In lower dimensions it is the next
+//! one in random order. Few constraints then need a program in their planes, and those programs are short.
 //!
 //! All computation here is ordinary `f64` with a tolerance and proves nothing. It proposes a point, or the
 //! few constraints that seem to contradict each other. One macro makes a function for each dimension, so that
@@ -19,19 +19,18 @@ use alloc::vec::Vec;
 /// Maximum number of variables of a program.
 pub(crate) const DIMENSIONS: usize = 6;
 
-/// First tag of the bounds of the box. The upper bound of variable k has the tag `BOX + 2 k`, the lower bound
-/// `BOX + 2 k + 1`. Smaller tags are indices of constraints.
+/// First tag of the bounds of the box. A tag names a constraint or a bound: the upper bound of variable k has
+/// the tag `BOX + 2 k`, the lower bound `BOX + 2 k + 1`, and smaller tags are indices of constraints.
 pub(crate) const BOX: u32 = u32::MAX - 2 * DIMENSIONS as u32;
 
-/// A point outside a constraint by less than this satisfies it. Relative to the size of the point and to the
-/// constraint's greatest coefficient. No proof depends on this value.
+/// A point satisfies a constraint if it lies outside by less than this, relative to the size of the point and
+/// to the constraint's greatest coefficient. No proof depends on this value.
 const TOLERANCE: f64 = 1e-12;
 
-/// Threshold below which a coefficient counts as zero, after rows have been scaled to a greatest coefficient
-/// of 1.
+/// Threshold below which a coefficient counts as zero, in rows scaled so that the greatest coefficient is 1.
 const ZERO_COEFFICIENT: f64 = 1e-13;
 
-/// Limit on the rows inspected, per row of the program and summed over all dimensions. In random order the
+/// Maximum number of rows inspected in all dimensions together, per row of the program. In random order the
 /// limit is practically never reached.
 const STEPS_PER_ROW: u64 = 200_000;
 
@@ -44,8 +43,9 @@ pub(crate) enum Stop {
     GaveUp,
 }
 
-/// Rows of the program of one dimension: coefficients, then the constant, and the tag of the constraint. The
-/// greatest coefficient is 1 in absolute value, or all are zero.
+/// Rows (constraints) of the program of one dimension: the coefficients, then the constant, and the tag of
+/// the constraint (an index, or see [`BOX`]). The greatest coefficient is 1 in absolute value, or all are
+/// zero.
 type Rows<const N: usize> = Vec<([f64; N], u32)>;
 
 /// Scratch memory of Seidel's algorithm: the rows of the programs of all dimensions, and the last conflict.
@@ -57,7 +57,7 @@ pub(crate) struct SeidelSolver {
     rows4: Rows<5>,
     rows5: Rows<6>,
     rows6: Rows<7>,
-    /// By dimension d: the tag of the constraint in whose plane the program of dimension d - 1 lies.
+    /// By dimension d: the tag of the constraint in whose plane the program of dimension d - 1 is solved.
     tight: [u32; DIMENSIONS + 1],
     /// Tags of the constraints that contradict each other, after [`Stop::Conflict`]. The first `conflicting`
     /// entries are valid.
@@ -132,8 +132,8 @@ impl SeidelSolver {
     }
 }
 
-/// Returns the tags of the upper and of the lower bound of variable number `variable`: `BOX + 2 k` and `BOX +
-/// 2 k + 1`.
+/// Returns the tags of the upper and of the lower bound of the variable with index `variable`: [`BOX`] plus
+/// `2 * variable`, and one more.
 fn bound_tags(variable: usize) -> [u32; 2] {
     [BOX + 2 * variable as u32, BOX + 2 * variable as u32 + 1]
 }

@@ -4,9 +4,9 @@
 //! Walkthroughs", 1991, where an object of a cell is kept if it meets the bundle of lines through the portals
 //! that lead to the cell. In space that bundle is bounded by the planes that
 //! [separate](crate::separating_planes) the first portal from the last (Teller and Hanrahan, "Global
-//! Visibility Algorithms for Illumination Computations", 1993). An object is hidden from a cell only if, at
-//! the end of every chain of portals to every cell that the object is in, its box lies outside one of those
-//! planes.
+//! Visibility Algorithms for Illumination Computations", 1993). An object is hidden from a cell only if its
+//! box lies outside one of those planes at the end of every chain of portals to every cell that the object is
+//! in.
 //!
 //! Cell-to-cell visibility must be baked first. Chains pass only through cells that are seen, and end where
 //! no object that is not yet seen can lie inside the planes.

@@ -13,8 +13,8 @@ use visibility_core::{
     geometry::Plane,
 };
 
-/// The objects that the graph lists, numbered as targets from 0 in order of their ids, and the targets in
-/// each cell.
+/// The objects that the graph lists, and which of them are in each cell. A target is the number of such an
+/// object, from 0 in order of the objects' ids.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
     /// By target: centre and half extents of the object's box in world space. NaN if the object has no valid
@@ -78,8 +78,8 @@ impl Targets {
         all
     }
 
-    /// Tests whether the box of a target is certainly outside one of the planes. `false` for a box that
-    /// touches or is NaN, and without planes.
+    /// Tests whether the box of a target is certainly on the outer side of one of the planes. `false` for a
+    /// box that touches or is NaN, and without planes.
     fn is_outside(&self, target: u32, planes: &[Plane]) -> bool {
         let (middle, half) = self.boxes[target as usize];
         planes.iter().any(|plane| {
@@ -111,7 +111,7 @@ pub struct Chains {
     flood: CellFlood,
 }
 
-/// The input of a search that is fixed for all chains with the same first portal.
+/// Input of a search that stays the same for all chains with the same first portal.
 struct Search<'a> {
     portals: &'a DirectedPortals,
     matrix: &'a CellMatrix,
@@ -148,8 +148,9 @@ impl Chains {
         SeenObjects { row: seen.collect(), steps, gave_up: false }
     }
 
-    /// Searches all chains that begin with the portal `search.first`, and marks the targets reached in
-    /// `seen`. Adds to `steps`; returns `false` once they exceed `limit`.
+    /// Searches all chains that begin with the directed portal `search.first`, and marks in `seen` the
+    /// targets that they reach. Adds the chains inspected to `steps`; returns `false` once `steps` exceeds
+    /// `limit`.
     fn search(&mut self, search: &Search, limit: u64, steps: &mut u64) -> bool {
         let (portals, first) = (search.portals, search.first);
         self.chain.clear();
@@ -171,9 +172,9 @@ impl Chains {
         true
     }
 
-    /// Extends the chain by portal `child` if lines can pass it and then reach a target that is not yet seen.
-    /// Returns `false` if the chain was not extended; the caller then truncates to `points` and `planes`, the
-    /// lengths of the lists before the call.
+    /// Extends the chain by directed portal `child` if lines can pass it and then reach a target that is not
+    /// yet seen. Returns `false` if the chain was not extended; the caller then truncates the chain's points
+    /// and planes to `points` and `planes`, their lengths before the call.
     fn extend(&mut self, search: &Search, child: u32, points: usize, planes: usize) -> bool {
         let Some(last) = self.chain.frames.last().cloned() else { return false };
         // A straight line passes each portal at most once.
@@ -187,9 +188,10 @@ impl Chains {
         self.enter(search, child, source, pass, planes, points)
     }
 
-    /// Marks the targets seen in the cell behind `portal`. If other unseen targets may be seen beyond,
-    /// appends the portal to the chain, with the planes from index `planes` on, and returns `true`. `points`
-    /// is the length of the chain's points to restore later.
+    /// Marks the targets seen in the cell behind directed portal `portal`. If other unseen targets may be
+    /// seen beyond that cell, appends the portal to the chain, with the planes from index `planes` on, and
+    /// returns `true`. `source` and `pass` are the fields of the new [`ChainFrame`]. `points` is the length
+    /// of the chain's points to restore later.
     fn enter(
         &mut self,
         search: &Search,
@@ -228,9 +230,9 @@ impl Chains {
         true
     }
 
-    /// Appends to the chain's sets the bitset of the portals that can be reached from `cell` without leaving
-    /// the planes from index `planes` on. Returns `false` if no cell behind these portals holds an unseen
-    /// target inside the planes.
+    /// Appends to the chain's sets the bitset of the directed portals that can be reached from `cell` without
+    /// leaving the planes from index `planes` on. Returns `false` if no cell behind these portals holds an
+    /// unseen target inside the planes.
     fn push_reachable_set(&mut self, search: &Search, cell: u32, planes: usize) -> bool {
         let PortalChain { frames, planes: all_planes, sets, .. } = &mut self.chain;
         let set = sets.len();

@@ -1,4 +1,5 @@
-//! Lines that prove that a cell is seen, and certificates that no line passes a chain.
+//! The tests at the end of a chain of portals: for a line that proves that the last cell is seen, or a
+//! certificate that no line passes the chain.
 
 use super::flow_input::FlowInput;
 use super::flow_scratch::FlowScratch;
@@ -7,12 +8,12 @@ use crate::stabbing::pluecker::Polytope;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// Maximum number of certificates that the search from one portal keeps for testing later chains.
+/// Maximum number of certificates that the search from one source portal keeps, to test later chains by them.
 const REMEMBERED: usize = 32;
 
 impl FlowScratch {
-    /// Returns two points of a line: the vertex means of a part of the source and of a part of the target,
-    /// given as ranges of `points`. Neither range may be empty.
+    /// Returns two points of a line through the chain: the mean of the vertices of a part of the source
+    /// portal and that of a part of the last portal, given as ranges of `points`. Neither range may be empty.
     pub(crate) fn middle_line(&self, source: &Range<usize>, pass: &Range<usize>) -> [DVec3; 2] {
         [source, pass].map(|place| {
             let points = &self.chain.points[place.clone()];
@@ -20,16 +21,16 @@ impl FlowScratch {
         })
     }
 
-    /// Tests whether the line through two points passes all portals of the chain and then portal `target`.
-    /// `true` proves that the cells at both ends see each other.
+    /// Tests whether the line through points `a` and `b` passes all portals of the chain and then directed
+    /// portal `target`. `true` proves that the cells at both ends of the chain see each other.
     pub(crate) fn witness(&self, input: &FlowInput, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let chain = self.chain.frames.iter().map(|frame| frame.portal).chain([target]);
         chain.into_iter().all(|portal| passes(input, &input.portals.all[portal as usize], a, b))
     }
 
-    /// Tests whether it is certain that no line passes all portals of the chain and then portal `target`. The
-    /// two points give an approximate line to start from. `false` if undecided, or if the test in Pluecker
-    /// space is disabled.
+    /// Tests whether it is certain that no line passes all portals of the chain and then directed portal
+    /// `target`. Points `a` and `b` give an approximate line to start from. `false` if undecided, or if the
+    /// test in Pluecker space is disabled (`input.exact` is `None`).
     pub(crate) fn is_excluded(&mut self, input: &FlowInput, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let (Some(clearance), Some(direction)) = (input.exact, (b - a).try_normalize()) else { return false };
         if self.is_refuted(target) {
@@ -56,7 +57,8 @@ impl FlowScratch {
         true
     }
 
-    /// Tests whether a certificate of this flow excludes the chain extended by portal `target`.
+    /// Tests whether a certificate of this flow, kept in `refuted`, excludes the chain extended by directed
+    /// portal `target`.
     fn is_refuted(&self, target: u32) -> bool {
         let has =
             |portal: u32| portal == target || self.chain.frames.iter().any(|frame| frame.portal == portal);
@@ -64,9 +66,9 @@ impl FlowScratch {
     }
 }
 
-/// Tests whether the line through points `a` and `b` passes a portal along its normal. `true` may be wrong by
-/// rounding, but by less than the distance by which the portal was shrunk; `false` if the line is too nearly
-/// parallel to the portal's plane.
+/// Tests whether the line through points `a` and `b` passes a portal along its normal. Rounding may make it
+/// `true` for a line that passes the portal's edge outside, but by less than the distance by which the portal
+/// was shrunk. `false` if the line is too nearly parallel to the portal's plane.
 fn passes(input: &FlowInput, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // For so short a distance along the normal, the intersection with the plane is not accurate.

@@ -8,7 +8,8 @@ use crate::portal_chain::{ChainFrame, is_outside};
 use core::ops::Range;
 
 impl FlowScratch {
-    /// Begins the chain with portal `source`. All candidates of the source may be reached from it.
+    /// Begins the chain with directed portal `source`. Its set holds all candidates: any of them may be
+    /// reached.
     pub(crate) fn enter_source(&mut self, input: &FlowInput, source: u32) {
         let portal = &input.portals.all[source as usize];
         let chain = &mut self.chain;
@@ -23,8 +24,9 @@ impl FlowScratch {
         chain.frames.push(ChainFrame { portal, source, pass, planes: 0..0, set: 0, children, points: 0 });
     }
 
-    /// Extends the chain by candidate `child` if lines can pass it and then reach a goal. Records in `result`
-    /// the cells that are seen and the chains excluded; `first` is the index of the source portal.
+    /// Extends the chain by the candidate with index `child` if lines can pass it and then reach a goal (a
+    /// candidate that leads to a cell not yet known to be seen). Records in `result` the cells that are seen
+    /// and the chains excluded; `first` is the index of the source portal.
     pub(crate) fn visit(&mut self, input: &FlowInput, first: u32, child: usize, result: &mut FlowResult) {
         let Some(frame) = self.chain.frames.last().cloned() else { return };
         let row = self.row(input, child);
@@ -80,8 +82,9 @@ impl FlowScratch {
         self.chain.frames.push(ChainFrame { portal, source, pass, planes, set, children, points });
     }
 
-    /// Tests whether three bitsets over the candidates have a bit in common: the set at offset `set` in the
-    /// chain's sets, the row at offset `row` in `rows`, and `goals`.
+    /// Tests whether some goal can still be reached: whether three bitsets over the candidates have a bit in
+    /// common, namely the set at offset `set` in the chain's sets, the row at offset `row` in `rows`, and
+    /// `goals`.
     fn leads_to_goal(&self, set: usize, row: usize) -> bool {
         let sets = self.chain.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
         sets.into_iter().any(|((a, b), c)| a & b & c != 0)

@@ -34,7 +34,8 @@ pub(crate) fn portal_flow(
     result
 }
 
-/// Adds the cells of all remaining goals to `result`, as seen without proof, and sets `gave_up`.
+/// Adds the cells of all remaining goals (candidates that lead to cells not yet known to be seen) to
+/// `result`, as seen without proof, and sets `gave_up`.
 fn give_up(scratch: &mut FlowScratch, mut result: FlowResult) -> FlowResult {
     let mut cells: Vec<u32> = Vec::new();
     for (i, &word) in scratch.goals.iter().enumerate() {

@@ -11,10 +11,11 @@ pub(crate) struct FlowInput<'a> {
     /// line through a may later pass directed portal b.
     pub(crate) rows: &'a [u64],
     pub(crate) stride: usize,
-    /// Visible cells: cell a sees cell b once b counts as seen from a. Flows search only for other cells.
+    /// Cells known to be seen: the bit of (a, b) is set once b counts as seen from a. Flows search only for
+    /// other cells.
     pub(crate) seen: &'a CellMatrix,
-    /// The clearance for the test in Pluecker space of chains that lead to a cell not yet known to be seen.
-    /// `None` disables the test.
+    /// Clearance in world units for the test in Pluecker space of chains that lead to a cell not yet known
+    /// to be seen. `None` disables the test.
     pub(crate) exact: Option<f64>,
 }
 

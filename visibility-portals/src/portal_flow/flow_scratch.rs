@@ -10,8 +10,9 @@ use core::ops::Range;
 use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 
-/// Scratch memory of the search through one portal, the source; reused by one search after another. A
-/// candidate is a portal that may be seen through the source, named by its position in `candidates`.
+/// Scratch memory of the search through one directed portal, the source; reused by one search after another.
+/// A candidate is a directed portal that may be seen through the source. Its index is its position in
+/// `candidates`.
 #[derive(Default)]
 pub struct FlowScratch {
     /// Indices of the directed portals that may be seen through the source, ascending.
@@ -23,8 +24,8 @@ pub struct FlowScratch {
     pub(crate) balls: Vec<(DVec3, f64)>,
     /// By candidate portal: index of the cell that the portal leads to.
     pub(crate) to: Vec<u32>,
-    /// By candidate portal: whether the plane of the source may intersect the portal, so that the portal
-    /// must be clipped to it.
+    /// By candidate portal: whether the plane of the source may cut the portal, so that the portal must be
+    /// clipped to that plane.
     pub(crate) cut: Vec<bool>,
     /// By cell index: the range of the candidate portals that lead from the cell. 0..0 if there are none.
     pub(crate) of_cell: Vec<Range<u32>>,
@@ -33,8 +34,8 @@ pub struct FlowScratch {
     row_of: Vec<u32>,
     /// Rows of [`FlowInput::rows`] compressed to the bits of the candidates. Each row is made on first use.
     pub(crate) rows: Vec<u64>,
-    /// The words of the source's full row that have candidates: the index of the word, the bits of the
-    /// candidates, and the number of candidates in earlier words.
+    /// The words of the source's row in [`FlowInput::rows`] that are not 0: the index of the word, its bits
+    /// (the candidates), and the number of candidates in earlier words.
     mask: Vec<(u32, u64, u32)>,
     /// Bitset over the candidate portals: a bit is set if the portal leads to a cell not yet known to be
     /// seen.
@@ -45,8 +46,8 @@ pub struct FlowScratch {
     pub(crate) chain: PortalChain,
     pub(crate) flood: CellFlood,
     pub(crate) pluecker: Pluecker,
-    /// Sets of directed portals of which no line passes all, by the most recent certificates of this flow, at
-    /// most 32.
+    /// Sets of directed portals through all of which no line passes, from the most recent certificates of
+    /// this flow, at most 32.
     pub(crate) refuted: Vec<SmallVec<[u32; MAX_ROWS]>>,
     /// Index in `refuted` of the oldest entry, which is replaced next.
     pub(crate) oldest: usize,
@@ -119,8 +120,8 @@ impl FlowScratch {
     }
 }
 
-/// Appends to `out` the bits of `row` that `mask` selects, compacted into `words` words. The entries of
-/// `mask` are as in `FlowScratch::mask`.
+/// Appends to `out` the bits of `row` that `mask` selects, compacted into `words` words. Each entry of `mask`
+/// holds the index of a word, the selected bits, and the number of selected bits in earlier words.
 pub(crate) fn compress(row: &[u64], mask: &[(u32, u64, u32)], words: usize, out: &mut Vec<u64>) {
     let start = out.len();
     out.resize(start + words, 0);

@@ -1,7 +1,7 @@
 //! Lines through segments of a floor plan.
 //!
-//! A directed line is `n . p + c = 0`, positive on its left. It passes between the left and the right end of
-//! a segment, clear of both ends by `r`, if
+//! A directed line is the set of points `p` with `n . p + c = 0`, positive on its left. It passes between the
+//! left and the right end of a segment, clear of both ends by the clearance `r`, if
 //!
 //! ```text
 //! n . left + c >= r |n|,    -(n . right + c) >= r |n|
@@ -9,7 +9,8 @@
 //!
 //! Scaled so that `n . (left - right) = 1` for one of the segments, this is a linear program in two
 //! variables. Certificates are made in three variables, with `n` of unit length: the inequalities above, `|c|
-//! <= radius` since the line passes that segment, and `n . (left - right) >= 2 r` for that segment.
+//! <= radius` since the line passes that segment, whose ends are at most `radius` from the origin, and `n .
+//! (left - right) >= 2 r` for that segment.
 
 use super::radius::radius_of;
 use super::stab::Stab;
@@ -25,17 +26,18 @@ pub(crate) struct FloorPlan {
     rows: Vec<([f64; 2], f64)>,
 }
 
-/// Distances at which a line is searched, in order: how far inside each half-space of the program it must be,
-/// as a fraction of the half-space's greatest coefficient.
+/// Distances from the boundary at which a point of the linear program is searched, in order: how far inside
+/// each half-space it must be, as a fraction of the half-space's greatest coefficient.
 const INSIDE_FRACTIONS: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
 
-/// Bound on the absolute value of both variables of the program. Certificates do not depend on it.
+/// Bound on the absolute value of both variables of the linear program. Certificates do not depend on it.
 const VARIABLE_BOUND: f64 = 1e6;
 
 impl FloorPlan {
-    /// Searches a line through all `segments`, each given by its left and its right end, at least `clearance`
-    /// away from all ends. The result is a point and a direction. [`Stab::Undecided`] if undecided, for no
-    /// segments, for a coordinate that is not finite, and for a clearance that is not positive.
+    /// Searches a line through all `segments`, each given by its left and its right end as the line passes,
+    /// at least `clearance` away from all ends. The result is a point and a direction. [`Stab::Undecided`] if
+    /// undecided, for no segments, for a coordinate that is not finite, and for a clearance that is not
+    /// positive.
     pub(crate) fn stab(&mut self, segments: &[[DVec2; 2]], clearance: f64) -> Stab<[DVec2; 2]> {
         let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return Stab::Undecided };
         let sensible = clearance > 0.0 && segments.iter().flatten().all(|p| p.is_finite());
@@ -90,8 +92,8 @@ impl FloorPlan {
         Stab::Undecided
     }
 
-    /// Returns the certificate that the segment ends in the program's last conflict contradict each other.
-    /// `None` if no proof is found.
+    /// Returns the certificate that the segment ends in the linear program's last conflict contradict each
+    /// other. `square` is the segment by which lines are scaled. `None` if no proof is found.
     fn certificate(
         &self,
         segments: &[[DVec2; 2]],

@@ -6,8 +6,8 @@
 //! [`antipenumbra`](crate::antipenumbra).
 //!
 //! In a floor plan, *maybe* means that the set of lines is smaller than the rounding. In space it can also
-//! mean that lines pass any few of the edges but not all together: certificates are of linear programs, and
-//! lines are only a quadric within Pluecker space.
+//! mean that lines pass any few of the edges but not all together. Certificates are of linear programs, which
+//! ignore that the coordinates of a line satisfy a quadratic equation.
 
 mod floor_plan;
 pub(crate) mod pluecker;

@@ -50,10 +50,11 @@ use visibility_core::glam::DVec3;
 pub(crate) struct Edge {
     pub(crate) a: DVec3,
     pub(crate) b: DVec3,
-    /// Displacement, in world units, that moves the edge into the portal.
+    /// Displacement, in world units, that moves the edge into the portal by the inset less its own defect:
+    /// the farthest that a vertex lies on its outer side.
     pub(crate) shift: DVec3,
-    /// Whether the edge bounds the portal. `false` for an edge without length, and for an edge on whose
-    /// outer side another vertex lies by more than the inset.
+    /// Whether the edge is used as a bound of the portal. `false` for an edge without length, and for an
+    /// edge on whose outer side another vertex lies by more than the inset (see [`edges_of`]).
     pub(crate) bounds: bool,
 }
 
@@ -113,17 +114,17 @@ pub(crate) struct Pluecker {
     /// By row: index of the opening, index of the edge in the opening, and index of the edge among the edges
     /// of all openings.
     of: Vec<(u32, u32, u32)>,
-    /// The vectors `[start, u, v]` that give the meaning of the variables: `d = start + x u + y v`. The
-    /// other three variables are `m` in units of `size`.
+    /// Vectors `[start, u, v]` of the five variables `x`, `y` and `m`: a line has the direction `d = start +
+    /// x u + y v`, and the moment `m` in units of `size`.
     frame: [DVec3; 3],
-    /// Greatest absolute coordinate of a vertex relative to the origin, in world units.
+    /// Greatest absolute coordinate of an edge's start relative to the origin of the test, in world units.
     size: f64,
     /// Indices of the openings that the last certificate names, each once. No line passes all of them.
     pub(crate) needed: Vec<u32>,
 }
 
-/// Bound on the absolute value of the program's variables. A line beyond the bound is not excluded, since
-/// certificates do not depend on it.
+/// Bound on the absolute value of the linear program's variables. A line beyond the bound is not excluded,
+/// since certificates do not depend on it.
 const VARIABLE_BOUND: f64 = 1e6;
 
 /// Answer to whether the half-spaces of all edges of a sequence have a common point in Pluecker space.
@@ -136,10 +137,10 @@ pub(crate) enum Polytope {
 }
 
 impl Pluecker {
-    /// Tests whether it is certain that no line passes all `count` openings at least `clearance` away from
-    /// their edges. The pair is a point and a direction of an approximate line, in world space, from which
-    /// the program starts. [`Polytope::Open`] if undecided, and if that line is nearly parallel to all
-    /// openings.
+    /// Tests whether it is certain that no line passes all `count` openings at least `clearance` (world
+    /// units) away from their edges. `opening` returns an opening by index. `(origin, direction)` is a point
+    /// and a direction of an approximate line, in world space, from which the linear program starts.
+    /// [`Polytope::Open`] if undecided, and if that line is nearly parallel to all openings.
     pub(crate) fn test<'a>(
         &mut self,
         opening: impl Fn(usize) -> Opening<'a>,
@@ -199,8 +200,9 @@ impl Pluecker {
     }
 
     /// Returns a line, as a point and a direction in world space, near a point of the polytope that is inside
-    /// all half-spaces by `inside`, relative to the size of their coefficients. To be called after a test
-    /// that returned [`Polytope::Open`]. `None` if no such point is found. The line is not verified.
+    /// all half-spaces by `inside`, relative to the size of their coefficients. `origin` is that of the
+    /// preceding test, which must have returned [`Polytope::Open`]. `None` if no such point is found. The
+    /// line is not verified.
     pub(crate) fn line(&mut self, origin: DVec3, inside: f64) -> Option<[DVec3; 2]> {
         let rows = &self.rows;
         let inside = |i: usize| {
@@ -216,8 +218,9 @@ impl Pluecker {
         Some([origin + d.cross(m) / d.length_squared(), d])
     }
 
-    /// Returns the certificate that the half-spaces in the program's last conflict contradict each other, and
-    /// fills `needed`. `None` if no proof is found. `at` is the index of the opening that scales the lines.
+    /// Returns the certificate that the half-spaces in the linear program's last conflict contradict each
+    /// other, and fills `needed`. `None` if no proof is found. `at` is the index of the opening by which
+    /// lines are scaled.
     fn certificate<'a>(
         &mut self,
         opening: &impl Fn(usize) -> Opening<'a>,
@@ -264,15 +267,16 @@ fn cross(a: &DoubleDoubleVector, b: &DoubleDoubleVector) -> DoubleDoubleVector {
     })
 }
 
-/// Returns an absolute bound on the error of each coordinate of `a x b`: two products and a difference, each
-/// off by at most `ERROR` of the product of the greatest coordinates, or of the sum of two such products.
+/// Returns an absolute bound on the error of each coordinate of the computed cross product of `a` and `b`:
+/// two products and a difference, each off by at most [`DoubleDouble::ERROR`] of the product of the greatest
+/// coordinates, or of the sum of two such products.
 fn error_of_cross(a: &DoubleDoubleVector, b: &DoubleDoubleVector) -> f64 {
     let size = |a: &DoubleDoubleVector| a.iter().fold(0.0, |size: f64, a| size.max(a.hi.abs()));
     8.0 * DoubleDouble::ERROR * size(a) * size(b)
 }
 
-/// Returns the half-space `h . (d, m) >= 0` of an edge moved by its shift, relative to `origin`, with `m` in
-/// units of `unit`.
+/// Returns the half-space `h . (d, m) >= 0` of the lines that pass an edge, moved by its shift, on its left
+/// side. `d` is the direction of a line, `m` its moment about `origin` in units of `unit` world units.
 fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     // a x b = a x (b - a).
     let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));
@@ -285,8 +289,9 @@ fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     Row { normal: [d[0], d[1], d[2], m[0], m[1], m[2]], error, least: 0.0 }
 }
 
-/// Returns the half-space `N . d >= 6 c^2` of an opening, where `c` is the clearance: a line that passes the
-/// opening with this clearance is not parallel to its plane.
+/// Returns the half-space `N . d >= 6 c^2` of an opening, where `d` is the direction of a line, `c` the
+/// clearance and `N` twice the opening's area along its normal: a line that passes the opening with this
+/// clearance is not parallel to its plane.
 fn area_row(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
     let (mut sum, mut error) = ([DoubleDouble::ZERO; 3], f64::MIN_POSITIVE);
     for i in 0..opening.edges.len() {

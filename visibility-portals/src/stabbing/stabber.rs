@@ -38,8 +38,8 @@ pub struct Stabber {
 
 impl Stabber {
     /// Makes a stabber. `clearance` is the distance, in the unit of the coordinates, that lines must keep
-    /// from all edges, and should be positive. A negative or NaN clearance counts as 0. With a clearance of
-    /// 0, [`segments`](Self::segments) always answers [`Stab::Undecided`].
+    /// from all edges (from all ends of segments), and should be positive. A negative or NaN clearance counts
+    /// as 0. With a clearance of 0, [`segments`](Self::segments) always answers [`Stab::Undecided`].
     pub fn new(clearance: f64) -> Self {
         Self {
             // The greater of a NaN and 0 is 0.
@@ -156,8 +156,8 @@ impl Stabber {
     }
 }
 
-/// Distances at which a line is searched, in order: how far inside each half-space of the program it must be,
-/// as a fraction of the half-space's greatest coefficient.
+/// Distances from the boundary at which a point of the linear program is searched, in order: how far inside
+/// each half-space it must be, as a fraction of the half-space's greatest coefficient.
 const INSIDE_FRACTIONS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
 #[cfg(test)]
@@ -166,8 +166,9 @@ mod tests {
     use super::*;
     use crate::integer_vectors::{IntegerVector, Random};
 
-    /// Returns a clearance that a line misses by a relative 1e-9. The line's distance is `product / across`;
-    /// a line on the wrong side (`product` not positive) misses any positive clearance.
+    /// Returns a clearance greater by a relative 1e-9 than the distance `product / across` of a line from an
+    /// edge, so that the line just misses it. For a line on the wrong side (`product` not positive), which
+    /// misses any positive clearance, returns 1e-9.
     fn just_missed(product: f64, across: f64) -> f64 {
         if product > 0.0 { product / across * (1.0 + 1e-9) } else { 1e-9 }
     }

@@ -24,9 +24,9 @@ fn row(normal: i128, least: f64) -> Row<1> {
     Row { normal: [nearest(normal)], error: 0.0, least }
 }
 
-/// Returns four multipliers, four integer normals and a remainder. The products have more digits than a
-/// double-double keeps, and the last product cancels the sum of the others up to the remainder, which is
-/// exact.
+/// Returns four multipliers, four integer normals and a remainder. The products of multiplier and normal have
+/// more digits than a double-double keeps. The last product cancels the sum of the others up to the
+/// remainder, which is exact.
 fn cancelling(random: &mut Random) -> ([DoubleDouble; 4], [i128; 4], i128) {
     let l: [i128; 3] = core::array::from_fn(|_| integer(random, 66) | 1 << 65);
     let h: [i128; 3] = core::array::from_fn(|_| integer(random, 50) | 1);

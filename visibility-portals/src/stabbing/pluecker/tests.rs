@@ -3,8 +3,8 @@
 use super::*;
 use visibility_testing::Random;
 
-/// A line (point and unit direction), and a polygon with unit `normal` around it whose edge lines all have
-/// the same distance from the line.
+/// A line (point and unit direction), and a polygon with unit normal `normal` around the line. The lines
+/// through the polygon's edges all have the same distance from the line.
 struct Around {
     point: DVec3,
     direction: DVec3,
