@@ -1,4 +1,4 @@
-//! Projection and clipping of triangles, from space through homogeneous clip space to the image.
+//! Projection and clipping of triangles, from world space through homogeneous clip space to the image.
 //!
 //! Polygons are clipped plane by plane (Sutherland and Hodgman, "Reentrant Polygon Clipping", 1974) before
 //! division by `w` (Blinn and Newell, "Clipping Using Homogeneous Coordinates", 1978). An edge shared by two
@@ -19,8 +19,9 @@ use visibility_core::{View, geometry::Plane, view::Depth};
 /// precision, and few triangles reach beyond it.
 const GUARD: f64 = 16.0;
 
-/// Polygon in homogeneous coordinates. Clipping a triangle by near, far and four guard planes adds at most
-/// six vertices; more clip planes may spill to the heap.
+/// Polygon in homogeneous coordinates, with inline capacity for nine vertices. Clipping a triangle by near,
+/// far and four guard planes adds at most six vertices; a polygon cut by further clip planes may spill to the
+/// heap.
 type Polygon = SmallVec<[DVec4; 9]>;
 
 /// Mapping of one view from points in space to one image, with the view's clip planes.
@@ -33,8 +34,8 @@ pub(crate) struct ImageProjection {
     /// Far plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, and
     /// is not negative in view. The plane w = 0 for an infinite far plane.
     far: DVec2,
-    /// Depth key as a function of a clip-space point: (`x` times the clip z plus the constant `y`) over the
-    /// clip w.
+    /// Coefficients of the depth key of a clip-space point: (`x` times the clip z plus the constant `y`)
+    /// over the clip w.
     depth_key: DVec2,
     /// Whether the view is parallel (w is constant).
     parallel: bool,
@@ -187,15 +188,15 @@ impl ImageProjection {
     }
 }
 
-/// Returns the signed distance of a clip-space point from a near or far plane, in clip units; not negative in
-/// view.
+/// Returns the signed distance of a clip-space point `v` from a near or far plane, in clip units: `plane.x`
+/// times the clip z plus `plane.y` times the clip w. Not negative in view.
 #[inline]
 fn distance(plane: DVec2, v: DVec4) -> f64 {
     plane.x * v.z + plane.y * v.w
 }
 
-/// Replaces `out` by the part of a polygon where `plane` is not negative. `plane` is a linear function of the
-/// vertex. `place` corrects each new vertex on the plane. Empty if no vertex is inside; a vertex with a NaN
+/// Replaces `out` by the part of a polygon where `plane`, a linear function of the vertex, is not negative.
+/// `place` corrects each new vertex on the plane. `out` is empty if no vertex is inside; a vertex with a NaN
 /// distance is outside.
 fn clip_polygon(
     polygon: &[DVec4],

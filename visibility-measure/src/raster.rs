@@ -222,8 +222,8 @@ impl Image {
     }
 }
 
-/// Returns the least depth key that counts as equal to `depth_key`. `least_difference` is the absolute
-/// tolerance, [`DEPTH_TIE`] the relative one.
+/// Returns the least depth key that ties with (counts as equal to) `depth_key`. `least_difference` is the
+/// absolute tolerance, [`DEPTH_TIE`] the relative one.
 #[inline]
 fn least_tied_key(depth_key: f64, least_difference: f64) -> f64 {
     depth_key - (depth_key.abs() * DEPTH_TIE + least_difference)
@@ -286,8 +286,8 @@ impl Edge {
         self.upper.x + (y - self.upper.y) * self.slope
     }
 
-    /// Returns how far, in columns, the edge's crossing with a row moves if the edge moves by [`EDGE_TIE`] in
-    /// columns and in rows.
+    /// Returns how far, in columns, the edge's crossing with a row of pixel centres moves if the edge moves
+    /// by [`EDGE_TIE`] in columns and in rows.
     #[inline]
     fn crossing_error(&self) -> f64 {
         EDGE_TIE * (1.0 + self.slope.abs())
@@ -346,7 +346,8 @@ impl DepthKeyPlane {
         })
     }
 
-    /// Returns the depth key as a function of x along the line of height `y`, clamped to the corners' range.
+    /// Returns the depth key as a function of x (in columns) along the line of height `y` (in rows), clamped
+    /// to the range of the corners' depth keys.
     #[inline]
     fn along_row(&self, y: f64) -> impl Fn(f64) -> f64 {
         let Self { reference, slope_x, least, greatest, .. } = *self;

@@ -196,8 +196,9 @@ impl SampledVisibility {
         self.visible_objects = self.objects.iter().map(|object| u32::from(object.is_visible())).sum();
     }
 
-    /// Derives the ties from the image's claims. A tied pixel is removed from the pixels of the object that
-    /// the image shows there, and counted as a tied pixel of every object of the tie.
+    /// Derives `ties` from the image's claims (triangles that tie for a pixel). A tied pixel is removed from
+    /// the pixels of the object that the image shows there, and counted as a tied pixel of every object of
+    /// the tie.
     fn count_ties(&mut self, image: &Image) {
         let mut ties = core::mem::take(&mut self.ties);
         for claim in &image.claims {

@@ -35,7 +35,8 @@ fn fingerprint(scene: &Scene) -> u64 {
     hash.value()
 }
 
-/// Starts a file of a kind (0 octree, 1 tetrahedra) for a scene and writes the grid and fineness.
+/// Starts the binary form of a tessellation of a kind (0 octree, 1 tetrahedra) for a scene, and writes its
+/// grid (minimum corner and step) and fineness. The result is in memory.
 fn begin(kind: u32, scene: &Scene, grid: &Grid, fineness: Fineness) -> Writer {
     let mut writer = Writer::new(FORMAT, kind, fingerprint(scene));
     writer.u64s([grid.min.x, grid.min.y, grid.min.z, grid.step].map(f64::to_bits));
@@ -49,7 +50,8 @@ fn write_array(writer: &mut Writer, words: impl ExactSizeIterator<Item = u32>) {
     writer.u32s(words);
 }
 
-/// Writes the cells' list offsets, ray shares, held bits and object lists.
+/// Writes the content of all cells: the offsets of the cells' lists, the shares of rays that their objects
+/// stop, the bit of each object that is in all cells that it meets, and the lists themselves.
 fn write_content(writer: &mut Writer, content: &Content) {
     write_array(writer, content.starts.iter().copied());
     write_array(writer, content.cover.iter().map(|cover| u32::from_le_bytes(*cover)));
@@ -59,8 +61,8 @@ fn write_content(writer: &mut Writer, content: &Content) {
     writer.bytes(&content.lists);
 }
 
-/// Opens a file and checks its header. `Err` if the bytes are damaged, or the format, version, kind or
-/// the scene's fingerprint differs.
+/// Opens the binary form `bytes` and checks its header. `Err` if the bytes are damaged, or the format,
+/// version, kind or the scene's fingerprint differs.
 fn open<'a>(bytes: &'a [u8], kind: u32, scene: &Scene) -> Result<Reader<'a>, FormatError> {
     let reader = Reader::new(bytes, FORMAT)?;
     reader.expect(kind, fingerprint(scene))?;
@@ -73,7 +75,8 @@ fn read_array(reader: &mut Reader) -> Result<Vec<u32>, FormatError> {
     reader.u32s(count)
 }
 
-/// Reads an array of quadruples. `Err` if the array's length is no multiple of four or the bytes end early.
+/// Reads an array of groups of four numbers. `Err` if the array's length is no multiple of four or the bytes
+/// end early.
 fn read_fours(reader: &mut Reader) -> Result<Vec<[u32; 4]>, FormatError> {
     let words = read_array(reader)?;
     if words.len() % 4 != 0 {
@@ -127,9 +130,10 @@ fn touches(leaf_positions: &[[u16; 4]], cell: usize, encoded: u32) -> bool {
 }
 
 impl OctreeTessellation {
-    /// Encodes the tessellation for [`from_bytes`](Self::from_bytes). `scene` is the scene of the last build
-    /// or sync. Objects that changed since are stored as [strays](Content::strays). For another scene, or a
-    /// change log that no longer reaches back, all objects are stored as strays.
+    /// Encodes the tessellation for [`from_bytes`](Self::from_bytes). `scene` must be the scene of the last
+    /// build or sync. Objects that changed since then are stored as [strays](Content::strays), which count as
+    /// visible. For another scene, or if the scene's change log no longer reaches back to the last sync, all
+    /// objects are stored as strays.
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(0, scene, &self.grid, self.fineness);
         write_array(&mut writer, self.codes.iter().copied());
@@ -183,9 +187,10 @@ impl OctreeTessellation {
 }
 
 impl DelaunayTessellation {
-    /// Encodes the tessellation for [`from_bytes`](Self::from_bytes). `scene` is the scene of the last build
-    /// or sync. Objects that changed since are stored as [strays](Content::strays). For another scene, or a
-    /// change log that no longer reaches back, all objects are stored as strays.
+    /// Encodes the tessellation for [`from_bytes`](Self::from_bytes). `scene` must be the scene of the last
+    /// build or sync. Objects that changed since then are stored as [strays](Content::strays), which count as
+    /// visible. For another scene, or if the scene's change log no longer reaches back to the last sync, all
+    /// objects are stored as strays.
     pub fn to_bytes(&self, scene: &Scene) -> Vec<u8> {
         let mut writer = begin(1, scene, &self.grid, self.fineness);
         write_array(&mut writer, self.points.as_flattened().iter().map(|&x| x as u32));

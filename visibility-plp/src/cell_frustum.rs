@@ -14,7 +14,7 @@ use visibility_core::{
 struct BoundedPlane {
     /// Unit normal, pointing into the view.
     normal: DVec3,
-    /// Signed distance of the origin, in metres.
+    /// Signed distance of the scene's origin from the plane, in metres.
     offset: f64,
     /// Upper bound on the error of a computed signed distance, in metres.
     slack: f64,
@@ -49,9 +49,9 @@ impl BoundedPlane {
 pub(crate) enum CellPlace {
     /// Certainly no view ray to anything in view passes through the box.
     Outside,
-    /// View rays may pass through the box. Bit i is set unless the box is certainly on the inner side of
-    /// plane i, so 0 stands for a box certainly in view. A box between the eye and the near plane has the
-    /// near plane's bit set.
+    /// View rays may pass through the box. Bit i is cleared only if the box is certainly on the inner side of
+    /// plane i of the [`CellFrustum`], so 0 stands for a box certainly in view. A box between the eye and the
+    /// near plane has the near plane's bit set.
     Crossing(u16),
 }
 
@@ -68,9 +68,9 @@ pub(crate) struct CellFrustum {
     /// passes through a box outside of one of these planes. View rays cross each remaining plane (the near
     /// plane, portals, mirrors) before reaching anything in view.
     side_count: usize,
-    /// Least signed distance of a face's plane from the eye, along the face's outward normal, at which view
+    /// Least signed distance, along a face's outward normal, of the face's plane from the eye at which view
     /// rays may leave a cell through the face. Slightly negative, to cover rounding. In metres; for a
-    /// parallel view, a cosine.
+    /// parallel view, the cosine between normal and viewing direction.
     exit_margin: f64,
 }
 
@@ -155,9 +155,9 @@ impl CellFrustum {
             .all(|plane| plane.distance(center) - plane.extent(half) > plane.slack)
     }
 
-    /// Tests whether one view plane certainly has all corners of all triangles on its outer side. Bit i of
-    /// `planes` selects plane i for the test. Triangles are scene-relative. False for NaN coordinates and if
-    /// no plane is selected; without triangles, true if any plane is selected.
+    /// Tests whether one of the selected view planes certainly has all corners of all triangles on its outer
+    /// side. Bit i of `planes` selects plane i of this frustum. Triangles are scene-relative. False for NaN
+    /// coordinates and if no plane is selected; without triangles, true if any plane is selected.
     #[inline]
     pub(crate) fn is_outside<'a>(
         &self,

@@ -203,12 +203,12 @@ fn drop_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
     }
 }
 
-/// Cells by number, each with its scene-relative box.
+/// Numbers of cells, each with the cell's scene-relative box.
 type CellBoxes = [(u32, Aabb)];
 
-/// Splits off the longest run of first cells, at most [`GROUP`], that fill at least a third of the box around
-/// them. Returns the run, the box around the run, and the remaining cells. The run has at least one cell
-/// unless `cells` is empty.
+/// Splits off the longest run of cells from the start of `cells`, at most [`GROUP`], that together fill at
+/// least a third of the box around the run. Returns the run, the box around the run, and the remaining cells.
+/// The run has at least one cell unless `cells` is empty.
 fn split_group(cells: &CellBoxes) -> (&CellBoxes, Aabb, &CellBoxes) {
     let (mut all, mut sum, mut count) = (Aabb::EMPTY, 0.0, 0);
     for (_, bounds) in cells.iter().take(GROUP) {

@@ -49,12 +49,13 @@ pub struct Content {
     pub(crate) cover: Vec<[u8; 4]>,
     /// Largest number of objects in a cell.
     pub(crate) max_count: u32,
-    /// Total number of axis sides in the lists of all cells.
+    /// Sum over all cells of the number of axis sides (directions along plus or minus x, y or z, or none) by
+    /// which the cell's objects are grouped.
     pub(crate) side_count: usize,
     /// [`Scene::index_limit`] of the scene when the cells were filled.
     pub(crate) index_limit: u32,
-    /// One bit for each object index, set while the object is in all cells that it meets: listed and
-    /// unchanged since the cells were filled.
+    /// One bit for each object index. Set while the object is listed in all cells that it meets; cleared for
+    /// objects that changed since the cells were filled.
     pub(crate) held: Vec<u64>,
     /// Facing directions of the objects of one triangle.
     pub(crate) normals: NormalBins,
@@ -106,7 +107,7 @@ impl Content {
     }
 
     /// Makes content from arrays, which become the fields of the same names. Objects without a bit in `held`
-    /// become strays, objects in no cell. `max_count` and `side_count` are 0.
+    /// become strays, objects in no cell. The caller sets `max_count` and `side_count`, which are 0 here.
     fn of_arrays(
         scene: &Scene,
         starts: Vec<u32>,
@@ -193,7 +194,8 @@ impl Content {
         range.and_then(|(&start, &end)| self.lists.get(start as usize..end as usize)).unwrap_or(&[])
     }
 
-    /// Returns the objects of a cell, grouped by the axis side that they face. Empty for an unknown cell.
+    /// Returns the objects of a cell, grouped by the axis side (plus or minus x, y or z) that they face.
+    /// Empty for an unknown cell.
     #[inline]
     pub(crate) fn sides(&self, cell: u32) -> Sides<'_> {
         Sides::new(self.list(cell))
@@ -310,8 +312,8 @@ impl Content {
     }
 }
 
-/// Returns the surface class of every object and the lean of its normal from its axis, indexed by object
-/// index. Unused indices hold the default class and unknown lean.
+/// Returns, by object index, the surface class of every object and the bound on how far its normal leans from
+/// the nearest axis. Unused indices hold the default class and [`UNKNOWN_LEAN`].
 fn classes_of(scene: &Scene) -> Vec<(SurfaceClass, MaxLean)> {
     let openness = openness_by_index(scene);
     let mut classes = alloc::vec![(SurfaceClass::default(), UNKNOWN_LEAN); scene.index_limit()];

@@ -35,8 +35,9 @@ impl Cover {
     }
 }
 
-/// Depth of a corner, in half sizes of the box, beyond which the corner certainly lies outside of the box.
-/// Exceeds 1 by far more than the rounding of a depth interpolated between corners.
+/// Bound beyond which a corner certainly lies outside of the box: the corner's depth along a ray from the
+/// centre of the box, in units of half the box's size. Exceeds 1 by far more than the rounding of a depth
+/// interpolated between corners.
 const BEYOND: f64 = 1.0 + 1e-6;
 
 /// Returns the rays through a box that meet a triangle inside the box, at a point for which `inside` returns
@@ -52,8 +53,9 @@ pub(crate) fn stopped_rays(
     [0, 1, 2].map(|axis| stopped_along(&corners, axis, |p| inside(center + p * half)))
 }
 
-/// Returns the rays along one axis that meet a triangle, one bit per ray, in coordinates in which the box
-/// spans -1 to 1 on each axis. Rays in the plane of the triangle are not stopped.
+/// Returns the rays along axis `axis` that meet a triangle at a point for which `inside` returns true, in
+/// coordinates in which the box spans -1 to 1 on each axis. Bit `8 * row + column` stands for one of eight by
+/// eight rays. Rays in the plane of the triangle are not stopped.
 fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bool) -> u64 {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let [a, b, c] = corners.map(|p| [p[u], p[v], p[axis]]);

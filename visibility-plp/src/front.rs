@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 /// Number of children of a heap node.
 const CHILDREN: usize = 4;
 
-/// Value of a cell's heap index while the cell is not in the front.
+/// Heap index that stands for a cell that is not in the front.
 const NOT_QUEUED: u32 = u32::MAX;
 
 /// Priority queue of cells by solidity, least first, each cell at most once. Among cells of equal solidity

@@ -2,12 +2,13 @@
 //! budget takes the best buckets first.
 //!
 //! The list of a cell is a byte string. It starts with the least object index in the cell. One block follows
-//! for each axis side that objects of the cell face. A block has one byte of side (low three bits) and lean
-//! (high four bits), the number of bytes that follow in the block, and the side's layers in order of falling
-//! mean area times openness. A layer has one byte of area class, one byte of openness class, the number of
-//! bytes that follow in the layer, and its objects in ascending order. The first object is stored as the
-//! difference from the least index in the cell, each later object as the difference from its predecessor. An
-//! empty cell has an empty list.
+//! for each axis side (one of the six directions along the axes, or none) that objects of the cell face. A
+//! block has one byte of side (low three bits) and lean (high four bits; a bound on how far normals lean from
+//! the axis), the number of bytes that follow in the block, and the side's layers in order of falling mean
+//! area times openness. A layer has one byte of area class, one byte of openness class, the number of bytes
+//! that follow in the layer, and its objects in ascending order. The first object is stored as the difference
+//! from the least index in the cell, each later object as the difference from its predecessor. An empty cell
+//! has an empty list.
 //!
 //! Numbers take seven bits per byte, lowest bits first. The highest bit of a byte is set if another byte
 //! follows.
@@ -16,19 +17,20 @@ use crate::normal_bins::BoxFromEye;
 use crate::surface_class::{ANY_SIDE, LEAN_AT_45_DEGREES, MaxLean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 
-/// Minimum number of objects in a layer (group of similar objects on one side of a cell), unless its side has
-/// fewer. Visiting a layer costs about as much as testing 12 objects; smaller layers find more visible
-/// objects at small budgets.
+/// Minimum number of objects in a layer (group of similar objects of a cell that face one axis side). Fewer
+/// only if no more objects face that side. Visiting a layer costs about as much as testing 12 objects;
+/// smaller layers find more visible objects at small budgets.
 const MIN_LAYER: usize = 12;
 
-/// Minimum number of objects of a cell that face one axis side. Objects of sides with fewer are stored among
-/// those that face [`ANY_SIDE`].
+/// Minimum number of objects of a cell that face one axis side (plus or minus x, y or z) for a block of their
+/// own. Where fewer face a side, they are stored among the objects of [`ANY_SIDE`].
 const MIN_ON_SIDE: usize = 8;
 
-/// Appends the encoded list of one cell to `bytes` and returns the number of axis sides in the list.
-/// `objects` are the object indices of the cell in any order; they are reordered. `classes` holds the surface
-/// class and lean of each object, indexed by object index; an index beyond its end counts as the default
-/// class with unknown lean. Appends nothing and returns 0 for a cell without objects.
+/// Appends the encoded list of one cell to `bytes` and returns the number of axis sides (plus or minus x, y
+/// or z, or [`ANY_SIDE`]) in the list. `objects` are the object indices of the cell in any order; they are
+/// reordered. `classes` holds the surface class and lean of each object, indexed by object index; an index
+/// beyond its end counts as the default class with unknown lean. Appends nothing and returns 0 for a cell
+/// without objects.
 pub(crate) fn push_list(
     bytes: &mut Vec<u8>,
     objects: &mut [u32],
@@ -78,8 +80,8 @@ pub(crate) fn push_list(
     block_count
 }
 
-/// Maximum difference of [`SurfaceClass::rank`] between objects that share a layer (group of similar
-/// objects), exclusive: four steps are a factor of four in area times openness.
+/// Limit, exclusive, on the difference of [`SurfaceClass::rank`] between objects that share a layer (group of
+/// similar objects): four ranks are a factor of four in area times openness.
 const RANK_STEP: u32 = 4;
 
 /// Returns the number of objects in the first layer (group of similar objects) of `objects`, which are the
@@ -200,8 +202,8 @@ impl<'a> Iterator for Layers<'a> {
     }
 }
 
-/// Iterator over the axis sides of a cell's encoded list; each item iterates over the layers of objects that
-/// face that side.
+/// Iterator over the axis sides (plus or minus x, y or z, or [`ANY_SIDE`]) in a cell's encoded list. Each
+/// item iterates over the layers of objects that face that side.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sides<'a> {
     /// Least object index in the cell, from which each layer's differences start.

@@ -5,7 +5,7 @@
 //! their greatest distance from that mean. A triangle that meets a cell has a point of its plane in the
 //! cell's box, so the bin and the box together bound the side of the plane on which the eye lies. If all
 //! normals of a bin agree (walls and floors), two more bytes per triangle store the plane's offset along that
-//! normal, in 65,535 steps over the scene.
+//! normal, in steps of 1/65,535 of the range of all such offsets in the scene.
 
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -24,8 +24,8 @@ const FLAT: f32 = 1e-6;
 /// Bin number of objects that do not have exactly one triangle, or whose triangle has no reliable normal.
 const NO_BIN: u8 = u8::MAX;
 
-/// Bounds of the unit normals in one bin: each within the Euclidean distance `spread` of `normal`. Both are
-/// NaN in the bin of [`NO_BIN`].
+/// Bounds of the unit normals in one bin: each is within the Euclidean distance `spread` of `normal`.
+/// `normal` and `spread` are NaN in the bin with number [`NO_BIN`].
 #[derive(Clone, Copy, Debug)]
 struct NormalBin {
     normal: [f32; 3],
@@ -33,8 +33,8 @@ struct NormalBin {
 }
 
 /// One object's normal bin and plane offset. The first byte is the bin's number. The other two are the offset
-/// of the triangle's plane along the normal of a flat bin, in steps, low byte first; 0 in other bins. Three
-/// bytes in one array, so that a look-up misses the cache at most once.
+/// of the triangle's plane along the normal of a flat bin, in steps of [`NormalBins::step`], low byte first;
+/// 0 in other bins. Three bytes in one array, so that a look-up misses the cache at most once.
 type Mark = [u8; 3];
 
 /// Facing directions of all single-triangle objects of a scene, as of the time of construction.
@@ -44,7 +44,7 @@ pub(crate) struct NormalBins {
     marks: Vec<Mark>,
     /// Normal bins, indexed by bin number up to [`NO_BIN`].
     bins: Vec<NormalBin>,
-    /// Plane offset along a flat bin's normal that step 0 stands for, in metres from the scene's origin.
+    /// Plane offset along a flat bin's normal for which step 0 stands, in metres from the scene's origin.
     base: f64,
     /// Length of an offset step in metres.
     step: f64,
@@ -116,7 +116,8 @@ impl NormalBins {
         made
     }
 
-    /// Computes the plane offsets of all objects in flat bins, and the base and length of the offset steps.
+    /// Computes the plane offsets of all objects in flat bins (bins of one normal), and the fields `base` and
+    /// `step`.
     fn measure_offsets(&mut self, scene: &Scene) {
         let along = |bins: &Self, id: ObjectId| {
             let bin = bins.flat_bin(bins.marks[id.index()][0])?;

@@ -34,7 +34,8 @@ const MIN_MEASURED_COSINE: f32 = 0.2;
 /// that direction.
 const MIN_BLOCKING_COSINE: f32 = 1e-3;
 
-/// Distance from a triangle, in line spacings, up to which another surface counts as the same surface.
+/// Distance from a triangle, in units of the spacing of the sampling lines, up to which another surface
+/// counts as the same surface.
 const SAME_SURFACE: f32 = 0.25;
 
 /// Returns the openness of every object, indexed by [`ObjectId::index`](visibility_core::ObjectId::index):
@@ -103,11 +104,13 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     by_index
 }
 
-/// Cosine and sine of the golden angle, by which successive line directions turn about the z axis.
+/// Cosine and sine of the golden angle, by which each direction of sampling lines is turned about the z axis
+/// from the direction before.
 const GOLDEN_ANGLE: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 
-/// Returns the orthonormal axes of line direction number `direction`; the last axis runs along the lines. The
-/// directions are spread over the upper hemisphere, and none is parallel to an axis of the scene.
+/// Returns the orthonormal axes of the sampling lines with direction number `direction` (0 to [`DIRECTIONS`]
+/// - 1); the last axis runs along the lines. The directions are spread over the upper hemisphere, and none is
+/// parallel to an axis of the scene.
 fn axes(direction: usize) -> [Vec3; 3] {
     // Points of a spiral by the golden angle.
     let mut around = Vec2::new(0.8, 0.6);
@@ -254,9 +257,9 @@ impl Lines {
 /// more are sorted by depth and bisected.
 const MAX_SCANNED: usize = 32;
 
-/// Returns the least `distance` of a list of depths that is greater than [`SAME_SURFACE`], or infinity if
-/// none is. `distance` must increase along the list if `grows`, else decrease. Calls `distance` O(log n)
-/// times.
+/// Returns the least value of `distance` (in line spacings) over a list of depths that is greater than
+/// [`SAME_SURFACE`], or infinity if none is. `distance` must increase along the list if `grows`, else
+/// decrease. Calls `distance` O(log n) times.
 fn first_beyond(depths: &[f32], grows: bool, mut distance: impl FnMut(f32) -> f32) -> f32 {
     let found = if grows {
         let end = depths.partition_point(|&other| distance(other) <= SAME_SURFACE);

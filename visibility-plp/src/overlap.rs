@@ -77,8 +77,8 @@ pub(crate) fn shape_contains_cube(shape: &Shape, center: DVec3, half: f64) -> bo
     }
 }
 
-/// Tetrahedron with the planes of its faces, in steps of the Delaunay tessellation's fine grid, 2^17 per
-/// side.
+/// Tetrahedron with the planes of its faces, in steps of the Delaunay tessellation's fine grid, which has
+/// 2^17 steps per side of its cube.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tetrahedron {
     /// Vertices of the tetrahedron, in steps of the fine grid.

@@ -38,12 +38,12 @@ pub enum Solidity {
     Count,
 }
 
-/// Added to twice the solidity of cells that are not star-shaped with respect to the eye. Klosowski and
-/// Silva, 2000, leave the value open.
+/// Constant added to twice the solidity of cells that are not star-shaped with respect to the eye. Klosowski
+/// and Silva, 2000, leave its value open.
 const PENALTY: f32 = 0.05;
 
-/// Solid angle, in steradians, of an object whose [`priority_factor`] is 1/2: about three by
-/// three pixels, at a thousand pixels per radian.
+/// Solid angle, in steradians, at which the [`priority_factor`] of an object is 1/2: about three by three
+/// pixels, at a thousand pixels per radian.
 const HALF_PRIORITY_ANGLE: f32 = 1e-5;
 
 /// Cell from which a face leads to a neighbour, with the values from which the neighbour's solidity is

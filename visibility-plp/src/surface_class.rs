@@ -1,5 +1,5 @@
 //! Classes of objects by area, facing direction and openness, coarse enough that similar objects share a
-//! layer.
+//! layer (group of objects of a cell that are projected together).
 
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, Scene};
@@ -25,8 +25,8 @@ pub(crate) struct SurfaceClass {
 /// [`UNKNOWN_LEAN`] is no bound.
 pub(crate) type MaxLean = u8;
 
-/// Lean of a normal at 45 degrees to its axis: the maximum, since a normal is assigned to the axis of its
-/// largest component.
+/// Number of units of [`MaxLean`] for a normal at 45 degrees to its axis. No normal leans farther, since a
+/// normal is assigned to the axis of its largest component.
 pub(crate) const LEAN_AT_45_DEGREES: f32 = 14.0;
 
 /// Value of [`MaxLean`] for objects without a reliable normal: no bound on the direction of their normals.
@@ -52,9 +52,9 @@ fn area_of(class: u8) -> f32 {
     f32::from_bits(u32::from(class) << 24 | 1 << 23)
 }
 
-/// Returns how many steps of a factor of sqrt 2 (half octaves) `openness` lies below 1, approximately: from
-/// the float's exponent and the highest bit of its fraction, rounded up. `openness` is clamped to 0 to 1; NaN
-/// counts as 1.
+/// Returns approximately how many steps of a factor of sqrt 2 (half octaves) `openness` lies below 1, taken
+/// from the float's exponent and the highest bit of its fraction, rounded up. `openness` is clamped to the
+/// range from 0 to 1; NaN counts as 1.
 fn halves_below_one(openness: f32) -> u8 {
     let below = (1.0f32.to_bits() >> 22).saturating_sub(openness.clamp(0.0, 1.0).to_bits() >> 22);
     below.min(u8::MAX.into()) as u8
@@ -100,7 +100,8 @@ impl SurfaceClass {
         f32::from_bits(((1.0f32.to_bits() >> 22) - halves) << 22)
     }
 
-    /// Returns area times openness on a logarithmic scale, in half octaves: higher is more likely visible.
+    /// Returns the rank of the class: area times openness on a logarithmic scale, in steps of a factor of
+    /// sqrt 2. Objects of higher rank are more likely visible.
     pub(crate) fn rank(self) -> u32 {
         u32::from(self.area) * 4 + u32::from(self.openness)
     }

@@ -25,7 +25,7 @@ use visibility_core::{Aabb, Scene};
 /// along each axis.
 pub(crate) const FINE_PER_STEP: i32 = 128;
 
-/// Number of steps of the fine grid along each side of the cube.
+/// Number of steps of the fine grid along each side of the tessellation's cube: 2^17.
 pub(crate) const FINE_STEPS: i32 = STEPS as i32 * FINE_PER_STEP;
 
 /// Tessellation into tetrahedra, within a cube slightly larger than the scene. Prefer
@@ -49,21 +49,22 @@ pub(crate) const FINE_STEPS: i32 = STEPS as i32 * FINE_PER_STEP;
 /// ```
 #[derive(Clone, Debug)]
 pub struct DelaunayTessellation {
-    /// Grid of the octree whose leaf centres became vertices. Coordinates on the fine grid are relative to
-    /// its minimum corner.
+    /// Grid of the octree whose leaf centres became vertices. Coordinates on the fine grid (of
+    /// [`FINE_PER_STEP`] times as many steps) are relative to this grid's minimum corner.
     pub(crate) grid: Grid,
     /// Settings of the octree whose leaf centres became vertices, kept for `rebuild`.
     pub(crate) fineness: Fineness,
-    /// Vertices of the tetrahedra, in steps of the fine grid. The first eight are the corners of the cube.
+    /// Vertices of the tetrahedra, in steps of the fine grid, 0 to [`FINE_STEPS`]. The first eight are the
+    /// corners of the tessellation's cube.
     pub(crate) points: Vec<Point>,
     /// Corners of each cell, as indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
-    /// For each corner of each cell, the neighbouring cell across the opposite face, or [`NONE`] on the
-    /// surface of the cube.
+    /// For each corner of each cell, the number of the neighbouring cell across the opposite face, or
+    /// [`NONE`] on the surface of the tessellation's cube.
     pub(crate) neighbours: Vec<[u32; 4]>,
-    /// Cells with a face on the surface of the cube.
+    /// Numbers of the cells with a face on the surface of the tessellation's cube.
     pub(crate) boundary: Vec<u32>,
-    /// Objects in each cell.
+    /// Lists of the objects in each cell.
     pub(crate) content: Content,
 }
 
@@ -134,13 +135,14 @@ impl DelaunayTessellation {
             + self.content.memory()
     }
 
-    /// Returns the corners of a cell in steps of the fine grid, relative to the grid's minimum corner.
+    /// Returns the four corners of a cell in steps of the fine grid ([`FINE_PER_STEP`] per grid step),
+    /// relative to the grid's minimum corner.
     fn fine_corners(&self, cell: u32) -> [DVec3; 4] {
         self.cells[cell as usize].map(|vertex| DVec3::from_array(self.points[vertex as usize].map(f64::from)))
     }
 
-    /// Converts a point from metres, relative to the scene's origin, to steps of the fine grid, relative to
-    /// the grid's minimum corner.
+    /// Converts a point from metres, relative to the scene's origin, to steps of the fine grid
+    /// ([`FINE_PER_STEP`] per grid step), relative to the grid's minimum corner.
     fn to_fine(&self, point: DVec3) -> DVec3 {
         (point - self.grid.min) / self.grid.step * f64::from(FINE_PER_STEP)
     }
@@ -151,7 +153,8 @@ impl DelaunayTessellation {
     }
 
     /// Returns a cell that contains a point, by walking from the cell `start` towards the point. `point` is
-    /// in steps of the fine grid. `None` for a point outside of the cube.
+    /// in steps of the fine grid, relative to the grid's minimum corner. `None` for a point outside of the
+    /// tessellation's cube.
     fn find_cell(&self, point: DVec3, start: u32) -> Option<u32> {
         // Corners are integers of at most 2^17, so rounding changes the product by less than 2. A product of
         // 64 is a hundredth of a step beyond a face of the smallest cells.

@@ -1,6 +1,6 @@
 //! Exact predicates on integer points: side of a plane, inside or outside of a sphere.
 
-/// Point on the fine grid: integer coordinates from 0 to 2^17.
+/// Point on the fine grid of the Delaunay tessellation: integer coordinates from 0 to 2^17.
 pub(crate) type Point = [i32; 3];
 
 /// Returns the exact difference `a - b`.
@@ -8,22 +8,22 @@ fn minus(a: Point, b: Point) -> [i64; 3] {
     [0, 1, 2].map(|i| i64::from(a[i]) - i64::from(b[i]))
 }
 
-/// Returns the determinant of the matrix with rows a, b and c. Exact if all sums of its products fit into
-/// i64, which the caller ensures.
+/// Returns the determinant of the matrix with rows `a`, `b` and `c`. Exact if all sums of its products fit
+/// into i64, which the caller ensures.
 fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i64 {
     a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
         + a[2] * (b[0] * c[1] - b[1] * c[0])
 }
 
-/// Returns six times the signed volume of the tetrahedron a, b, c, d, in cubic steps of the fine grid:
-/// positive if a, b, c run clockwise seen from d, 0 if the tetrahedron is flat. Exact.
+/// Returns six times the signed volume of the tetrahedron with corners a, b, c and d, in cubic steps of the
+/// fine grid: positive if a, b, c run clockwise seen from d, 0 if the tetrahedron is flat. Exact.
 pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> i64 {
     // Differences are at most 2^17, so all sums are less than 6 * 2^51.
     determinant(minus(b, a), minus(c, a), minus(d, a))
 }
 
-/// Tests whether `p` lies strictly inside the circumsphere of the tetrahedron a, b, c, d, whose [`volume`]
-/// must be positive. False on the sphere. Exact, in coordinates of the fine grid.
+/// Tests whether `p` lies strictly inside the circumsphere of the tetrahedron with corners a, b, c and d,
+/// whose [`volume`] must be positive. False on the sphere. Exact, for points on the fine grid.
 pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
     let [a, b, c, d] = [a, b, c, d].map(|q| minus(q, p));
     // Squares are less than 2^36 and the determinants of three rows less than 2^54. Exact products need 128

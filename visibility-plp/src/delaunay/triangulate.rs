@@ -1,32 +1,34 @@
 //! Incremental Delaunay triangulation of points in a cube (Bowyer, "Computing Dirichlet tessellations", 1981;
 //! Watson, "Computing the n-dimensional Delaunay tessellation", 1981).
 //!
-//! The tetrahedra whose circumspheres contain a new point form the cavity. They are replaced by tetrahedra
-//! between the point and the cavity's boundary faces. The first cell of the cavity is found by
-//! walking from the cell made last.
+//! The cavity of a new point consists of all tetrahedra whose circumspheres contain the point. They are
+//! replaced by tetrahedra between the point and the cavity's boundary faces. The first tetrahedron of the
+//! cavity is found by walking from the one made last.
 
 use super::predicates::{Point, is_in_sphere, volume};
 use alloc::vec::Vec;
 
-/// Neighbour number of a face on the surface of the cube.
+/// Cell number that stands for no neighbour, across a face on the surface of the cube.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Tetrahedra of positive volume that fill a cube and share whole faces, on an integer grid.
+/// Tetrahedra of positive volume that fill a cube and share whole faces, with vertices on an integer grid.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Mesh {
-    /// Vertices, in integer grid coordinates. The first eight are the corners of the cube.
+    /// Vertices, in integer grid coordinates. The first eight are the corners of the cube that the
+    /// tetrahedra fill.
     pub(crate) points: Vec<Point>,
     /// Corners of each cell, as indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
-    /// Neighbours of each cell. Neighbour i shares all corners except corner i; [`NONE`] on the surface of
-    /// the cube.
+    /// Numbers of the neighbours of each cell. Neighbour i shares all corners except corner i; [`NONE`] on
+    /// the surface of the cube.
     pub(crate) neighbours: Vec<[u32; 4]>,
-    /// Unused indices of `cells` and `neighbours`: inserting a point may leave fewer cells than before.
+    /// Unused indices of `cells` and `neighbours`. Inserting a point may leave fewer cells than before.
     free: Vec<u32>,
 }
 
-/// Boundary face of the cavity, named as a face of the cell inside: `face` is the index of the opposite
-/// corner, 0 to 3.
+/// Face between the cavity (the tetrahedra that a new point replaces) and a kept tetrahedron or the surface
+/// of the cube. `cell` is the tetrahedron inside the cavity, and `face` the index, 0 to 3, of its corner
+/// opposite of the face.
 #[derive(Clone, Copy)]
 struct CavityFace {
     cell: u32,
@@ -183,9 +185,9 @@ impl Mesh {
         Some(cavity[0])
     }
 
-    /// Returns the face (0 to 3) of the kept cell `outer` that it shares with the new cell, whose corners are
-    /// `cell`: the face opposite of the only corner that the new cell lacks. `vertex` is the new point.
-    /// `None` if all corners are shared.
+    /// Returns the face that the kept cell `outer` shares with a new cell: the index, 0 to 3, of the corner
+    /// of `outer` opposite of the face. `cell` holds the corners of the new cell, and `vertex` is the new
+    /// point. `None` if all corners are shared.
     fn back(&self, outer: u32, cell: &[u32; 4], vertex: u32) -> Option<usize> {
         let shared = |v: u32| v != vertex && cell.contains(&v);
         self.cells[outer as usize].iter().position(|&v| !shared(v))

@@ -1,5 +1,5 @@
-//! Layers of an opened cell that are not projected yet, one range per axis side, and the choice of the side
-//! whose next layer has the highest priority.
+//! Layers (groups of similar objects) of an opened cell that are not projected yet, one range per axis side,
+//! and the choice of the side whose next layer has the highest priority.
 
 use super::state::{FrameContext, RemainingLayers, UNOPENED, Walk};
 use crate::layers::{Layer, Layers};
@@ -8,8 +8,8 @@ use crate::surface_class::ANY_SIDE;
 use crate::tessellation::Tessellation;
 use visibility_core::Aabb;
 
-/// Added to the openness (0 to 1, mean free distance in front of surfaces) in the priority of a layer of
-/// objects, since a surface may be visible although another surface lies close in front.
+/// Constant added to the openness (0 to 1, mean free distance in front of surfaces) in the priority of a
+/// layer of objects, since a surface may be visible although another surface lies close in front.
 const LEAST_OPENNESS: f32 = 0.02;
 
 impl RemainingLayers {
@@ -42,10 +42,10 @@ impl Walk {
         }
     }
 
-    /// Appends the axis sides of a cell's object list to `sides` and stores their range in the cell's state.
-    /// Does nothing if this frame has already done so for the cell. If back faces are culled, sides whose
-    /// triangles all certainly face away from the eye are left out. `bounds` is the cell's box, relative to
-    /// the scene's origin.
+    /// Appends the axis sides (plus or minus x, y or z, or none) that the objects of a cell face to `sides`,
+    /// and stores their range in the cell's state. Does nothing if this frame has already done so for the
+    /// cell. If back faces are culled, sides whose triangles all certainly face away from the eye are left
+    /// out. `bounds` is the cell's box, relative to the scene's origin.
     #[inline]
     pub(super) fn open<T: Tessellation + ?Sized>(
         &mut self,

@@ -91,8 +91,8 @@ pub(crate) enum Projected {
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub(super) struct CellState {
-    /// One bit for each plane of [`CellFrustum`] that the cell is not
-    /// certainly inside of. All bits for the eye's cell if that cell is outside of the view.
+    /// One bit for each plane of [`CellFrustum`], set unless the cell is certainly on the plane's inner
+    /// side. All bits for the eye's cell if that cell is outside of the view.
     pub(super) crossed: u16,
     /// With [`Solidity::Coverage`], the transmittance: estimated share of view rays to the cell that no
     /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is
@@ -223,8 +223,8 @@ pub(crate) struct Walk {
     pub(super) candidates: Vec<Candidate>,
     /// Number of valid entries of `candidates`.
     pub(super) candidate_count: usize,
-    /// For each normal bin, the eye's offset along the bin's normal and the tolerance of that offset, in
-    /// steps: see [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
+    /// For each normal bin, the eye's offset along the bin's normal and the tolerance of that offset, in the
+    /// bins' offset steps: see [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
     pub(super) eye_offsets: Vec<[f64; 2]>,
     /// Scratch list of the candidates that are in the visible set: object, side of its triangle on which the
     /// eye lies, view planes crossed by its cell (one bit each).

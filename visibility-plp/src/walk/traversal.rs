@@ -1,5 +1,5 @@
-//! The rendering loop of the paper's figure 4: cells are visited from the eye outwards, always the front's
-//! cell with the least solidity.
+//! The rendering loop of figure 4 of Klosowski and Silva, 2000: cells are visited from the eye outwards. The
+//! next cell is always the one with the least solidity in the front, the queue of cells to project.
 
 use super::state::{Budget, CellState, FrameContext, Projected, UNOPENED, Walk, clear, set};
 use crate::cell_frustum::CellPlace;
@@ -71,7 +71,7 @@ impl Walk {
     }
 
     /// Classifies a cell against the view planes when the frame first reaches the cell. Returns true if view
-    /// rays may pass through the cell and the cell has not propagated to its neighbours yet.
+    /// rays may pass through the cell and the cell's neighbours have not been put into the front yet.
     #[inline]
     fn reach<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) -> bool {
         if bit(&self.reached_bits, cell as usize) {
