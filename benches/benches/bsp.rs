@@ -5,7 +5,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use std::hint::black_box;
 use std::time::Duration;
 use visibility_benches::workload::Random;
-use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, Order, SceneTree, Solid};
+use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, SceneTree, Solid, TraversalStack};
 use visibility_core::glam::{DQuat, DVec3};
 use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet, scene::Triangle, view::Eye,
@@ -63,7 +63,7 @@ fn order(c: &mut Criterion) {
     group.measurement_time(Duration::from_secs(3));
     for houses in [100, 1000, 8000] {
         let tree = tree(&town(houses));
-        let (mut order, mut random) = (Order::new(), Random(6));
+        let (mut stack, mut random) = (TraversalStack::new(), Random(6));
         let reach = tree.bounds().max.as_dvec3();
         group.throughput(Throughput::Elements(tree.fragment_count() as u64));
         group.bench_function(BenchmarkId::from_parameter(tree.fragment_count()), |b| {
@@ -71,7 +71,7 @@ fn order(c: &mut Criterion) {
                 let mut share = || f64::from(random.within(0.0, 1.0));
                 let eye = reach * DVec3::new(share(), share(), share());
                 let mut sum = 0u64;
-                tree.front_to_back(Eye::Point(eye), &mut order, |fragments| {
+                tree.front_to_back(Eye::Point(eye), &mut stack, |fragments| {
                     fragments.for_each(|fragment| sum += u64::from(fragment.owner()));
                 });
                 black_box(sum)

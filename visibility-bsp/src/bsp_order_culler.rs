@@ -1,7 +1,7 @@
 //! View-volume culling with a scene's BSP tree, and front-to-back ordering of the objects.
 
 use crate::scene_tree::{SceneTree, StaleObjects};
-use crate::tree::{Fragments, Order, Subtree, Walk};
+use crate::tree::{Fragments, Subtree, TraversalStack, Walk};
 use crate::view_volume::ViewVolume;
 use alloc::vec::Vec;
 use core::borrow::Borrow;
@@ -44,7 +44,7 @@ pub struct BspOrderCuller<S> {
     /// Objects that have changed since the tree was last synchronized with the scene.
     stale: StaleObjects,
     /// Stack of the walk through the BSP tree, kept between frames to avoid allocation.
-    order: Order,
+    stack: TraversalStack,
     /// Maximum number of BSP nodes visited per frame.
     most: u64,
     /// By object index: rank in the front-to-back order from 0, [`NOT_MET`] for a candidate not reached yet,
@@ -63,7 +63,13 @@ impl<S: Borrow<SceneTree>> BspOrderCuller<S> {
     /// Creates the culler of one view. `shared` is the tree itself or a shared pointer to it. Up to 65,536
     /// nodes are visited per frame.
     pub fn new(shared: S) -> Self {
-        Self { shared, stale: StaleObjects::default(), order: Order::new(), most: 1 << 16, ranks: Vec::new() }
+        Self {
+            shared,
+            stale: StaleObjects::default(),
+            stack: TraversalStack::new(),
+            most: 1 << 16,
+            ranks: Vec::new(),
+        }
     }
 
     /// Returns the tree for replacement, or for [`sync`](SceneTree::sync) if this culler owns the tree. The
@@ -89,7 +95,7 @@ impl<S: Borrow<SceneTree>> Culler for BspOrderCuller<S> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { shared, stale, order, most, ranks } = self;
+        let Self { shared, stale, stack, most, ranks } = self;
         let shared = (*shared).borrow();
         stale.begin(shared, scene);
         ranks.clear();
@@ -101,7 +107,7 @@ impl<S: Borrow<SceneTree>> Culler for BspOrderCuller<S> {
         }
         let volume = ViewVolume::new(view, scene);
         let mut frame = Frame { volume, ranks, met: 0, left, most: *most, stats: CullStats::default() };
-        shared.tree().walk(view.eye(scene.origin()), order, &mut frame);
+        shared.tree().walk(view.eye(scene.origin()), stack, &mut frame);
         let mut stats = frame.stats;
         let cut_short = stats.nodes > *most;
         let kept = visible.retain(scene, |id, _| cut_short || ranks[id.index()] != NOT_MET);

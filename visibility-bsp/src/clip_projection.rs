@@ -24,7 +24,7 @@ pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
 /// Maximum error of a usable direction or plane, as a fraction of its largest component: 2^-24. Less certain
 /// ones are treated as unknown.
-const TOO_WRONG: f64 = 1.0 / (1u64 << 24) as f64;
+const MAX_RELATIVE_ERROR: f64 = 1.0 / (1u64 << 24) as f64;
 
 /// The view ray through a point as homogeneous clip-space `(x, y, w)`, scaled so that the largest component
 /// is 1 in magnitude.
@@ -80,7 +80,8 @@ impl Line {
         let error = error / size + 2.0 * U;
         // The comparison also refuses NaN. `n . v` itself is rounded in three products and two sums of
         // numbers up to 3.
-        (error < TOO_WRONG).then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
+        (error < MAX_RELATIVE_ERROR)
+            .then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
     }
 
     /// Returns the plane with its inner and outer sides exchanged.
@@ -187,7 +188,7 @@ impl ClipProjection {
         let (eye, eye_error) = (projection.eye(), projection.eye_error());
         let forth = DMat3::from_cols(rows[0].linear, rows[1].linear, rows[2].linear).transpose();
         let back = if let Eye::Point(_) = eye { forth.inverse() } else { DMat3::ZERO };
-        let (back_size, back_error) = wrong_by(forth, back);
+        let (back_size, back_error) = inverse_error_bounds(forth, back);
         Self { rows, near, anchor, eye, eye_error, back, back_size, back_error, turn }
     }
 
@@ -198,7 +199,7 @@ impl ClipProjection {
         let [(x, ex), (y, ey), (w, ew)] = [self.rows[0].at(q), self.rows[1].at(q), self.rows[2].at(q)];
         let size = x.abs().max(y.abs()).max(w.abs());
         let error = ex.max(ey).max(ew) / size + 2.0 * U;
-        (error < TOO_WRONG).then(|| Direction { v: [x / size, y / size, w / size], error, size })
+        (error < MAX_RELATIVE_ERROR).then(|| Direction { v: [x / size, y / size, w / size], error, size })
     }
 
     /// Returns clip-space x, y and w of a point in metres relative to `Scene::origin`, without error bounds.
@@ -235,7 +236,7 @@ impl ClipProjection {
         let (q, size) = (min - self.anchor, max - min);
         // Each corner is the value at the minimum corner plus up to three products. Any term passes through
         // at most eight roundings.
-        let reach = q.abs() + size;
+        let magnitude = q.abs() + size;
         let (mut base, mut sides, mut error) = ([0.0; 3], [[0.0; 3]; 3], 0.0f64);
         let mut largest = 0.0f64;
         for i in 0..3 {
@@ -245,7 +246,10 @@ impl ClipProjection {
             sides[0][i] = l.x * size.x;
             sides[1][i] = l.y * size.y;
             sides[2][i] = l.z * size.z;
-            let sum = l.x.abs() * reach.x + l.y.abs() * reach.y + l.z.abs() * reach.z + row.constant.abs();
+            let sum = l.x.abs() * magnitude.x
+                + l.y.abs() * magnitude.y
+                + l.z.abs() * magnitude.z
+                + row.constant.abs();
             error = error.max(16.0 * U * sum + row.error);
             // At least as large as the components of any corner.
             largest = largest.max(sum);
@@ -255,7 +259,11 @@ impl ClipProjection {
         let scaled = |v: [f64; 3]| [v[0] * scale, v[1] * scale, v[2] * scale];
         // A span adds four numbers instead of one, which takes a few more roundings.
         let slack = slack_of(error) + 32.0 * U;
-        (error < TOO_WRONG).then(|| BoxProjection { base: scaled(base), sides: sides.map(scaled), slack })
+        (error < MAX_RELATIVE_ERROR).then(|| BoxProjection {
+            base: scaled(base),
+            sides: sides.map(scaled),
+            slack,
+        })
     }
 
     /// Returns an upper bound in metres on the distance from the eye of any point inside the image that is in
@@ -382,7 +390,7 @@ pub(crate) struct Approach {
 ///
 /// `back . forth` equals `1 + R` with a residue `R`, so the computed product is off by at most `R` times the
 /// exact one. `R` is computed from three products, their sums and one difference, whose rounding is added.
-fn wrong_by(forth: DMat3, back: DMat3) -> (f64, f64) {
+fn inverse_error_bounds(forth: DMat3, back: DMat3) -> (f64, f64) {
     let (mut size, mut residue) = (0.0f64, 0.0f64);
     for row in 0..3 {
         let b = back.row(row).abs();

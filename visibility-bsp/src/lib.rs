@@ -72,7 +72,7 @@ pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
 pub use scene_tree::SceneTree;
 pub use shadow_frusta::{ShadowFrusta, ShadowFrustaCuller};
-pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Order, Subtree, Walk};
+pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Subtree, TraversalStack, Walk};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

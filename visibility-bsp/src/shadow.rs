@@ -35,7 +35,7 @@ pub(crate) struct ShadowEdge {
 
 /// A corner of the part of a polygon beyond the near plane, which outlines the polygon's shadow.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Corner {
+pub(crate) struct ShadowCorner {
     /// Position of the corner in metres relative to `Scene::origin`.
     pub(crate) p: DVec3,
     /// Clip-space `(x, y, w)` of the position divided by `size`: the largest component is 1 in magnitude.
@@ -103,7 +103,7 @@ pub(crate) struct OccluderPolygon<'a> {
     pub(crate) normal: DVec3,
     /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, widened
     /// by rounding.
-    pub(crate) reach: [f64; 2],
+    pub(crate) extent_along_normal: [f64; 2],
     /// Whether the polygon also hides for eyes behind its front.
     pub(crate) two_sided: bool,
 }
@@ -123,13 +123,18 @@ pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     }
     let area = 0.5 * scale * (sum / scale).length();
     let normal = (sum / scale).normalize();
-    let mut reach = [f64::INFINITY, f64::NEG_INFINITY];
+    let mut extent_along_normal = [f64::INFINITY, f64::NEG_INFINITY];
     for v in vertices {
         let along = normal.dot(*v);
         let error = 8.0 * U * normal.abs().dot(v.abs()) + f64::MIN_POSITIVE;
-        reach = [reach[0].min(along - error), reach[1].max(along + error)];
+        extent_along_normal =
+            [extent_along_normal[0].min(along - error), extent_along_normal[1].max(along + error)];
     }
-    (reach[0].is_finite() && reach[1].is_finite()).then_some((normal, reach, area))
+    (extent_along_normal[0].is_finite() && extent_along_normal[1].is_finite()).then_some((
+        normal,
+        extent_along_normal,
+        area,
+    ))
 }
 
 /// The shadows of one frame. Memory is kept from frame to frame.
@@ -140,7 +145,7 @@ pub(crate) struct Shadows {
     /// Edges of all shadows in `list`; each shadow has a range.
     pub(crate) edges: Vec<ShadowEdge>,
     /// Outline corners of all shadows in `list`; each shadow has a range.
-    pub(crate) corners: Vec<Corner>,
+    pub(crate) corners: Vec<ShadowCorner>,
     /// Scratch: near-plane function at each vertex of the polygon being cast, positive beyond the near
     /// plane.
     near: Vec<f64>,
@@ -197,13 +202,13 @@ impl Shadows {
         if !(3..=MOST_EDGES).contains(&count) {
             return None;
         }
-        let front = projection.is_before(occluder_polygon.normal, -occluder_polygon.reach[1]);
+        let front = projection.is_before(occluder_polygon.normal, -occluder_polygon.extent_along_normal[1]);
         let (normal, offset) = if front {
-            (occluder_polygon.normal, -occluder_polygon.reach[0])
+            (occluder_polygon.normal, -occluder_polygon.extent_along_normal[0])
         } else if occluder_polygon.two_sided
-            && projection.is_before(-occluder_polygon.normal, occluder_polygon.reach[0])
+            && projection.is_before(-occluder_polygon.normal, occluder_polygon.extent_along_normal[0])
         {
-            (-occluder_polygon.normal, occluder_polygon.reach[1])
+            (-occluder_polygon.normal, occluder_polygon.extent_along_normal[1])
         } else {
             return None;
         };
@@ -242,7 +247,7 @@ impl Shadows {
             }
             if keeps_a {
                 let Direction { v, size, .. } = self.directions[i]?;
-                self.corners.push(Corner { p: a, v, size, edge: number });
+                self.corners.push(ShadowCorner { p: a, v, size, edge: number });
             }
             if keeps_a != keeps_b {
                 let (inner, outer, ni, no) = if keeps_a { (a, b, na, nb) } else { (b, a, nb, na) };
@@ -250,7 +255,7 @@ impl Shadows {
                 let Direction { v, size, .. } = projection.direction(p)?;
                 // The cut's edge begins where the outline leaves the polygon; it is added once all corners
                 // are known.
-                self.corners.push(Corner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
+                self.corners.push(ShadowCorner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
             }
         }
         if !whole {

@@ -4,20 +4,26 @@
 mod shapes;
 
 use shapes::{hit, polygons};
-use visibility_bsp::{BspTree, Order};
+use visibility_bsp::{BspTree, TraversalStack};
 use visibility_core::{glam::DVec3, view::Eye};
 use visibility_testing::Random;
 
 /// Replaces `out` by the vertices of all fragments in the order of the walk, each with the ordinal number of
 /// its node. `back` walks back to front.
-fn visited(tree: &BspTree, eye: Eye, back: bool, order: &mut Order, out: &mut Vec<(usize, Vec<DVec3>)>) {
+fn visited(
+    tree: &BspTree,
+    eye: Eye,
+    back: bool,
+    stack: &mut TraversalStack,
+    out: &mut Vec<(usize, Vec<DVec3>)>,
+) {
     out.clear();
     let mut node = 0;
     let visit = |fragments: visibility_bsp::Fragments<'_>| {
         out.extend(fragments.map(|fragment| (node, fragment.vertices().to_vec())));
         node += 1;
     };
-    if back { tree.back_to_front(eye, order, visit) } else { tree.front_to_back(eye, order, visit) }
+    if back { tree.back_to_front(eye, stack, visit) } else { tree.front_to_back(eye, stack, visit) }
 }
 
 /// Asserts along random rays through fragments that a nearer fragment does not come after a farther one of
@@ -66,19 +72,19 @@ fn eye(random: &mut Random, polygons: &[Vec<DVec3>]) -> Eye {
 
 fn eyes(scenes: usize, of_each: usize) {
     let mut random = Random(1);
-    let (mut order, mut list, mut pairs, mut fragments) = (Order::new(), Vec::new(), 0, 0);
+    let (mut stack, mut list, mut pairs, mut fragments) = (TraversalStack::new(), Vec::new(), 0, 0);
     for scene in 0..scenes {
         let polygons = polygons(&mut random, 4 + scene % 40);
         let tree = BspTree::build((0..).zip(polygons.iter().map(|p| &p[..]))).unwrap();
         fragments += tree.fragment_count();
         for _ in 0..of_each {
             let eye = eye(&mut random, &polygons);
-            visited(&tree, eye, false, &mut order, &mut list);
+            visited(&tree, eye, false, &mut stack, &mut list);
             assert_eq!(list.len(), tree.fragment_count());
             pairs += check(&mut random, &list, eye, 2);
         }
         let eye = eye(&mut random, &polygons);
-        visited(&tree, eye, true, &mut order, &mut list);
+        visited(&tree, eye, true, &mut stack, &mut list);
         list.reverse();
         pairs += check(&mut random, &list, eye, 2);
     }
@@ -100,7 +106,7 @@ fn the_order_is_that_of_depth_from_a_million_eyes() {
 #[test]
 fn owners_that_come_and_go_leave_the_order_right() {
     let mut random = Random(2);
-    let (mut order, mut list) = (Order::new(), Vec::new());
+    let (mut stack, mut list) = (TraversalStack::new(), Vec::new());
     for _ in 0..40 {
         let polygons = polygons(&mut random, 40);
         let mut tree = BspTree::build((0..20).zip(polygons.iter().map(|p| &p[..]))).unwrap();
@@ -118,7 +124,7 @@ fn owners_that_come_and_go_leave_the_order_right() {
             }
             assert!(tree.node_count() < 2 * tree.fragment_count().max(1), "planes that divide nothing stay");
             let eye = eye(&mut random, &polygons);
-            visited(&tree, eye, false, &mut order, &mut list);
+            visited(&tree, eye, false, &mut stack, &mut list);
             assert_eq!(list.len(), tree.fragment_count());
             if !list.is_empty() {
                 check(&mut random, &list, eye, 4);

@@ -6,7 +6,7 @@ mod shapes;
 
 use shapes::{box_faces, polygons};
 use std::collections::HashSet;
-use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Order, Subtree, Walk};
+use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Subtree, TraversalStack, Walk};
 use visibility_core::{Aabb, glam::DVec3, view::Eye};
 use visibility_testing::Random;
 
@@ -139,13 +139,13 @@ fn walks_enter_only_what_they_want() {
         })
         .collect();
     let tree = build(&polygons);
-    let mut order = Order::new();
+    let mut stack = TraversalStack::new();
     let mut all = Counting(0, tree.bounds());
-    tree.walk(Eye::Point(DVec3::ZERO), &mut order, &mut all);
+    tree.walk(Eye::Point(DVec3::ZERO), &mut stack, &mut all);
     assert_eq!(all.0, tree.fragment_count());
     let corner = Aabb::from_arrays([0.0; 3], [30.0; 3]);
     let mut some = Counting(0, corner);
-    tree.walk(Eye::Point(DVec3::ZERO), &mut order, &mut some);
+    tree.walk(Eye::Point(DVec3::ZERO), &mut stack, &mut some);
     let inside = polygons.iter().filter(|p| p.iter().all(|v| corner.contains_point(v.as_vec3()))).count();
     assert!(some.0 >= inside && some.0 < all.0 / 10, "{} of {}, {inside} inside", some.0, all.0);
 }
@@ -178,7 +178,7 @@ fn hostile_polygons_are_left_out_or_survive() {
     }
     let mut random = Random(7);
     let values = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, -1e30, 3.4e38, 5e-324, 1e150, -1e300];
-    let mut order = Order::new();
+    let mut stack = TraversalStack::new();
     for _ in 0..300 {
         let value = |random: &mut Random| values[random.below(values.len())];
         let polygons: Vec<Vec<DVec3>> = (0..20)
@@ -191,10 +191,10 @@ fn hostile_polygons_are_left_out_or_survive() {
         let mut tree = build(&polygons);
         let mut count = 0;
         let eye = DVec3::from_array([(); 3].map(|()| value(&mut random)));
-        tree.front_to_back(Eye::Point(eye), &mut order, |f| count += f.count());
+        tree.front_to_back(Eye::Point(eye), &mut stack, |f| count += f.count());
         assert_eq!(count, tree.fragment_count());
-        tree.front_to_back(Eye::Point(DVec3::NAN), &mut order, |_| ());
-        tree.front_to_back(Eye::Direction(DVec3::NAN), &mut order, |_| ());
+        tree.front_to_back(Eye::Point(DVec3::NAN), &mut stack, |_| ());
+        tree.front_to_back(Eye::Direction(DVec3::NAN), &mut stack, |_| ());
         tree.locate(DVec3::NAN);
         tree.insert(5, polygons.iter().map(|p| &p[..])).unwrap();
         tree.remove(5);

@@ -109,7 +109,7 @@ impl LargeOccludersCuller {
 
     /// Returns the eye rounded to a grid of `pitch` metres, so that nearby eyes choose the same polygons. The
     /// direction of a parallel view is returned unchanged.
-    fn place(&self, eye: Eye) -> Eye {
+    fn rounded_eye(&self, eye: Eye) -> Eye {
         let pitch = self.pitch;
         let whole = |x: f64| {
             let cells = x / pitch;
@@ -146,13 +146,13 @@ impl Culler for LargeOccludersCuller {
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let news = self.selector.follow(&self.occluders, scene);
-        let place = self.place(view.eye(scene.origin()));
-        let chosen = news || self.chosen_at != Some(place) || !self.inner.map().coherent;
+        let rounded_eye = self.rounded_eye(view.eye(scene.origin()));
+        let chosen = news || self.chosen_at != Some(rounded_eye) || !self.inner.map().coherent;
         if chosen {
-            self.selector.choose(&self.occluders, &place, None, self.most);
+            self.selector.choose(&self.occluders, &rounded_eye, None, self.most);
             self.selected.clear();
             self.selected.extend(self.selector.chosen.iter().map(|chosen| chosen.polygon));
-            self.chosen_at = Some(place);
+            self.chosen_at = Some(rounded_eye);
         }
         let map = self.inner.map_mut();
         let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];

@@ -35,7 +35,7 @@ pub(super) struct Group {
     /// Whether the polygons of the group hide together. Two polygons do if the eye sees them on opposite
     /// sides of the shared edge; if they fold over each other, they do not. False for any group that the
     /// near plane of a parallel view may cut.
-    pub(super) joined: bool,
+    pub(super) usable: bool,
 }
 
 /// The plane of a polygon and the side of it that the eye of the frame is on.
@@ -50,7 +50,7 @@ pub(super) struct Face {
     pub(super) back: BackPlane,
     /// Whether the eye is surely on the side of `back`, by more than the distance within which the near
     /// plane may cut the polygon. If false, the polygon hides nothing.
-    pub(super) before: bool,
+    pub(super) usable: bool,
     /// Whether `back` is the entry for an eye in front of the polygon (false: behind).
     pub(super) from_front: bool,
 }
@@ -59,16 +59,18 @@ impl Face {
     /// Creates the planes of a polygon. The eye's side is unknown (`before` is false) until
     /// [`look`](Self::look) is called.
     pub(super) fn new(occluder_polygon: &OccluderPolygon<'_>) -> Self {
-        let front = BackPlane { normal: occluder_polygon.normal, offset: -occluder_polygon.reach[0] };
-        let rear = BackPlane { normal: -occluder_polygon.normal, offset: occluder_polygon.reach[1] };
+        let front =
+            BackPlane { normal: occluder_polygon.normal, offset: -occluder_polygon.extent_along_normal[0] };
+        let rear =
+            BackPlane { normal: -occluder_polygon.normal, offset: occluder_polygon.extent_along_normal[1] };
         let two_sided = occluder_polygon.two_sided;
-        Self { front: [front, rear], two_sided, back: front, before: false, from_front: true }
+        Self { front: [front, rear], two_sided, back: front, usable: false, from_front: true }
     }
 
     /// Determines the side of the polygon that the eye is on and updates `back`, `before` and `from_front`.
     /// `eye_error` bounds the eye's error in metres. If the plane is closer to the eye than `clear` metres,
     /// the near plane may cut the polygon, and `before` becomes false.
-    pub(super) fn look(&mut self, eye: &Eye, eye_error: f64, clear: f64) {
+    pub(super) fn update_eye(&mut self, eye: &Eye, eye_error: f64, clear: f64) {
         // The eye must be in front of the back plane. It must also be in front of all vertices, so that it
         // sees an uneven polygon from one side.
         let height = |near: &BackPlane, far: &BackPlane| match eye {
@@ -83,9 +85,9 @@ impl Face {
         let [front, rear] = &self.front;
         let (before, behind) = (height(front, rear), height(rear, front));
         if before > 0.0 || !self.two_sided || before >= behind {
-            (self.back, self.before, self.from_front) = (*front, before > 0.0, true);
+            (self.back, self.usable, self.from_front) = (*front, before > 0.0, true);
         } else {
-            (self.back, self.before, self.from_front) = (*rear, behind > 0.0, false);
+            (self.back, self.usable, self.from_front) = (*rear, behind > 0.0, false);
         }
     }
 }
@@ -103,7 +105,7 @@ impl Edge {
     /// The plane's value at a point is a determinant of three differences to the eye: six products of three
     /// factors. Rounding adds at most `8u` of each product, and an eye that is off by `e` adds at most `e` in
     /// place of each factor. The factors of 64 cover both.
-    pub(super) fn look(&mut self, eye: &Eye, eye_error: f64) {
+    pub(super) fn update_eye(&mut self, eye: &Eye, eye_error: f64) {
         match eye {
             Eye::Point(eye) => {
                 let (a, b) = (self.ends[0] - *eye, self.ends[1] - *eye);

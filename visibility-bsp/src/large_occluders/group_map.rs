@@ -48,7 +48,7 @@ struct Groups {
     groups: Vec<Group>,
     /// Number of the frame for whose eye `edges` and `groups` are computed; 0 for none. The computation is
     /// postponed until an answer is not cached.
-    looked: u64,
+    computed_for_frame: u64,
 }
 
 /// Number of frames after which an answer that no test has asked for is dropped.
@@ -101,8 +101,8 @@ impl GroupMap {
     pub(super) fn group(&mut self, occluders: &Occluders, polygons: &[u32]) {
         self.forget();
         self.shared.clear();
-        let Groups { faces, edges, groups, looked } = &mut self.memory.get_mut().groups;
-        *looked = 0;
+        let Groups { faces, edges, groups, computed_for_frame } = &mut self.memory.get_mut().groups;
+        *computed_for_frame = 0;
         for (number, &polygon) in polygons.iter().enumerate() {
             let occluder_polygon = occluders.occluder_polygon(polygon);
             let v = occluder_polygon.vertices;
@@ -117,7 +117,7 @@ impl GroupMap {
                 edges.push(Edge::new(ends, middle));
             }
             faces.push(Face::new(&occluder_polygon));
-            groups.push(Group { edges: first..edges.len(), polygons: [number; 2], joined: true });
+            groups.push(Group { edges: first..edges.len(), polygons: [number; 2], usable: true });
         }
         // Edges shared by exactly two polygons, whichever way each polygon runs along them.
         self.shared.sort_unstable();
@@ -136,7 +136,7 @@ impl GroupMap {
                     }
                 }
             }
-            groups.push(Group { edges: first..edges.len(), polygons: [one.1, two.1], joined: false });
+            groups.push(Group { edges: first..edges.len(), polygons: [one.1, two.1], usable: false });
         }
     }
 
@@ -145,9 +145,9 @@ impl GroupMap {
     /// `Partial`, and the radius in metres within which the eye may move before the answer can change.
     fn compute(&self, memory: &mut Memory, min: DVec3, max: DVec3) -> (Occlusion, f64) {
         memory.computed += 1;
-        if memory.groups.looked != self.frame {
-            memory.groups.looked = self.frame;
-            memory.groups.look(&self.projection);
+        if memory.groups.computed_for_frame != self.frame {
+            memory.groups.computed_for_frame = self.frame;
+            memory.groups.update_eye(&self.projection);
         }
         memory.groups.compute(&self.projection.eye, self.coherent, min, max)
     }
@@ -160,18 +160,18 @@ impl Groups {
         let clear = projection.clearance();
         let mut turned = false;
         for face in &mut self.faces {
-            let known = (face.before, face.from_front);
-            face.look(&projection.eye, projection.eye_error, clear);
-            turned |= known != (face.before, face.from_front);
+            let known = (face.usable, face.from_front);
+            face.update_eye(&projection.eye, projection.eye_error, clear);
+            turned |= known != (face.usable, face.from_front);
         }
         turned
     }
 
     /// Computes the planes through the eye and all edges, and sets `joined` of every group.
-    fn look(&mut self, projection: &ClipProjection) {
+    fn update_eye(&mut self, projection: &ClipProjection) {
         let (eye, error) = (projection.eye, projection.eye_error);
         for edge in &mut self.edges {
-            edge.look(&eye, error);
+            edge.update_eye(&eye, error);
         }
         for number in 0..self.groups.len() {
             let group = &self.groups[number];
@@ -186,7 +186,7 @@ impl Groups {
             };
             let cut = matches!(eye, Eye::Direction(_))
                 && !self.edges[group.edges.clone()].iter().flat_map(|edge| &edge.ends).all(surely_beyond);
-            self.groups[number].joined = joined && !cut;
+            self.groups[number].usable = joined && !cut;
         }
     }
 
@@ -227,7 +227,7 @@ impl Groups {
             let [a, b] = group.polygons.map(|polygon| &self.faces[polygon]);
             // These conditions depend on the eye only through the side of each polygon that it is on; a
             // change of side clears the cache.
-            if !(a.before && b.before && group.joined)
+            if !(a.usable && b.usable && group.usable)
                 || a.back.side(min, max) != -1
                 || b.back.side(min, max) != -1
             {

@@ -39,7 +39,7 @@ pub struct Solid {
     /// Root of the tree: a node index in `arena`, or the leaf `EMPTY` or `SOLID`.
     root: u32,
     /// Upper bound on the absolute coordinates of the solid's points, on each axis.
-    reach: DVec3,
+    magnitude: DVec3,
 }
 
 /// Reason why a solid cannot be made or merged.
@@ -103,11 +103,11 @@ impl Solid {
     pub fn from_tree(tree: &BspTree) -> Result<Self, SolidError> {
         check(tree.depth())?;
         let bounds = tree.bounds();
-        let reach =
+        let magnitude =
             if tree.is_empty() { DVec3::ZERO } else { bounds.min.abs().max(bounds.max.abs()).as_dvec3() };
         let mut arena = Arena::default();
         let root = tree.copy_planes(&mut |plane, children| arena.push_plane(plane, children));
-        Ok(Self { arena, root, reach })
+        Ok(Self { arena, root, magnitude })
     }
 
     /// Tests whether the solid contains no point: its tree is a single empty leaf.
@@ -123,7 +123,7 @@ impl Solid {
     /// Tests whether a point is inside. For a point on the boundary, within rounding, either answer is
     /// possible. False for NaN.
     pub fn contains(&self, p: DVec3) -> bool {
-        if !p.abs().cmple(self.reach).all() {
+        if !p.abs().cmple(self.magnitude).all() {
             return false;
         }
         self.arena.locate(self.root, p) == SOLID
@@ -158,15 +158,15 @@ impl Solid {
     fn merge(&self, other: &Self, operation: Operation) -> Result<Self, SolidError> {
         check(self.arena.depth(self.root))?;
         check(other.arena.depth(other.root))?;
-        let reach = self.reach.max(other.reach);
+        let magnitude = self.magnitude.max(other.magnitude);
         let mut arena = Arena::default();
-        let a = arena.load(&self.arena, self.root, reach);
-        let b = arena.load(&other.arena, other.root, reach);
+        let a = arena.load(&self.arena, self.root, magnitude);
+        let b = arena.load(&other.arena, other.root, magnitude);
         let merged = merge(&mut arena, operation, a, b);
         // Only the nodes of the result are copied; the merge's intermediate nodes are dropped.
         let mut result = Arena::default();
-        let root = result.load(&arena, merged, reach);
-        Ok(Self { arena: result, root, reach })
+        let root = result.load(&arena, merged, magnitude);
+        Ok(Self { arena: result, root, magnitude })
     }
 }
 

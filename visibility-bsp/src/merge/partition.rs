@@ -118,19 +118,19 @@ impl Arena {
     }
 
     /// Stores the corners of a sub-hyperplane and returns their range.
-    fn keep(&mut self, corners: &[DVec3]) -> Sub {
+    fn add_corners(&mut self, corners: &[DVec3]) -> Sub {
         let start = self.points.len() as u32;
         self.points.extend_from_slice(corners);
         Sub { start, len: corners.len() as u32 }
     }
 
-    /// Copies the tree with root `root` from the arena `from`, and computes the sub-hyperplanes of its nodes
-    /// within a box around the origin. `reach` bounds the absolute coordinates of the tree's solid on each
-    /// axis. Returns the copy's root.
-    pub(super) fn load(&mut self, from: &Self, root: u32, reach: DVec3) -> u32 {
+    /// Copies the tree with root `root` from the arena `from`, and computes the sub-hyperplanes of its
+    /// nodes within a box around the origin. `magnitude` bounds the absolute coordinates of the tree's
+    /// solid on each axis. Returns the copy's root.
+    pub(super) fn load(&mut self, from: &Self, root: u32, magnitude: DVec3) -> u32 {
         let mut above = Vec::new();
-        // The box is a little wider than `reach`, so that faces on its sides are well inside.
-        self.load_below(from, root, reach * 1.25 + f64::MIN_POSITIVE, &mut above)
+        // The box is a little wider than `magnitude`, so that faces on its sides are well inside.
+        self.load_below(from, root, magnitude * 1.25 + f64::MIN_POSITIVE, &mut above)
     }
 
     /// Copies the subtree `child` of another arena and returns the copy's root. `above` lists the planes of
@@ -139,15 +139,15 @@ impl Arena {
         &mut self,
         from: &Self,
         child: u32,
-        reach: DVec3,
+        magnitude: DVec3,
         above: &mut Vec<(SidePlane, bool)>,
     ) -> u32 {
         if is_leaf(child) {
             return child;
         }
         let Node { plane, children: [back, front], .. } = from.node(child);
-        let plane = SidePlane::new(plane.plane, reach);
-        let mut corners = across_box(&plane.plane, reach);
+        let plane = SidePlane::new(plane.plane, magnitude);
+        let mut corners = across_box(&plane.plane, magnitude);
         let (mut inside, mut outside) = (Vec::new(), Vec::new());
         for (side, is_front) in above.iter() {
             match (side.side_of_polygon(&corners), is_front) {
@@ -163,12 +163,12 @@ impl Arena {
             }
         }
         above.push((plane, false));
-        let back = self.load_below(from, back, reach, above);
+        let back = self.load_below(from, back, magnitude, above);
         above.pop();
         above.push((plane, true));
-        let front = self.load_below(from, front, reach, above);
+        let front = self.load_below(from, front, magnitude, above);
         above.pop();
-        let sub = self.keep(&corners);
+        let sub = self.add_corners(&corners);
         self.push(Node { plane, children: [back, front], sub })
     }
 
@@ -249,13 +249,13 @@ impl Arena {
         }
         let (mut front, mut back) = (Vec::new(), Vec::new());
         cut(self.corners(sub), plane, &mut front, &mut back);
-        [self.keep(&back), self.keep(&front)]
+        [self.add_corners(&back), self.add_corners(&front)]
     }
 }
 
-/// Returns the polygon in which a plane cuts the box from `-reach` to `reach`, in boundary order. Empty if
-/// the plane misses the box.
-fn across_box(plane: &Plane, reach: DVec3) -> Vec<DVec3> {
+/// Returns the polygon in which a plane cuts the box from `-magnitude` to `magnitude`, in boundary order.
+/// Empty if the plane misses the box.
+fn across_box(plane: &Plane, magnitude: DVec3) -> Vec<DVec3> {
     let n = plane.normal.abs();
     // Every line through the box along the axis of the normal's largest component meets the plane once.
     let axis = if n.x >= n.y && n.x >= n.z {
@@ -269,8 +269,8 @@ fn across_box(plane: &Plane, reach: DVec3) -> Vec<DVec3> {
     let mut corners: Vec<DVec3> = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(s, t)| {
             let mut p = DVec3::ZERO;
-            p[u] = s * reach[u];
-            p[v] = t * reach[v];
+            p[u] = s * magnitude[u];
+            p[v] = t * magnitude[v];
             p[axis] = -(plane.normal[u] * p[u] + plane.normal[v] * p[v] + plane.offset) / plane.normal[axis];
             p
         })
@@ -279,7 +279,7 @@ fn across_box(plane: &Plane, reach: DVec3) -> Vec<DVec3> {
     for sign in [1.0, -1.0] {
         // Clips the polygon's ends that stick out of the box, with a margin for their distance from the
         // origin.
-        let side = SidePlane::new(Plane::new(DVec3::AXES[axis] * sign, reach[axis]), reach * 3.0);
+        let side = SidePlane::new(Plane::new(DVec3::AXES[axis] * sign, magnitude[axis]), magnitude * 3.0);
         match side.side_of_polygon(&corners) {
             PolygonSide::Across => {
                 cut(&corners, &side, &mut inside, &mut outside);

@@ -16,10 +16,11 @@
 //! line, and twice for points that were cut along another such line. An edge that lies on a line of the tree
 //! does not divide a leaf again.
 //!
-//! So a polygon may fail to cover a strip as wide as a line's margin, and a farther polygon reaches an open
-//! leaf there. Margins are at most a quarter of [`NARROWEST`], and a part narrower than that of a wider
-//! polygon does not count as seen. A polygon that is itself so narrow is treated separately: it is cut a
-//! margin beyond each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
+//! So a polygon may fail to cover a strip as wide as a line's margin, and a farther polygon reaches an
+//! open leaf there. Margins are at most a quarter of [`MIN_VISIBLE_WIDTH`], and a part narrower than that
+//! of a wider polygon does not count as seen. A polygon that is itself so narrow is treated separately:
+//! it is cut a margin beyond each line, and where it then reaches an open leaf it is
+//! [glimpsed](Visibility::Glimpsed).
 
 use alloc::vec::Vec;
 use visibility_core::geometry::Side;
@@ -31,7 +32,7 @@ const CLOSED: u32 = u32::MAX - 1;
 
 /// A polygon corner in NDC, -1 to 1 across the image, with the edge that leaves it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Corner {
+pub(super) struct ImageCorner {
     /// Horizontal NDC coordinate, -1 at the left and 1 at the right edge of the image.
     pub(super) x: f64,
     /// Vertical NDC coordinate, -1 at the bottom and 1 at the top of the image.
@@ -44,7 +45,7 @@ pub(super) struct Corner {
     edge: u32,
 }
 
-impl Corner {
+impl ImageCorner {
     /// Creates a corner at NDC `(x, y)` that starts no edge on a tree line.
     pub(super) fn new(x: f64, y: f64) -> Self {
         Self { x, y, on_line: false, edge: 0 }
@@ -70,10 +71,10 @@ impl Line {
     }
 
     /// Returns the line through two corners, its front on the left from `p` to `q`, and whether its margin
-    /// holds over the whole image (false: the margin was cut to a quarter of [`NARROWEST`]). `error` bounds
-    /// the absolute NDC error of the corners. `None` if the corners are closer than 64 errors or NaN, so that
-    /// the line's direction is undetermined.
-    fn through(p: Corner, q: Corner, error: f64) -> Option<(Self, bool)> {
+    /// holds over the whole image (false: the margin was cut to a quarter of [`MIN_VISIBLE_WIDTH`]).
+    /// `error` bounds the absolute NDC error of the corners. `None` if the corners are closer than 64
+    /// errors or NaN, so that the line's direction is undetermined.
+    fn through(p: ImageCorner, q: ImageCorner, error: f64) -> Option<(Self, bool)> {
         let (dx, dy) = (q.x - p.x, q.y - p.y);
         let length = visibility_core::glam::DVec2::new(dx, dy).length();
         if length.is_nan() || length < 64.0 * error {
@@ -85,31 +86,31 @@ impl Line {
         let (at, sign) = if (p.x, p.y) <= (q.x, q.y) { (p, 1.0) } else { (q, -1.0) };
         let (a, b) = (sign * -dy / length, sign * dx / length);
         let c = -(a * at.x + b * at.y);
-        let widest = 0.25 * NARROWEST;
+        let widest = 0.25 * MIN_VISIBLE_WIDTH;
         let line = Self { a: sign * a, b: sign * b, c: sign * c, margin: margin.min(widest) };
         Some((line, margin <= widest))
     }
 
     /// Returns the signed distance of a corner from the line in NDC, positive in front.
     #[inline]
-    fn distance(&self, p: Corner) -> f64 {
+    fn distance(&self, p: ImageCorner) -> f64 {
         self.a * p.x + self.b * p.y + self.c
     }
 }
 
 /// Width in NDC (1 is half the image) below which a gap or a visible part may be missed: 1/8000 of a pixel at
 /// 2560 columns.
-pub(super) const NARROWEST: f64 = 1e-7;
+pub(super) const MIN_VISIBLE_WIDTH: f64 = 1e-7;
 
 /// Visibility of a polygon behind the polygons that the beam tree contains.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Visibility {
     /// The polygon reaches no open leaf, except in gaps that rounding may have made.
     Hidden,
-    /// The polygon is at most 4 [`NARROWEST`] wide, and reaches an open leaf only in a part as narrow,
-    /// possibly within the margin of a line. Whether it is seen is uncertain.
+    /// The polygon is at most 4 [`MIN_VISIBLE_WIDTH`] wide, and reaches an open leaf only in a part as
+    /// narrow, possibly within the margin of a line. Whether it is seen is uncertain.
     Glimpsed,
-    /// A part of the polygon wider than [`NARROWEST`] reaches an open leaf.
+    /// A part of the polygon wider than [`MIN_VISIBLE_WIDTH`] reaches an open leaf.
     Seen,
 }
 
@@ -161,15 +162,16 @@ pub(super) struct Beams {
     /// Stack of polygon parts that are still to be taken down the tree.
     tasks: Vec<Task>,
     /// Corners of all parts on the `tasks` stack; the top of this stack belongs to the topmost task.
-    corners: Vec<Corner>,
+    corners: Vec<ImageCorner>,
     /// By edge of the polygon being added: its line and whether the line's margin holds over the whole
     /// image. `None` for an edge too short to have a line.
     lines: Vec<Option<(Line, bool)>>,
     /// Scratch: copy of the corners of the part being cut.
-    part: Vec<Corner>,
+    part: Vec<ImageCorner>,
     /// Scratch: signed distances in NDC of the part's corners from the node's line.
     sides: Vec<f64>,
-    /// Widest uncovered part found by the last `look` or `add`; its width is negative if none was found.
+    /// Widest uncovered part found by the last `test` or `test_and_cover`; its width is negative if none
+    /// was found.
     witness: Witness,
 }
 
@@ -237,14 +239,14 @@ impl Beams {
 
     /// Tests the visibility of a convex polygon against the open leaves without changing the tree. Corners
     /// run counter-clockwise in NDC and may lie outside the image.
-    pub(super) fn look(&mut self, polygon: &[Corner]) -> Visibility {
+    pub(super) fn test(&mut self, polygon: &[ImageCorner]) -> Visibility {
         self.run(polygon, false)
     }
 
-    /// Tests the visibility of a convex polygon like [`look`](Self::look), then closes the image area that
+    /// Tests the visibility of a convex polygon like [`test`](Self::test), then closes the image area that
     /// the polygon covers. `error` bounds the absolute NDC error of its corners. A polygon with fewer than
     /// two edges long enough to have a line covers nothing.
-    pub(super) fn add(&mut self, polygon: &[Corner], error: f64) -> Visibility {
+    pub(super) fn test_and_cover(&mut self, polygon: &[ImageCorner], error: f64) -> Visibility {
         self.lines.clear();
         for (i, &p) in polygon.iter().enumerate() {
             self.lines.push(Line::through(p, polygon[(i + 1) % polygon.len()], error));
@@ -252,14 +254,14 @@ impl Beams {
         // A polygon with an area has at least two edges; one that is hardly more than a point covers nothing.
         let closing = self.lines.iter().flatten().count() >= 2;
         if !closing {
-            return self.look(polygon);
+            return self.test(polygon);
         }
         self.end_strips(polygon, error);
         if !is_narrow(polygon) {
             return self.run(polygon, true);
         }
         // A narrow polygon is tested with margins but must cover without them, so it is run twice.
-        let visibility = self.look(polygon);
+        let visibility = self.test(polygon);
         let witness = self.witness;
         self.run(polygon, true);
         self.witness = witness;
@@ -269,7 +271,7 @@ impl Beams {
     /// Gives edges too short to have a line a substitute line in `lines`. Without it, nearly parallel
     /// neighbours would cover an endless strip. The substitute is perpendicular to the last preceding edge
     /// that has a line, and passes through whichever end of the short edge comes first along that edge.
-    fn end_strips(&mut self, polygon: &[Corner], error: f64) {
+    fn end_strips(&mut self, polygon: &[ImageCorner], error: f64) {
         let count = polygon.len();
         for i in 0..count {
             if self.lines[i].is_some() {
@@ -283,7 +285,7 @@ impl Beams {
                 continue;
             };
             // The preceding edge runs along (b, -a).
-            let along = |p: Corner| b * p.x - a * p.y;
+            let along = |p: ImageCorner| b * p.x - a * p.y;
             let c = along(polygon[i]).min(along(polygon[(i + 1) % count]));
             self.lines[i] = Some((Line { a: -b, b: a, c, margin }, false));
         }
@@ -292,7 +294,7 @@ impl Beams {
     /// Takes a convex polygon down the tree and returns its visibility. If `closing` is true, also closes the
     /// area of the open leaves that the polygon covers; otherwise stops at the first part that is surely
     /// seen.
-    fn run(&mut self, polygon: &[Corner], closing: bool) -> Visibility {
+    fn run(&mut self, polygon: &[ImageCorner], closing: bool) -> Visibility {
         self.witness.width = -1.0;
         self.tasks.clear();
         self.corners.clear();
@@ -302,7 +304,7 @@ impl Beams {
             return visibility;
         }
         for (edge, &corner) in (0..).zip(polygon) {
-            self.corners.push(Corner { edge, ..corner });
+            self.corners.push(ImageCorner { edge, ..corner });
         }
         self.tasks.push(Task { parent: NO_PARENT, side: 0, thin: false, begin: 0 });
         while let Some(task) = self.tasks.pop() {
@@ -314,7 +316,7 @@ impl Beams {
                 CLOSED => self.corners.truncate(task.begin),
                 OPEN => {
                     let witness = witness(&self.corners[task.begin..]);
-                    if !task.thin && witness.width > NARROWEST {
+                    if !task.thin && witness.width > MIN_VISIBLE_WIDTH {
                         visibility = Visibility::Seen;
                     } else if narrow && visibility == Visibility::Hidden {
                         visibility = Visibility::Glimpsed;
@@ -336,7 +338,8 @@ impl Beams {
         visibility
     }
 
-    /// Returns the widest uncovered part found by the last [`look`](Self::look) or [`add`](Self::add). The
+    /// Returns the widest uncovered part found by the last [`test`](Self::test) or
+    /// [`test_and_cover`](Self::test_and_cover). The
     /// width is negative if that call reached no open leaf.
     pub(super) fn witness(&self) -> Witness {
         self.witness
@@ -391,18 +394,18 @@ impl Beams {
             for i in 0..self.part.len() {
                 let j = if i + 1 == self.part.len() { 0 } else { i + 1 };
                 let (p, q) = (self.part[i], self.part[j]);
-                let along = Corner { on_line: true, ..p };
+                let along = ImageCorner { on_line: true, ..p };
                 match (side_of(i), side_of(j)) {
                     (Side::Front, Side::Front | Side::On) | (Side::On, Side::Front) => self.corners.push(p),
                     (Side::On, Side::On | Side::Back) => self.corners.push(along),
                     (Side::Front, Side::Back) => {
                         self.corners.push(p);
                         let cut = crossing(p, q, self.sides[i], self.sides[j]);
-                        self.corners.push(Corner { on_line: true, ..cut });
+                        self.corners.push(ImageCorner { on_line: true, ..cut });
                     }
                     (Side::Back, Side::Front) => {
                         let cut = crossing(p, q, self.sides[i], self.sides[j]);
-                        self.corners.push(Corner { on_line: p.on_line, edge: p.edge, ..cut });
+                        self.corners.push(ImageCorner { on_line: p.on_line, edge: p.edge, ..cut });
                     }
                     (Side::Back, Side::On | Side::Back) => {}
                 }
@@ -452,7 +455,7 @@ impl Beams {
         // the other lines leave, close to their own edge.
         for certain in [true, false] {
             for i in task.begin..self.corners.len() {
-                let Corner { on_line, edge, .. } = self.corners[i];
+                let ImageCorner { on_line, edge, .. } = self.corners[i];
                 match self.lines[edge as usize] {
                     Some((line, sure)) if !on_line && sure == certain => {
                         let node = self.push(slot, line, [OPEN, OPEN]);
@@ -489,15 +492,15 @@ impl Beams {
     }
 }
 
-/// Tests whether a polygon is at most 4 [`NARROWEST`] wide, by area divided by the longest edge. True for a
-/// degenerate polygon. `polygon` must not be empty.
-fn is_narrow(polygon: &[Corner]) -> bool {
-    witness(polygon).width <= 4.0 * NARROWEST
+/// Tests whether a polygon is at most 4 [`MIN_VISIBLE_WIDTH`] wide, by area divided by the longest edge.
+/// True for a degenerate polygon. `polygon` must not be empty.
+fn is_narrow(polygon: &[ImageCorner]) -> bool {
+    witness(polygon).width <= 4.0 * MIN_VISIBLE_WIDTH
 }
 
 /// Returns the mean of a part's corners and the part's approximate width in NDC: its area divided by the
 /// greatest horizontal or vertical extent of an edge, 0 for a point. `part` must not be empty.
-fn witness(part: &[Corner]) -> Witness {
+fn witness(part: &[ImageCorner]) -> Witness {
     let (mut x, mut y, mut area, mut longest) = (0.0, 0.0, 0.0f64, 0.0f64);
     let first = part[0];
     for (i, p) in part.iter().enumerate() {
@@ -512,10 +515,10 @@ fn witness(part: &[Corner]) -> Witness {
 
 /// Returns the point at which the edge from `p` to `q` meets a line with signed distances `dp` and `dq` at
 /// its ends, of opposite signs. Swapping the ends gives the same bits.
-fn crossing(p: Corner, q: Corner, dp: f64, dq: f64) -> Corner {
+fn crossing(p: ImageCorner, q: ImageCorner, dp: f64, dq: f64) -> ImageCorner {
     let (p, q, dp, dq) = if (p.x, p.y) <= (q.x, q.y) { (p, q, dp, dq) } else { (q, p, dq, dp) };
     let t = dp / (dp - dq);
-    Corner::new(p.x + (q.x - p.x) * t, p.y + (q.y - p.y) * t)
+    ImageCorner::new(p.x + (q.x - p.x) * t, p.y + (q.y - p.y) * t)
 }
 
 #[cfg(test)]
@@ -523,8 +526,8 @@ mod tests {
     use super::*;
 
     /// Builds a polygon from pairs of NDC coordinates (x, y).
-    fn polygon(corners: &[(f64, f64)]) -> Vec<Corner> {
-        corners.iter().map(|&(x, y)| Corner::new(x, y)).collect()
+    fn polygon(corners: &[(f64, f64)]) -> Vec<ImageCorner> {
+        corners.iter().map(|&(x, y)| ImageCorner::new(x, y)).collect()
     }
 
     /// Bound on the absolute NDC error of the corners in these tests.
@@ -551,11 +554,11 @@ mod tests {
                     (right, height(row + 1, right) - noise(column + 1)),
                     (left, height(row + 1, left) - noise(column)),
                 ]);
-                assert_eq!(beams.add(&quad, ERROR), Visibility::Seen);
+                assert_eq!(beams.test_and_cover(&quad, ERROR), Visibility::Seen);
             }
         }
         assert!(beams.is_closed());
-        assert_eq!(beams.look(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])), Visibility::Hidden);
+        assert_eq!(beams.test(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])), Visibility::Hidden);
     }
 
     #[test]
@@ -564,9 +567,15 @@ mod tests {
             let mut beams = Beams::default();
             beams.begin(ERROR);
             let half = 0.5 * gap;
-            beams.add(&polygon(&[(-2.0, -2.0), (0.3 - half, -2.0), (0.3 - half, 2.0), (-2.0, 2.0)]), ERROR);
-            beams.add(&polygon(&[(0.3 + half, -2.0), (2.0, -2.0), (2.0, 2.0), (0.3 + half, 2.0)]), ERROR);
-            let visibility = beams.look(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)]));
+            beams.test_and_cover(
+                &polygon(&[(-2.0, -2.0), (0.3 - half, -2.0), (0.3 - half, 2.0), (-2.0, 2.0)]),
+                ERROR,
+            );
+            beams.test_and_cover(
+                &polygon(&[(0.3 + half, -2.0), (2.0, -2.0), (2.0, 2.0), (0.3 + half, 2.0)]),
+                ERROR,
+            );
+            let visibility = beams.test(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)]));
             assert_eq!(visibility, if seen { Visibility::Seen } else { Visibility::Hidden }, "{gap}");
             let witness = beams.witness();
             assert!(!seen || (witness.x - 0.3).abs() <= half && witness.width <= gap);
@@ -583,20 +592,20 @@ mod tests {
             let mut beams = Beams::default();
             beams.begin(ERROR);
             let shape = polygon(shape);
-            assert_eq!(beams.add(&shape, ERROR), Visibility::Seen);
-            assert_eq!(beams.look(&shape), Visibility::Hidden);
+            assert_eq!(beams.test_and_cover(&shape, ERROR), Visibility::Seen);
+            assert_eq!(beams.test(&shape), Visibility::Hidden);
             // Polygons beside the shape stay visible.
             assert_eq!(
-                beams.look(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])),
+                beams.test(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])),
                 Visibility::Seen
             );
-            assert_eq!(beams.look(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])), Visibility::Seen);
+            assert_eq!(beams.test(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])), Visibility::Seen);
         }
         // A polygon that is hardly more than a point hides nothing.
         let mut beams = Beams::default();
         beams.begin(ERROR);
-        beams.add(&polygon(&[(0.3, 0.3), (0.3 + 1e-13, 0.3), (0.3, 0.3 + 1e-13)]), ERROR);
-        assert_eq!(beams.look(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])), Visibility::Seen);
+        beams.test_and_cover(&polygon(&[(0.3, 0.3), (0.3 + 1e-13, 0.3), (0.3, 0.3 + 1e-13)]), ERROR);
+        assert_eq!(beams.test(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])), Visibility::Seen);
     }
 
     #[test]
@@ -607,21 +616,21 @@ mod tests {
         let needle = |x: f64, low: f64, high: f64| {
             polygon(&[(x, low), (x + 1e-12, low), (x + 1e-12, high), (x, high)])
         };
-        assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
-        assert_eq!(beams.look(&needle(0.0, -0.5, 0.5)), Visibility::Glimpsed);
+        assert_eq!(beams.test(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
+        assert_eq!(beams.test(&needle(0.0, -0.5, 0.5)), Visibility::Glimpsed);
         // Half of the needle is covered, or all of it, or the needle is within the margin of the covering
         // polygon's edge.
         assert_eq!(
-            beams.add(&polygon(&[(0.2, -0.6), (0.4, -0.6), (0.4, 0.1), (0.2, 0.1)]), ERROR),
+            beams.test_and_cover(&polygon(&[(0.2, -0.6), (0.4, -0.6), (0.4, 0.1), (0.2, 0.1)]), ERROR),
             Visibility::Seen
         );
-        assert_eq!(beams.look(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
-        assert_eq!(beams.look(&needle(0.3, -0.5, 0.0)), Visibility::Hidden);
-        assert_eq!(beams.look(&needle(0.4, -0.5, 0.0)), Visibility::Glimpsed);
-        assert_eq!(beams.look(&needle(0.4 - 5e-13, -0.5, 0.0)), Visibility::Glimpsed);
+        assert_eq!(beams.test(&needle(0.3, -0.5, 0.5)), Visibility::Glimpsed);
+        assert_eq!(beams.test(&needle(0.3, -0.5, 0.0)), Visibility::Hidden);
+        assert_eq!(beams.test(&needle(0.4, -0.5, 0.0)), Visibility::Glimpsed);
+        assert_eq!(beams.test(&needle(0.4 - 5e-13, -0.5, 0.0)), Visibility::Glimpsed);
         // A needle covers its own area, but not a needle beside it.
-        assert_eq!(beams.add(&needle(-0.3, -0.5, 0.5), 1e-16), Visibility::Glimpsed);
-        assert_eq!(beams.look(&needle(-0.3 + 2e-12, -0.5, 0.5)), Visibility::Glimpsed);
+        assert_eq!(beams.test_and_cover(&needle(-0.3, -0.5, 0.5), 1e-16), Visibility::Glimpsed);
+        assert_eq!(beams.test(&needle(-0.3 + 2e-12, -0.5, 0.5)), Visibility::Glimpsed);
     }
 
     #[test]
@@ -637,9 +646,9 @@ mod tests {
             if flip {
                 before.rotate_left(2);
             }
-            assert_eq!(beams.add(&before, error), Visibility::Seen);
+            assert_eq!(beams.test_and_cover(&before, error), Visibility::Seen);
             for (left, right) in [(0.41, 0.49), (-0.49, -0.41)] {
-                assert_eq!(beams.look(&strip(left, right)), Visibility::Seen);
+                assert_eq!(beams.test(&strip(left, right)), Visibility::Seen);
             }
         }
     }

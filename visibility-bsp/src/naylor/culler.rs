@@ -3,7 +3,7 @@
 use super::beams::{Beams, Visibility, Witness};
 use super::screen_projection::{ProjectedPolygon, ScreenProjection};
 use crate::scene_tree::{SceneTree, StaleObjects};
-use crate::tree::{Fragment, Fragments, Order, Subtree, Walk};
+use crate::tree::{Fragment, Fragments, Subtree, TraversalStack, Walk};
 use alloc::vec::Vec;
 use core::borrow::Borrow;
 use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
@@ -52,13 +52,13 @@ pub struct NaylorCuller<S> {
     /// Objects that have changed since the tree was last synchronized with the scene.
     stale: StaleObjects,
     /// Stack of the walk through the BSP tree, kept between frames to avoid allocation.
-    order: Order,
+    stack: TraversalStack,
     /// Beam tree of the present frame: the image area that nearer polygons cover.
     beams: Beams,
     /// The polygon projected last, with its scratch memory.
     image: ProjectedPolygon,
     /// Visibility state in the present frame, by object index.
-    parts: Vec<Part>,
+    states: Vec<ObjectState>,
     /// By object index: the object seen in the last frame and the position of its first visible part. `None`
     /// for an object that was hidden or not tested.
     witnesses: Vec<Option<(ObjectId, Witness)>>,
@@ -66,7 +66,7 @@ pub struct NaylorCuller<S> {
 
 /// Visibility of an object in the present frame, as far as the walk has determined it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Part {
+enum ObjectState {
     /// The walk has reached no fragment of the object.
     Unknown,
     /// The object is not in the incoming visible set, is on no layer of the view, or its triangles in the
@@ -85,10 +85,10 @@ impl<S: Borrow<SceneTree>> NaylorCuller<S> {
         Self {
             shared,
             stale: StaleObjects::default(),
-            order: Order::new(),
+            stack: TraversalStack::new(),
             beams: Beams::default(),
             image: ProjectedPolygon::default(),
-            parts: Vec::new(),
+            states: Vec::new(),
             witnesses: Vec::new(),
         }
     }
@@ -118,15 +118,15 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { shared, stale, order, beams, image, parts, witnesses } = self;
+        let Self { shared, stale, stack, beams, image, states, witnesses } = self;
         let shared = (*shared).borrow();
         witnesses.clear();
         let Some(projection) = ScreenProjection::new(view, scene, &shared.tree().bounds()) else {
             return visible.retain(scene, |_, _| true);
         };
         stale.begin(shared, scene);
-        parts.clear();
-        parts.resize(scene.index_limit(), Part::Unknown);
+        states.clear();
+        states.resize(scene.index_limit(), ObjectState::Unknown);
         witnesses.resize(scene.index_limit(), None);
         beams.begin(projection.error());
         let mut frame = Frame {
@@ -138,18 +138,18 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
             projection,
             beams,
             image,
-            parts,
+            states,
             witnesses,
             stats: CullStats::default(),
         };
-        shared.tree().walk(view.eye(scene.origin()), order, &mut frame);
+        shared.tree().walk(view.eye(scene.origin()), stack, &mut frame);
         let Frame { mut stats, projection, .. } = frame;
-        let kept = visible.retain(scene, |id, bounds| match parts[id.index()] {
-            Part::Seen { .. } => true,
+        let kept = visible.retain(scene, |id, bounds| match states[id.index()] {
+            ObjectState::Seen { .. } => true,
             // A glimpsed part of a wide object is a face seen edge on, which does not count. `glimpsed`
             // decides only for a box that reaches in front of the near plane, since the width of
             // its image is unknown.
-            Part::Hidden { glimpsed, .. } => projection.is_narrow(bounds).unwrap_or(glimpsed),
+            ObjectState::Hidden { glimpsed, .. } => projection.is_narrow(bounds).unwrap_or(glimpsed),
             _ => !stale.is_known(shared, id) || projection.is_narrow(bounds) == Some(true),
         });
         stats.visible = kept.visible;
@@ -167,44 +167,44 @@ struct Frame<'a> {
     projection: ScreenProjection,
     beams: &'a mut Beams,
     image: &'a mut ProjectedPolygon,
-    parts: &'a mut [Part],
+    states: &'a mut [ObjectState],
     witnesses: &'a mut [Option<(ObjectId, Witness)>],
     stats: CullStats,
 }
 
 impl Frame<'_> {
     /// Returns the state of the object with index `owner`, determined on the first call of a frame.
-    /// `Part::None` for an index beyond the scene's.
-    fn part(&mut self, owner: u32) -> Part {
-        let Some(&part) = self.parts.get(owner as usize) else { return Part::None };
-        if part != Part::Unknown {
-            return part;
+    /// `ObjectState::None` for an index beyond the scene's.
+    fn state(&mut self, owner: u32) -> ObjectState {
+        let Some(&state) = self.states.get(owner as usize) else { return ObjectState::None };
+        if state != ObjectState::Unknown {
+            return state;
         }
         let object = self.shared.object(owner).and_then(|id| Some((id, self.scene.object(id).ok()?)));
-        let part = match object {
+        let state = match object {
             Some((id, object))
                 if self.stale.is_current(owner)
                     && object.layers & self.view.layers() != 0
                     && self.visible.contains(self.scene, id) =>
             {
-                Part::Hidden { occluder: object.occluder, glimpsed: false }
+                ObjectState::Hidden { occluder: object.occluder, glimpsed: false }
             }
-            _ => Part::None,
+            _ => ObjectState::None,
         };
-        self.parts[owner as usize] = part;
-        part
+        self.states[owner as usize] = state;
+        state
     }
 
     /// Projects a fragment, tests it against the beam tree and updates its object's state. If `hides` is true
     /// and the object is an occluder, the fragment also covers image area. A fragment that can change neither
     /// the state nor the covered area is skipped.
     fn draw(&mut self, fragment: &Fragment<'_>, hides: bool) {
-        let part = self.part(fragment.owner());
-        let occluder = match part {
-            Part::Unknown | Part::None => return,
-            Part::Seen { occluder: false } => return,
-            Part::Seen { .. } if !hides => return,
-            Part::Seen { occluder } | Part::Hidden { occluder, .. } => occluder,
+        let state = self.state(fragment.owner());
+        let occluder = match state {
+            ObjectState::Unknown | ObjectState::None => return,
+            ObjectState::Seen { occluder: false } => return,
+            ObjectState::Seen { .. } if !hides => return,
+            ObjectState::Seen { occluder } | ObjectState::Hidden { occluder, .. } => occluder,
         };
         if !self.projection.draw(fragment.vertices(), self.image) {
             return;
@@ -212,17 +212,17 @@ impl Frame<'_> {
         self.stats.tests += 1;
         let polygon = self.image.polygon();
         let visibility = if hides && occluder {
-            self.beams.add(polygon, self.image.error())
+            self.beams.test_and_cover(polygon, self.image.error())
         } else {
-            self.beams.look(polygon)
+            self.beams.test(polygon)
         };
-        let Part::Hidden { glimpsed, .. } = part else { return };
+        let ObjectState::Hidden { glimpsed, .. } = state else { return };
         let owner = fragment.owner() as usize;
-        self.parts[owner] = if visibility == Visibility::Seen {
+        self.states[owner] = if visibility == Visibility::Seen {
             self.witnesses[owner] = self.shared.object(owner as u32).map(|id| (id, self.beams.witness()));
-            Part::Seen { occluder }
+            ObjectState::Seen { occluder }
         } else {
-            Part::Hidden { occluder, glimpsed: glimpsed || visibility == Visibility::Glimpsed }
+            ObjectState::Hidden { occluder, glimpsed: glimpsed || visibility == Visibility::Glimpsed }
         };
     }
 }
@@ -234,12 +234,12 @@ impl Walk for Frame<'_> {
         }
         self.stats.nodes += 1;
         if let Some(owner) = subtree.owner()
-            && matches!(self.part(owner), Part::None | Part::Seen { occluder: false })
+            && matches!(self.state(owner), ObjectState::None | ObjectState::Seen { occluder: false })
         {
             return None;
         }
         let is_seen = self.projection.draw_box(subtree.bounds(), self.image)
-            && matches!(self.beams.look(self.image.polygon()), Visibility::Seen | Visibility::Glimpsed);
+            && matches!(self.beams.test(self.image.polygon()), Visibility::Seen | Visibility::Glimpsed);
         is_seen.then_some(0)
     }
 

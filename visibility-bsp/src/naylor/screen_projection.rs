@@ -1,6 +1,6 @@
 //! Clipping and projection of the scene's polygons and boxes to NDC.
 
-use super::beams::{Corner, NARROWEST};
+use super::beams::{ImageCorner, MIN_VISIBLE_WIDTH};
 use crate::polygon_cut::cut;
 use crate::view_volume::ViewVolume;
 use alloc::vec::Vec;
@@ -18,7 +18,7 @@ pub(super) struct ProjectedPolygon {
     /// parts of a cut.
     space: [Vec<DVec3>; 3],
     /// NDC corners of the polygon projected last, counter-clockwise; the image is -1 to 1.
-    polygon: Vec<Corner>,
+    polygon: Vec<ImageCorner>,
     /// Bound on the absolute error of the corners in `polygon`, in NDC.
     error: f64,
 }
@@ -31,7 +31,7 @@ impl ProjectedPolygon {
 
     /// Returns the NDC corners of the polygon projected last, counter-clockwise. They may lie outside the
     /// image. Empty before the first projection.
-    pub(super) fn polygon(&self) -> &[Corner] {
+    pub(super) fn polygon(&self) -> &[ImageCorner] {
         &self.polygon
     }
 }
@@ -42,12 +42,12 @@ pub(super) struct ScreenProjection {
     /// Matrix from points in metres relative to `Scene::origin` to clip space.
     clip: DMat4,
     /// Clipping planes in metres relative to `Scene::origin`, inner side in front: near, far, the view's own
-    /// clip planes, and the four sides of an image [`WIDER`] times as wide. Only the first `count` are
+    /// clip planes, and the four sides of an image [`CLIP_WIDTH`] times as wide. Only the first `count` are
     /// valid.
     planes: [SidePlane; MAX_PLANES],
     /// Number of valid entries in `planes`.
     count: usize,
-    /// The view volume, for testing boxes that reach in front of the near plane.
+    /// The view volume, for testing boxes that extend in front of the near plane.
     volume: ViewVolume,
     /// Positive lower bound on clip-space `w` of points in the view volume.
     least_w: f64,
@@ -56,16 +56,16 @@ pub(super) struct ScreenProjection {
 }
 
 /// Maximum absolute error of an NDC position. A view with a larger error is not culled.
-const WORST: f64 = 1e-8;
+const MAX_NDC_ERROR: f64 = 1e-8;
 
 /// Width of the clipping volume in image widths. Polygons are clipped to it in space; the rest is cut in the
 /// image by the beam tree, where an edge keeps its line.
-const WIDER: f64 = 4.0;
+const CLIP_WIDTH: f64 = 4.0;
 
 impl ScreenProjection {
-    /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if NDC
-    /// positions are not known to within [`WORST`], because the coordinates are too large or the near plane
-    /// too close, or if `bounds` is infinite.
+    /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if
+    /// NDC positions are not known to within [`MAX_NDC_ERROR`], because the coordinates are too large or
+    /// the near plane too close, or if `bounds` is infinite.
     ///
     /// Derivation of the error: `x`, `y` and `w` are sums of four products, each sum rounded by at most `5 u`
     /// times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex made by a cut
@@ -74,14 +74,14 @@ impl ScreenProjection {
     pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb) -> Option<Self> {
         let origin = scene.origin();
         let clip = view.clip_from(origin);
-        let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
+        let magnitude = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
         // Bounds rounded outwards are infinite for the largest numbers, and later checks would not detect
         // that.
-        if !reach.is_finite() {
+        if !magnitude.is_finite() {
             return None;
         }
         let [x, y, w] = [clip.row(0), clip.row(1), clip.row(3)];
-        let size = |row: DVec4| row.truncate().abs().dot(reach) + row.w.abs();
+        let size = |row: DVec4| row.truncate().abs().dot(magnitude) + row.w.abs();
         let error = 6.0 * f64::EPSILON * size(x).max(size(y)).max(size(w));
         let least_w = nearest_w(view)?;
         let mut projection = Self {
@@ -94,14 +94,14 @@ impl ScreenProjection {
         };
         // The view's first four planes are the sides of the image; wider ones replace them.
         for plane in view.planes(origin).as_slice().iter().skip(4) {
-            let side = SidePlane::new(plane.plane, reach);
+            let side = SidePlane::new(plane.plane, magnitude);
             projection.push(SidePlane { margin: side.margin + plane.error, ..side });
         }
-        for row in [w * WIDER + x, w * WIDER - x, w * WIDER + y, w * WIDER - y] {
+        for row in [w * CLIP_WIDTH + x, w * CLIP_WIDTH - x, w * CLIP_WIDTH + y, w * CLIP_WIDTH - y] {
             let plane = Plane::new(row.truncate(), row.w).normalized()?;
-            projection.push(SidePlane::new(plane, reach));
+            projection.push(SidePlane::new(plane, magnitude));
         }
-        (projection.error_at(least_w) <= WORST).then_some(projection)
+        (projection.error_at(least_w) <= MAX_NDC_ERROR).then_some(projection)
     }
 
     /// Appends a clipping plane. Does nothing if the array is full, so polygons are then clipped less.
@@ -113,9 +113,9 @@ impl ScreenProjection {
     }
 
     /// Returns a bound on the absolute NDC error of points whose clip-space `w` is at least `w`, anywhere in
-    /// the image widened by [`WIDER`].
+    /// the image widened by [`CLIP_WIDTH`].
     fn error_at(&self, w: f64) -> f64 {
-        (self.error * (1.0 + WIDER) / w).max(4.0 * f64::EPSILON)
+        (self.error * (1.0 + CLIP_WIDTH) / w).max(4.0 * f64::EPSILON)
     }
 
     /// Returns a bound on the absolute error of any projected point, in NDC.
@@ -153,7 +153,7 @@ impl ScreenProjection {
             let q = self.clip * v.extend(1.0);
             let w = q.w.max(self.least_w);
             nearest = nearest.min(w);
-            image.polygon.push(Corner::new(q.x / w, q.y / w));
+            image.polygon.push(ImageCorner::new(q.x / w, q.y / w));
         }
         image.error = self.error_at(nearest);
         if area(&image.polygon) < 0.0 {
@@ -162,16 +162,17 @@ impl ScreenProjection {
         image.polygon.len() >= 3
     }
 
-    /// Tests whether a box is at most about 4 [`NARROWEST`] wide in NDC in some direction: every corner lies
-    /// within 2 [`NARROWEST`] of one line. `None` if a corner may be in front of the near plane, or is NaN.
+    /// Tests whether a box is at most about 4 [`MIN_VISIBLE_WIDTH`] wide in NDC in some direction: every
+    /// corner lies within 2 [`MIN_VISIBLE_WIDTH`] of one line. `None` if a corner may be in front of the
+    /// near plane, or is NaN.
     pub(super) fn is_narrow(&self, bounds: &Aabb) -> Option<bool> {
         let mut corners = [[0.0; 2]; 8];
-        for (place, corner) in corners.iter_mut().zip(bounds.corners()) {
+        for (projected, corner) in corners.iter_mut().zip(bounds.corners()) {
             let q = self.clip * corner.as_dvec3().extend(1.0);
             if !(q.w >= self.least_w) {
                 return None;
             }
-            *place = [q.x / q.w, q.y / q.w];
+            *projected = [q.x / q.w, q.y / q.w];
         }
         let farthest = |from: [f64; 2]| {
             let mut best = (0.0, from);
@@ -188,12 +189,12 @@ impl ScreenProjection {
         // Distances of the corners from the longest line between corners, times that line's length.
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let off = |p: &[f64; 2]| (dx * (p[1] - a[1]) - dy * (p[0] - a[0])).abs();
-        Some(corners.iter().all(|p| off(p) <= 2.0 * NARROWEST * length))
+        Some(corners.iter().all(|p| off(p) <= 2.0 * MIN_VISIBLE_WIDTH * length))
     }
 
     /// Replaces `image` by a rectangle in NDC that contains the projection of a box, clamped to the image.
-    /// The rectangle is the whole image if the box may reach in front of the near plane. Returns false if the
-    /// box is outside the view.
+    /// The rectangle is the whole image if the box may extend in front of the near plane. Returns false if
+    /// the box is outside the view.
     pub(super) fn draw_box(&self, bounds: &Aabb, image: &mut ProjectedPolygon) -> bool {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for corner in bounds.corners() {
@@ -213,9 +214,9 @@ impl ScreenProjection {
         let [left, low] = min.map(|v| (v - 4.0 * self.error()).max(-1.0));
         let [right, high] = max.map(|v| (v + 4.0 * self.error()).min(1.0));
         image.polygon.clear();
-        image
-            .polygon
-            .extend([(left, low), (right, low), (right, high), (left, high)].map(|(x, y)| Corner::new(x, y)));
+        image.polygon.extend(
+            [(left, low), (right, low), (right, high), (left, high)].map(|(x, y)| ImageCorner::new(x, y)),
+        );
         left <= right && low <= high
     }
 }
@@ -238,7 +239,7 @@ fn nearest_w(view: &View) -> Option<f64> {
 
 /// Returns twice the signed area of a polygon in square NDC units, positive if counter-clockwise. The polygon
 /// must not be empty.
-fn area(polygon: &[Corner]) -> f64 {
+fn area(polygon: &[ImageCorner]) -> f64 {
     let first = polygon[0];
     polygon
         .windows(2)

@@ -83,8 +83,8 @@ impl Grid {
     /// Returns the half-open ranges of columns and rows between two corners, which must lie on grid lines.
     fn range(&self, low: [f64; 2], high: [f64; 2]) -> [core::ops::Range<usize>; 2] {
         [0, 1].map(|i| {
-            let place = |x: f64| self.lines[i].partition_point(|&line| line < x);
-            place(low[i])..place(high[i])
+            let line_index = |x: f64| self.lines[i].partition_point(|&line| line < x);
+            line_index(low[i])..line_index(high[i])
         })
     }
 
@@ -146,7 +146,7 @@ struct Candidate {
     /// Index of the rectangle in the list returned by `Grid::largest`.
     number: usize,
     /// Number of rectangles that had been taken when `new` was computed; `new` is exact while no more are.
-    asked: usize,
+    evaluated_at: usize,
 }
 
 impl Eq for Candidate {}
@@ -198,7 +198,7 @@ pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f
     let mut candidates: BinaryHeap<Candidate> = (0..rectangles.len())
         .map(|number| {
             let (new, area) = measure(number, &open);
-            Candidate { new, area, number, asked: 0 }
+            Candidate { new, area, number, evaluated_at: 0 }
         })
         .collect();
     let mut taken = 0;
@@ -206,9 +206,9 @@ pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f
         && let Some(best) = candidates.pop()
     {
         // The added area of a rectangle only shrinks as others are taken.
-        if best.asked < taken {
+        if best.evaluated_at < taken {
             let (new, _) = measure(best.number, &open);
-            candidates.push(Candidate { new, asked: taken, ..best });
+            candidates.push(Candidate { new, evaluated_at: taken, ..best });
             continue;
         }
         if !(best.new > 0.0) {

@@ -14,35 +14,35 @@ pub(crate) fn triangles_of(
     transform: &Affine3A,
     source: u32,
     closed: bool,
-    pieces: &mut Vec<OccluderTriangle>,
+    triangles: &mut Vec<OccluderTriangle>,
 ) {
-    let place = placer(transform);
-    let at = |i: u32| place(mesh.positions()[i as usize].as_dvec3());
+    let transformed = point_transform(transform);
+    let at = |i: u32| transformed(mesh.positions()[i as usize].as_dvec3());
     if (0..mesh.positions().len() as u32).any(|i| !at(i).is_finite()) {
         return;
     }
     let mirrored = transform.matrix3.determinant() < 0.0;
-    let first = pieces.len();
+    let first = triangles.len();
     let two_sided = mesh.is_two_sided() && !closed;
     for t in mesh.triangles() {
         let [a, b, c] = t.map(at);
         let corners = if mirrored { [a, c, b] } else { [a, b, c] };
-        pieces.push(OccluderTriangle { corners, source, two_sided });
+        triangles.push(OccluderTriangle { corners, source, two_sided });
     }
     if mesh.is_two_sided() && closed {
         // If a closed two-sided mesh is stored inside out, its triangles are turned so that their fronts face
         // outwards.
         let origin = at(0);
-        let volume: f64 = pieces[first..]
+        let volume: f64 = triangles[first..]
             .iter()
             .map(|t| {
                 let [a, b, c] = t.corners.map(|p| p - origin);
                 a.dot(b.cross(c))
             })
             .sum();
-        for piece in &mut pieces[first..] {
+        for triangle in &mut triangles[first..] {
             if volume < 0.0 {
-                piece.corners.swap(1, 2);
+                triangle.corners.swap(1, 2);
             }
         }
     }
@@ -50,7 +50,7 @@ pub(crate) fn triangles_of(
 
 /// Returns a function that applies an affine transform to points in `f64`. The identity returns points
 /// unchanged, without rounding.
-fn placer(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
+fn point_transform(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
     let identity = *transform == Affine3A::IDENTITY;
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
         .map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));

@@ -99,8 +99,8 @@ impl Sweep<'_> {
         self.tree = alloc::vec![Interval::EMPTY; 2 * size];
         for number in order {
             let rectangle = &self.rectangles[number as usize];
-            let place = |x: f64| lines.partition_point(|&line| line < x);
-            let range = [place(rectangle.low[across]), place(rectangle.high[across])];
+            let line_index = |x: f64| lines.partition_point(|&line| line < x);
+            let range = [line_index(rectangle.low[across]), line_index(rectangle.high[across])];
             self.insert(1, [0, size], range, number);
         }
     }

@@ -27,15 +27,15 @@ struct Polygon {
 
 /// Joins triangles greedily and returns the resulting polygons; a triangle that joins with none becomes a
 /// polygon of its own.
-pub(super) fn join(pieces: &[OccluderTriangle]) -> Vec<Outline> {
-    let (positions, corners) = weld(pieces);
-    let mut polygons: Vec<Option<Polygon>> = Vec::with_capacity(pieces.len());
+pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
+    let (positions, corners) = weld(triangles);
+    let mut polygons: Vec<Option<Polygon>> = Vec::with_capacity(triangles.len());
     let mut edges: BTreeMap<(u32, u32), u32> = BTreeMap::new();
-    for ((piece, corners), number) in pieces.iter().zip(&corners).zip(0..) {
+    for ((triangle, corners), number) in triangles.iter().zip(&corners).zip(0..) {
         polygons.push(Some(Polygon {
             vertices: corners.to_vec(),
-            sources: alloc::vec![piece.source],
-            two_sided: piece.two_sided,
+            sources: alloc::vec![triangle.source],
+            two_sided: triangle.two_sided,
         }));
         for i in 0..3 {
             edges.insert((corners[i], corners[(i + 1) % 3]), number);
@@ -67,12 +67,12 @@ pub(super) fn join(pieces: &[OccluderTriangle]) -> Vec<Outline> {
         }
         polygons[number] = Some(polygon);
     }
-    let place = |v: u32| positions[v as usize];
+    let position = |v: u32| positions[v as usize];
     polygons
         .into_iter()
         .flatten()
         .map(|polygon| Outline {
-            vertices: polygon.vertices.into_iter().map(place).collect(),
+            vertices: polygon.vertices.into_iter().map(position).collect(),
             sources: polygon.sources,
             solids: Vec::new(),
             two_sided: polygon.two_sided,
@@ -82,13 +82,13 @@ pub(super) fn join(pieces: &[OccluderTriangle]) -> Vec<Outline> {
 
 /// Returns the distinct positions, equal only if bit-identical (both zeros count as one), and each triangle's
 /// corners as indices of positions.
-fn weld(pieces: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let mut places: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+fn weld(triangles: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut indices: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     let mut positions = Vec::new();
-    let mut corners = Vec::with_capacity(pieces.len());
-    for piece in pieces {
-        corners.push(piece.corners.map(|p| {
-            *places.entry((p + 0.0).to_array().map(f64::to_bits)).or_insert_with(|| {
+    let mut corners = Vec::with_capacity(triangles.len());
+    for triangle in triangles {
+        corners.push(triangle.corners.map(|p| {
+            *indices.entry((p + 0.0).to_array().map(f64::to_bits)).or_insert_with(|| {
                 positions.push(p);
                 positions.len() as u32 - 1
             })
@@ -136,9 +136,9 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
 /// Tests whether a loop of points in boundary order has an area, deviates from its plane by at most [`FLAT`]
 /// of its size, and is convex up to rounding.
 fn is_flat_and_convex(points: &[DVec3]) -> bool {
-    let Some((normal, reach, _)) = plane_of(points) else { return false };
+    let Some((normal, extent_along_normal, _)) = plane_of(points) else { return false };
     let size = points.iter().map(|p| p.distance(points[0])).fold(0.0, f64::max);
-    if reach[1] - reach[0] > FLAT * size {
+    if extent_along_normal[1] - extent_along_normal[0] > FLAT * size {
         return false;
     }
     let count = points.len();
@@ -157,9 +157,9 @@ mod tests {
     fn a_slanted_fan_becomes_one_polygon_and_a_step_does_not() {
         let around = [[0.0, 0.0], [2.0, 0.0], [3.0, 1.0], [2.0, 2.0], [0.0, 2.0]];
         let p = |k: usize| DVec3::new(around[k][0], around[k][1], around[k][0] * 0.5);
-        let piece =
+        let triangle =
             |a, b, c, source| OccluderTriangle { corners: [p(a), p(b), p(c)], source, two_sided: false };
-        let flat = [piece(0, 1, 2, 0), piece(0, 2, 3, 1), piece(0, 3, 4, 2)];
+        let flat = [triangle(0, 1, 2, 0), triangle(0, 2, 3, 1), triangle(0, 3, 4, 2)];
         let outlines = join(&flat);
         assert_eq!(outlines.len(), 1);
         assert_eq!((outlines[0].vertices.len(), &outlines[0].sources[..]), (5, &[0, 1, 2][..]));

@@ -34,7 +34,7 @@ pub(super) struct Polygon {
     pub(super) normal: DVec3,
     /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, widened
     /// by rounding.
-    pub(super) reach: [f64; 2],
+    pub(super) extent_along_normal: [f64; 2],
     /// Area of the polygon in square metres.
     pub(super) area: f64,
     /// Mean of the polygon's vertices, in metres relative to `Scene::origin`.
@@ -233,7 +233,7 @@ impl Occluders {
 
     /// Returns the mean of a polygon's vertices in metres relative to `Scene::origin`, and the greatest
     /// distance of a vertex from it in metres.
-    pub(crate) fn about(&self, polygon: u32) -> (DVec3, f64) {
+    pub(crate) fn bounding_sphere(&self, polygon: u32) -> (DVec3, f64) {
         let p = &self.polygons[polygon as usize];
         (p.center, p.radius)
     }
@@ -245,7 +245,7 @@ impl Occluders {
         OccluderPolygon {
             vertices: self.vertices_of(p),
             normal: p.normal,
-            reach: p.reach,
+            extent_along_normal: p.extent_along_normal,
             two_sided: p.two_sided,
         }
     }
@@ -253,18 +253,18 @@ impl Occluders {
     /// Appends polygons made from the occluder meshes of the objects `ids`. Polygons are joined across these
     /// objects, but not with polygons made earlier.
     fn add_from(&mut self, scene: &Scene, ids: &[ObjectId]) {
-        let mut pieces = Vec::new();
+        let mut triangles = Vec::new();
         for (source, &id) in (0..).zip(ids) {
             if let Some((mesh, transform)) = scene.occluder(id) {
-                triangles_of(mesh, transform, source, is_closed(mesh.triangles()), &mut pieces);
+                triangles_of(mesh, transform, source, is_closed(mesh.triangles()), &mut triangles);
             }
         }
-        let levels = rectangles::take_rectangles(&mut pieces);
+        let levels = rectangles::take_rectangles(&mut triangles);
         let mut outlines = rectangles::join(&levels);
         let solids = sections::solids(&levels);
         outlines.extend(sections::sections(&solids));
         sections::drop_covered(&mut outlines);
-        outlines.extend(patches::join(&pieces));
+        outlines.extend(patches::join(&triangles));
         let middle = |outline: &Outline| {
             let mut center = DVec3::ZERO;
             for v in &outline.vertices {
@@ -286,7 +286,7 @@ impl Occluders {
         let (start, mut classes) = (self.polygons.len(), Vec::with_capacity(order.len()));
         for &number in &order {
             let outline = &outlines[number as usize];
-            let Some((normal, reach, area)) = planes[number as usize] else { continue };
+            let Some((normal, extent_along_normal, area)) = planes[number as usize] else { continue };
             classes.push(class(number));
             let center = centers[number as usize];
             let radius = outline.vertices.iter().map(|v| v.distance(center)).fold(0.0, f64::max);
@@ -299,7 +299,7 @@ impl Occluders {
                 first_solid: self.solids.len() as u32,
                 solids: outline.solids.len() as u32,
                 normal,
-                reach,
+                extent_along_normal,
                 area,
                 center,
                 radius,

@@ -72,19 +72,19 @@ pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down:
         .into()
 }
 
-/// Removes from `pieces` all pairs of triangles of one object that form an axis-aligned rectangle. Returns
+/// Removes from `triangles` all pairs of triangles of one object that form an axis-aligned rectangle. Returns
 /// the rectangles by plane.
-pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
+pub(super) fn take_rectangles(triangles: &mut Vec<OccluderTriangle>) -> Levels {
     let mut levels = Levels::new();
     // Triangles that wait for the other half of their rectangle. By plane, rectangle and source: the index of
     // the triangle that lacks each of the four corners.
     type Key = (Level, [u64; 4], u32);
     let mut halves: BTreeMap<Key, [Option<usize>; 4]> = BTreeMap::new();
-    let mut taken = alloc::vec![false; pieces.len()];
-    for (number, piece) in pieces.iter().enumerate() {
-        let [a, b, c] = piece.corners;
+    let mut taken = alloc::vec![false; triangles.len()];
+    for (number, triangle) in triangles.iter().enumerate() {
+        let [a, b, c] = triangle.corners;
         let Some(axis) = (0..3).find(|&axis| a[axis] == b[axis] && b[axis] == c[axis]) else { continue };
-        let flat = piece.corners.map(|p| [p[(axis + 1) % 3], p[(axis + 2) % 3]]);
+        let flat = triangle.corners.map(|p| [p[(axis + 1) % 3], p[(axis + 2) % 3]]);
         let low = [0, 1].map(|i| flat[0][i].min(flat[1][i]).min(flat[2][i]));
         let high = [0, 1].map(|i| flat[0][i].max(flat[1][i]).max(flat[2][i]));
         if low[0] >= high[0] || low[1] >= high[1] {
@@ -104,19 +104,19 @@ pub(super) fn take_rectangles(pieces: &mut Vec<OccluderTriangle>) -> Levels {
         let missing = missing.trailing_zeros() as usize;
         let turn = (flat[1][0] - flat[0][0]) * (flat[2][1] - flat[0][1])
             - (flat[1][1] - flat[0][1]) * (flat[2][0] - flat[0][0]);
-        let facing = if piece.two_sided { 2 } else { u8::from(turn > 0.0) };
+        let facing = if triangle.two_sided { 2 } else { u8::from(turn > 0.0) };
         let level = (axis, ordered(a[axis]), facing);
-        let key = (level, [low[0], low[1], high[0], high[1]].map(ordered), piece.source);
-        let waiting = halves.entry(key).or_default();
-        if let Some(other) = waiting[3 - missing].take() {
+        let key = (level, [low[0], low[1], high[0], high[1]].map(ordered), triangle.source);
+        let unpaired = halves.entry(key).or_default();
+        if let Some(other) = unpaired[3 - missing].take() {
             (taken[number], taken[other]) = (true, true);
-            levels.entry(level).or_default().push(Rectangle { low, high, source: piece.source });
+            levels.entry(level).or_default().push(Rectangle { low, high, source: triangle.source });
         } else {
-            waiting[missing] = Some(number);
+            unpaired[missing] = Some(number);
         }
     }
     let mut taken = taken.iter();
-    pieces.retain(|_| !taken.next().copied().unwrap_or(false));
+    triangles.retain(|_| !taken.next().copied().unwrap_or(false));
     levels
 }
 
@@ -134,17 +134,17 @@ mod tests {
 
     #[test]
     fn a_wall_with_a_window_becomes_the_four_strips_around_it() {
-        // Full-height strips beside the window, one piece below it and one above.
+        // Full-height strips beside the window, one triangle below it and one above.
         let parts = [
             ([0.0, 0.0], [2.0, 3.0]),
             ([2.0, 0.0], [3.0, 1.0]),
             ([2.0, 2.0], [3.0, 3.0]),
             ([3.0, 0.0], [5.0, 3.0]),
         ];
-        let mut pieces: Vec<OccluderTriangle> =
+        let mut triangles: Vec<OccluderTriangle> =
             parts.iter().zip(0..).flat_map(|(&(low, high), source)| quad(low, high, source)).collect();
-        let outlines = join(&take_rectangles(&mut pieces));
-        assert!(pieces.is_empty());
+        let outlines = join(&take_rectangles(&mut triangles));
+        assert!(triangles.is_empty());
         let mut boxes: Vec<_> = outlines.iter().map(|o| (o.vertices[0].truncate(), o.vertices[2])).collect();
         boxes.sort_by(|a, b| (a.0.y, a.1.z).partial_cmp(&(b.0.y, b.1.z)).unwrap());
         assert_eq!(outlines.len(), 4);
@@ -162,12 +162,12 @@ mod tests {
 
     #[test]
     fn what_lies_in_another_plane_or_only_touches_a_corner_is_not_joined() {
-        let mut pieces: Vec<OccluderTriangle> = quad([0.0, 0.0], [1.0, 1.0], 0).into();
-        pieces.extend(quad([1.0, 1.0], [2.0, 2.0], 1));
+        let mut triangles: Vec<OccluderTriangle> = quad([0.0, 0.0], [1.0, 1.0], 0).into();
+        triangles.extend(quad([1.0, 1.0], [2.0, 2.0], 1));
         let mut shifted = quad([1.0, 0.0], [2.0, 1.0], 2);
         shifted.iter_mut().flat_map(|p| &mut p.corners).for_each(|p| p.x = 1.0 + f64::EPSILON);
-        pieces.extend(shifted);
-        assert_eq!(join(&take_rectangles(&mut pieces)).len(), 3);
+        triangles.extend(shifted);
+        assert_eq!(join(&take_rectangles(&mut triangles)).len(), 3);
     }
 
     #[test]

@@ -29,7 +29,7 @@ use visibility_core::glam::DVec3;
 
 /// A closed axis-aligned box of one object, in metres relative to `Scene::origin`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Solid {
+pub(crate) struct SolidBox {
     /// Minimum corner, in metres relative to `Scene::origin`.
     pub(crate) min: DVec3,
     /// Maximum corner, in metres relative to `Scene::origin`.
@@ -52,7 +52,7 @@ const MOST_FACES: usize = 4096;
 
 /// Finds the boxes of which all six faces are present as rectangles of one object, facing outwards or both
 /// ways.
-pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
+pub(super) fn solids(levels: &Levels) -> Vec<SolidBox> {
     // Faces by object, plane and sides; and the faces across x, in pairs of which boxes are found.
     let mut faces: BTreeSet<(u32, Level, [u64; 4])> = BTreeSet::new();
     let mut pairs: Vec<(u32, [u64; 4], u64, u8)> = Vec::new();
@@ -88,7 +88,7 @@ pub(super) fn solids(levels: &Levels) -> Vec<Solid> {
                 && [(z0, 0), (z1, 1)].iter().all(|&(z, facing)| has(2, z, facing, [x0, y0, x1, y1]));
             if closed {
                 let at = |p: [u64; 3]| DVec3::from_array(p.map(from_ordered));
-                solids.push(Solid { min: at([x0, y0, z0]), max: at([x1, y1, z1]), source });
+                solids.push(SolidBox { min: at([x0, y0, z0]), max: at([x1, y1, z1]), source });
             }
         }
     }
@@ -121,11 +121,11 @@ impl Near {
         let mut levels = Vec::new();
         let mut level: Vec<(DVec3, DVec3)> = order.iter().map(|&i| boxes[i as usize]).collect();
         while level.len() > BLOCK {
-            let about = |run: &[(DVec3, DVec3)]| {
+            let bounds_of = |run: &[(DVec3, DVec3)]| {
                 run.iter()
                     .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |all, b| (all.0.min(b.0), all.1.max(b.1)))
             };
-            level = level.chunks(BLOCK).map(about).collect();
+            level = level.chunks(BLOCK).map(bounds_of).collect();
             levels.push(level.clone());
         }
         Self { order, boxes, levels }
@@ -164,7 +164,7 @@ impl Near {
 
 /// Returns all sections of the given boxes: two-sided rectangles inside sets of boxes that abut or overlap.
 /// Only sections sufficiently larger than the faces of their boxes are returned.
-pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
+pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
     let near = Near::new(solids.iter().map(|solid| (solid.min, solid.max)).collect());
     let mut outlines = Vec::new();
     for axis in 0..3 {
@@ -176,7 +176,7 @@ pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
             let at = from_ordered(at);
             let (mut cut, mut deeper) = (Vec::new(), false);
             for &number in beginning {
-                let Solid { min, mut max, .. } = solids[number as usize];
+                let SolidBox { min, mut max, .. } = solids[number as usize];
                 max[axis] = at;
                 let start = cut.len();
                 // The box touches itself, too.
@@ -191,7 +191,7 @@ pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
             cut.sort_unstable();
             cut.dedup();
             let rectangle = |&number: &u32| {
-                let Solid { min, max, .. } = solids[number as usize];
+                let SolidBox { min, max, .. } = solids[number as usize];
                 Rectangle { low: flat(min, axis), high: flat(max, axis), source: number }
             };
             let rectangles: Vec<Rectangle> = cut.iter().map(rectangle).collect();
@@ -219,7 +219,7 @@ pub(super) fn sections(solids: &[Solid]) -> Vec<Outline> {
 /// Tests whether a section's area is more than [`GAIN`] times that of the largest rectangle that faces of its
 /// boxes in one plane form within the section. `low` and `high` are the section's corners along the two axes
 /// after `axis`, and `boxes` indices into `solids`.
-fn is_gain(solids: &[Solid], axis: usize, low: [f64; 2], high: [f64; 2], boxes: &[u32]) -> bool {
+fn is_gain(solids: &[SolidBox], axis: usize, low: [f64; 2], high: [f64; 2], boxes: &[u32]) -> bool {
     let area = |low: [f64; 2], high: [f64; 2]| (high[0] - low[0]) * (high[1] - low[1]);
     let mut level: Vec<(u64, u32)> = Vec::new();
     let mut largest = 0.0f64;
@@ -252,13 +252,13 @@ fn is_gain(solids: &[Solid], axis: usize, low: [f64; 2], high: [f64; 2], boxes: 
 /// Removes the faces and sections (rectangles inside closed boxes) that are covered by a section close to
 /// them, unless they are made of other objects than the section.
 pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
-    let about = |outline: &Outline| {
+    let bounds_of = |outline: &Outline| {
         outline
             .vertices
             .iter()
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |all, v| (all.0.min(*v), all.1.max(*v)))
     };
-    let boxes: Vec<(DVec3, DVec3)> = outlines.iter().map(about).collect();
+    let boxes: Vec<(DVec3, DVec3)> = outlines.iter().map(bounds_of).collect();
     let axis_of = |(min, max): &(DVec3, DVec3)| (0..3).find(|&axis| min[axis] == max[axis]);
     let near = Near::new(boxes.clone());
     let mut kept = alloc::vec![true; outlines.len()];

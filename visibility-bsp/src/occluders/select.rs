@@ -4,7 +4,7 @@
 
 use super::polygons::{Block, Occluders, Polygon};
 use crate::clip_projection::{ClipProjection, corners_of};
-use crate::shadow::Corner;
+use crate::shadow::ShadowCorner;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
@@ -269,7 +269,7 @@ fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
 /// Returns the solid angle of a convex polygon in steradians, given the corners of its projection; for
 /// parallel views, its area in square NDC units (4 for the whole image). Accurate to a few percent, which is
 /// enough for ranking. 0 without corners.
-pub(crate) fn angle_of(projection: &ClipProjection, corners: &[Corner]) -> f32 {
+pub(crate) fn angle_of(projection: &ClipProjection, corners: &[ShadowCorner]) -> f32 {
     let Some((first, rest)) = corners.split_first() else { return 0.0 };
     let mut sum = 0.0;
     match projection.eye {

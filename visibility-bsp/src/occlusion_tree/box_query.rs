@@ -9,7 +9,7 @@
 //! hide them, and one of the sides is their own. Two shadows that share an edge therefore leave no gap, and
 //! no shadow becomes wider than it is. Each cut adds four roundings to the error.
 
-use super::nodes::{AWAY, Child, HIDDEN, LIT, MOST_PLANES, Nodes};
+use super::nodes::{Child, HIDDEN, MOST_PLANES, Nodes, OUTSIDE, VISIBLE};
 use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
@@ -23,7 +23,7 @@ struct Found {
     /// Whether a part was surely hidden in its leaf.
     hidden: bool,
     /// Whether a part was surely visible in its leaf.
-    lit: bool,
+    visible: bool,
 }
 
 /// A convex part of a box's projection, as a cone of view rays.
@@ -96,7 +96,7 @@ const OUTLINES: [([u8; 6], u8); 64] = {
 };
 
 /// State of testing one box against the occlusion tree.
-struct Walk<'a> {
+struct BoxTest<'a> {
     /// The occlusion tree of the frame.
     nodes: &'a Nodes,
     /// Projection of the frame's view.
@@ -136,44 +136,44 @@ impl Nodes {
             }
         }
         match child {
-            AWAY => return Occlusion::Hidden,
-            LIT => return Occlusion::Visible,
+            OUTSIDE => return Occlusion::Hidden,
+            VISIBLE => return Occlusion::Visible,
             _ => {}
         }
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        let mut walk = Walk { nodes: self, projection, min, max, faces: 0, found: Found::default() };
+        let mut test = BoxTest { nodes: self, projection, min, max, faces: 0, found: Found::default() };
         let whole = match faces_before(projection, min, max) {
             Some(faces) => {
-                walk.faces = faces;
+                test.faces = faces;
                 let (outline, count) = &OUTLINES[faces];
-                walk.visit(child, &Part::new(&cone, &outline[..usize::from(*count)]))
+                test.visit(child, &Part::new(&cone, &outline[..usize::from(*count)]))
             }
             // If it is uncertain which faces are turned to the eye, every face that may be is tested.
             None => (0..6).all(|face| {
                 !may_be_before(projection, face, min, max)
-                    || walk.visit(child, &Part::new(&cone, &FACES[face]))
+                    || test.visit(child, &Part::new(&cone, &FACES[face]))
             }),
         };
-        walk.found.verdict(whole)
+        test.found.verdict(whole)
     }
 }
 
-impl Walk<'_> {
+impl BoxTest<'_> {
     /// Records in `found` whether a leaf hides a part of the box. Returns false if this is undecided, or if
     /// another part got the opposite answer; the box is then partially visible. A leaf outside the image
     /// records nothing.
-    fn look(&mut self, leaf: Child, part: &Part) -> bool {
-        let lit = match leaf {
-            AWAY => return true,
-            LIT => true,
+    fn record_leaf(&mut self, leaf: Child, part: &Part) -> bool {
+        let visible = match leaf {
+            OUTSIDE => return true,
+            VISIBLE => true,
             _ => match self.side_of(leaf, part) {
                 0 => return false,
                 side => side > 0,
             },
         };
-        self.found.lit |= lit;
-        self.found.hidden |= !lit;
-        !(self.found.lit && self.found.hidden)
+        self.found.visible |= visible;
+        self.found.hidden |= !visible;
+        !(self.found.visible && self.found.hidden)
     }
 
     /// Returns -1 if the part of the box is surely behind one of the leaf's polygons, 1 if the box is surely
@@ -181,7 +181,8 @@ impl Walk<'_> {
     fn side_of(&self, leaf: Child, part: &Part) -> i32 {
         let (mut leaf, mut all) = (leaf, 1);
         for _ in 0..MOST_PLANES {
-            let Some(hide) = self.nodes.hides.get((leaf & !HIDDEN) as usize).filter(|_| leaf < AWAY) else {
+            let Some(hide) = self.nodes.hiders.get((leaf & !HIDDEN) as usize).filter(|_| leaf < OUTSIDE)
+            else {
                 break;
             };
             let plane = hide.plane as usize;
@@ -221,7 +222,7 @@ impl Walk<'_> {
         let mut child = child;
         loop {
             let Some(node) = self.nodes.nodes.get(child as usize) else {
-                return self.look(child, part);
+                return self.record_leaf(child, part);
             };
             let slack = node.line.slack + part.slack;
             let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -250,7 +251,7 @@ impl Found {
     /// Returns the answer for the box. `whole` is false if a part was undecided or parts differed, which
     /// gives `Partial`.
     fn verdict(self, whole: bool) -> Occlusion {
-        match (whole, self.hidden, self.lit) {
+        match (whole, self.hidden, self.visible) {
             (false, ..) | (true, true, true) => Occlusion::Partial,
             (true, _, false) => Occlusion::Hidden,
             (true, false, true) => Occlusion::Visible,

@@ -40,13 +40,13 @@ pub struct OcclusionTreeCuller {
 }
 
 /// Number of candidate polygons kept after ranking by a bound on the solid angle, per polygon used.
-const LOOKED_AT: usize = 6;
+const CANDIDATES_PER_POLYGON: usize = 6;
 /// Number of candidate polygons kept after ranking by estimated worth (objects that the shadow may hide), per
 /// polygon used.
-const CLOSER: usize = 2;
+const RANKED_PER_POLYGON: usize = 2;
 /// Worth in objects per steradian given to a polygon so close or large that its worth cannot be estimated. It
 /// ranks such polygons before all others, in the order of their solid angles.
-const CERTAIN: f32 = 1e30;
+const UNESTIMATED_WORTH: f32 = 1e30;
 
 impl OcclusionTreeCuller {
     /// Creates the culler of one view. It uses up to 64 polygons per frame, those whose shadows cover most
@@ -105,10 +105,10 @@ impl Culler for OcclusionTreeCuller {
             occluders,
             &view.eye(scene.origin()),
             Some(sides),
-            tree.most.saturating_mul(LOOKED_AT),
+            tree.most.saturating_mul(CANDIDATES_PER_POLYGON),
         );
-        self.selector.keep_worthy(tree.most.saturating_mul(CLOSER), |polygon, bound| {
-            let (middle, radius) = occluders.about(polygon);
+        self.selector.keep_worthy(tree.most.saturating_mul(RANKED_PER_POLYGON), |polygon, bound| {
+            let (middle, radius) = occluders.bounding_sphere(polygon);
             // A solid angle is an area at distance 1. For a parallel view, the bound is the projected area
             // itself.
             let area = if let Eye::Point(eye) = projection.eye {
@@ -116,13 +116,13 @@ impl Culler for OcclusionTreeCuller {
             } else {
                 f64::from(bound)
             };
-            density.about(&projection, middle, radius, area).unwrap_or(CERTAIN * bound)
+            density.estimate(&projection, middle, radius, area).unwrap_or(UNESTIMATED_WORTH * bound)
         });
         self.selector.keep_usable(occluders, scene, view, &projection, visible, sides);
-        tree.waiting.clear();
+        tree.queue.clear();
         tree.vertices.clear();
         for chosen in &self.selector.chosen {
-            tree.wait(&occluders.occluder_polygon(chosen.polygon));
+            tree.enqueue(&occluders.occluder_polygon(chosen.polygon));
         }
         self.inner.cull(scene, view, visible)
     }

@@ -15,14 +15,14 @@ use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusio
 
 /// A polygon that has been added to the map and takes effect at the next flush.
 #[derive(Clone, Debug)]
-pub(super) struct Waiting {
+pub(super) struct QueuedPolygon {
     /// Range of the polygon's vertices in `OcclusionTree::vertices`.
     vertices: Range<usize>,
     /// Unit normal of the polygon's front, the side from which the vertices run counter-clockwise.
     normal: DVec3,
     /// Least and greatest coordinate of the polygon's vertices along `normal`, in metres from
     /// `Scene::origin`, widened by rounding.
-    reach: [f64; 2],
+    extent_along_normal: [f64; 2],
     /// Whether the polygon also hides for eyes behind its front.
     two_sided: bool,
 }
@@ -39,12 +39,12 @@ const NEARLY: f32 = 0.7;
 struct Gain {
     /// Worth of the image area that the shadow would newly cover, in steradians or objects as [`Worth`]
     /// measures it. An upper bound once further polygons have been inserted.
-    angle: f32,
+    gain: f32,
     /// Index of the shadow in `Shadows::list`.
     number: u32,
-    /// Number of polygons that had been inserted when `angle` was computed; `u32::MAX` for an initial
+    /// Number of polygons that had been inserted when `gain` was computed; `u32::MAX` for an initial
     /// estimate.
-    asked: u32,
+    evaluated_at: u32,
 }
 
 impl PartialEq for Gain {
@@ -63,7 +63,7 @@ impl PartialOrd for Gain {
 
 impl Ord for Gain {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.angle.total_cmp(&other.angle).then(other.number.cmp(&self.number))
+        self.gain.total_cmp(&other.gain).then(other.number.cmp(&self.number))
     }
 }
 
@@ -106,14 +106,14 @@ pub struct OcclusionTree {
     left: usize,
     /// Maximum number of polygons inserted per frame.
     pub(super) most: usize,
-    /// Vertices of the waiting polygons, in metres relative to `Scene::origin`.
+    /// Vertices of the queued polygons, in metres relative to `Scene::origin`.
     pub(super) vertices: Vec<DVec3>,
     /// Polygons that take effect at the next flush.
-    pub(super) waiting: Vec<Waiting>,
+    pub(super) queue: Vec<QueuedPolygon>,
     /// Scratch: queue of shadows, greatest gain first.
     heap: BinaryHeap<Gain>,
     /// Scratch: triangles of the mesh being added.
-    pieces: Vec<OccluderTriangle>,
+    triangles: Vec<OccluderTriangle>,
     /// Number of objects in each part of the image, if known. Shadows are then chosen by the number of
     /// objects that they may hide.
     pub(super) density: Option<ScreenDensity>,
@@ -138,9 +138,9 @@ impl OcclusionTree {
             left: 0,
             most: 64,
             vertices: Vec::new(),
-            waiting: Vec::new(),
+            queue: Vec::new(),
             heap: BinaryHeap::new(),
-            pieces: Vec::new(),
+            triangles: Vec::new(),
             density: None,
         }
     }
@@ -163,13 +163,13 @@ impl OcclusionTree {
     }
 
     /// Adds a polygon that takes effect at the next flush, also if a frame begins in between.
-    pub(super) fn wait(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
+    pub(super) fn enqueue(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
         let first = self.vertices.len();
         self.vertices.extend_from_slice(occluder_polygon.vertices);
         let vertices = first..self.vertices.len();
-        let (normal, reach, two_sided) =
-            (occluder_polygon.normal, occluder_polygon.reach, occluder_polygon.two_sided);
-        self.waiting.push(Waiting { vertices, normal, reach, two_sided });
+        let (normal, extent_along_normal, two_sided) =
+            (occluder_polygon.normal, occluder_polygon.extent_along_normal, occluder_polygon.two_sided);
+        self.queue.push(QueuedPolygon { vertices, normal, extent_along_normal, two_sided });
     }
 }
 
@@ -194,60 +194,60 @@ impl OcclusionMap for OcclusionTree {
         if !occluder.is_inside(&self.clip_planes, transform) {
             return;
         }
-        let mut pieces = core::mem::take(&mut self.pieces);
-        pieces.clear();
-        triangles_of(occluder, transform, 0, occluder.is_closed(), &mut pieces);
+        let mut triangles = core::mem::take(&mut self.triangles);
+        triangles.clear();
+        triangles_of(occluder, transform, 0, occluder.is_closed(), &mut triangles);
         let mut i = 0;
-        while i < pieces.len() {
+        while i < triangles.len() {
             // Two consecutive triangles often form a quadrilateral face.
-            let [a, b, c] = pieces[i].corners;
-            let face = pieces.get(i + 1).and_then(|next| quad(&pieces[i], next));
-            let two_sided = pieces[i].two_sided;
+            let [a, b, c] = triangles[i].corners;
+            let face = triangles.get(i + 1).and_then(|next| quad(&triangles[i], next));
+            let two_sided = triangles[i].two_sided;
             i += if face.is_some() { 2 } else { 1 };
             let (quad, triangle) = (face.unwrap_or_default(), [a, b, c]);
             let vertices: &[DVec3] = if face.is_some() { &quad } else { &triangle };
-            if let Some((normal, reach, _)) = plane_of(vertices) {
-                self.wait(&OccluderPolygon { vertices, normal, reach, two_sided });
+            if let Some((normal, extent_along_normal, _)) = plane_of(vertices) {
+                self.enqueue(&OccluderPolygon { vertices, normal, extent_along_normal, two_sided });
             }
         }
-        self.pieces = pieces;
+        self.triangles = triangles;
     }
 
     fn flush(&mut self) {
         let worth = self.density.as_ref().map_or(Worth::Angle, Worth::Density);
         self.heap.clear();
-        for waiting in &self.waiting {
+        for queued in &self.queue {
             let occluder_polygon = OccluderPolygon {
-                vertices: &self.vertices[waiting.vertices.clone()],
-                normal: waiting.normal,
-                reach: waiting.reach,
-                two_sided: waiting.two_sided,
+                vertices: &self.vertices[queued.vertices.clone()],
+                normal: queued.normal,
+                extent_along_normal: queued.extent_along_normal,
+                two_sided: queued.two_sided,
             };
             if self.shadows.cast(&self.projection, &occluder_polygon) {
                 let number = self.shadows.list.len() as u32 - 1;
                 let corners = &self.shadows.corners[self.shadows.list[number as usize].corners.clone()];
-                let angle = worth.of(&self.projection, corners);
-                self.heap.push(Gain { angle, number, asked: u32::MAX });
+                let gain = worth.of(&self.projection, corners);
+                self.heap.push(Gain { gain, number, evaluated_at: u32::MAX });
             }
         }
-        self.waiting.clear();
+        self.queue.clear();
         self.vertices.clear();
         // Greatest gain first. The gain of a shadow only shrinks as others are inserted. So if a gain,
         // computed again, is still about the greatest, it need not be compared with the rest.
-        while let Some(Gain { number, asked, .. }) = self.heap.pop() {
+        while let Some(Gain { number, evaluated_at, .. }) = self.heap.pop() {
             if self.left == 0 {
                 break;
             }
-            let angle = self.nodes.reach(&self.projection, &self.shadows, number as usize, worth);
-            if !(angle > LEAST_GAIN) {
+            let gain = self.nodes.descend(&self.projection, &self.shadows, number as usize, worth);
+            if !(gain > LEAST_GAIN) {
                 continue;
             }
             let added = self.nodes.planes.len() as u32;
-            if asked == added || self.heap.peek().is_none_or(|next| NEARLY * next.angle <= angle) {
+            if evaluated_at == added || self.heap.peek().is_none_or(|next| NEARLY * next.gain <= gain) {
                 self.nodes.add(&self.projection, &self.shadows, number as usize);
                 self.left -= 1;
             } else {
-                self.heap.push(Gain { angle, number, asked: added });
+                self.heap.push(Gain { gain, number, evaluated_at: added });
             }
         }
         self.heap.clear();
@@ -267,13 +267,14 @@ fn quad(one: &OccluderTriangle, two: &OccluderTriangle) -> Option<[DVec3; 4]> {
             let (a, b) = (p[i], p[(i + 1) % 3]);
             if q[j] == b && q[(j + 1) % 3] == a {
                 let quad = [b, p[(i + 2) % 3], a, q[(j + 2) % 3]];
-                let (normal, reach, _) = plane_of(&quad)?;
+                let (normal, extent_along_normal, _) = plane_of(&quad)?;
                 let size = quad[0].distance(quad[2]).max(quad[1].distance(quad[3]));
                 let convex = (0..4).all(|k| {
                     let (a, b, c) = (quad[k], quad[(k + 1) % 4], quad[(k + 2) % 4]);
                     normal.dot((b - a).cross(c - b)) > 0.0
                 });
-                return (convex && reach[1] - reach[0] <= 1e-6 * size).then_some(quad);
+                return (convex && extent_along_normal[1] - extent_along_normal[0] <= 1e-6 * size)
+                    .then_some(quad);
             }
         }
     }

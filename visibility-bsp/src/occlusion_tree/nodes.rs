@@ -1,20 +1,20 @@
-//! The tree of planes through the eye, which separates lit view directions from shadowed ones, and the
+//! The tree of planes through the eye, which separates unshadowed view directions from shadowed ones, and the
 //! insertion of shadows.
 
 use super::screen_density::ScreenDensity;
 use crate::clip_projection::{Approach, ClipProjection, Line, U, slack_of};
 use crate::occluders::angle_of;
-use crate::shadow::{BackPlane, Corner, Shadow, Shadows};
+use crate::shadow::{BackPlane, Shadow, ShadowCorner, Shadows};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// Child of a node: the index of another node, or a leaf (`LIT`, `AWAY` or `HIDDEN | index`).
+/// Child of a node: the index of another node, or a leaf (`VISIBLE`, `OUTSIDE` or `HIDDEN | index`).
 pub(crate) type Child = u32;
 /// Leaf of view directions in which no inserted polygon hides anything.
-pub(crate) const LIT: Child = u32::MAX;
+pub(crate) const VISIBLE: Child = u32::MAX;
 /// Leaf of view directions outside the image; boxes there count as hidden.
-pub(crate) const AWAY: Child = u32::MAX - 1;
+pub(crate) const OUTSIDE: Child = u32::MAX - 1;
 /// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are an
 /// index into `Nodes::hides`, a list of back planes; points in these directions behind one of them are
 /// hidden.
@@ -68,10 +68,10 @@ impl Task {
 /// Entry of a leaf's list of occluders. The leaf is inside the shadows of all of them, so a point behind any
 /// of their back planes is hidden. There is no order among occluders that cross each other.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Hide {
+pub(crate) struct Hider {
     /// Index in `Nodes::planes` of the occluder's back plane.
     pub(crate) plane: u32,
-    /// The leaf before this occluder was inserted: `LIT`, or the rest of the list.
+    /// The leaf before this occluder was inserted: `VISIBLE`, or the rest of the list.
     pub(crate) under: Child,
 }
 
@@ -84,24 +84,24 @@ pub(crate) struct Nodes {
     pub(crate) planes: Vec<BackPlane>,
     /// By inserted polygon: its back plane as a function of the direction, `None` for parallel views.
     pub(crate) approaches: Vec<Option<Approach>>,
-    /// Entries of the shadow leaves' occluder lists, linked by `Hide::under`.
-    pub(crate) hides: Vec<Hide>,
+    /// Entries of the shadow leaves' occluder lists, linked by `Hider::under`.
+    pub(crate) hiders: Vec<Hider>,
     /// Root of the tree: a node index or a leaf.
     pub(crate) root: Child,
     /// Scratch: corners of the fragments on the `tasks` stack.
-    corners: Vec<Corner>,
+    corners: Vec<ShadowCorner>,
     /// Scratch: values of the cutting plane at the corners of a fragment.
     values: Vec<f64>,
     /// Scratch: stack of fragments on their way down the tree.
     tasks: Vec<Task>,
     /// Fragments at the leaves that they have reached, with their corners in `arrived`. The next call of
-    /// `reach` for the same shadow continues from them.
+    /// `descend` for the same shadow continues from them.
     arrivals: Vec<Task>,
     /// Corners of all fragments in `arrivals`.
-    arrived: Vec<Corner>,
-    /// By shadow: the range of its fragments in `arrivals`. `None` before the first call of `reach` and
+    arrived: Vec<ShadowCorner>,
+    /// By shadow: the range of its fragments in `arrivals`. `None` before the first call of `descend` and
     /// after `add`.
-    reached: Vec<Option<Range<usize>>>,
+    arrival_ranges: Vec<Option<Range<usize>>>,
 }
 
 /// Value of a slot (twice the parent's index, plus 1 for the inside child) that stands for the root of the
@@ -121,7 +121,7 @@ pub(super) enum Worth<'a> {
 impl Worth<'_> {
     /// Returns the benefit of shadowing a convex part of the image, in steradians or objects as the variant
     /// says. `corners` outline the part in boundary order.
-    pub(super) fn of(self, projection: &ClipProjection, corners: &[Corner]) -> f32 {
+    pub(super) fn of(self, projection: &ClipProjection, corners: &[ShadowCorner]) -> f32 {
         match self {
             Worth::Angle => angle_of(projection, corners),
             Worth::Density(density) => density.within(corners),
@@ -130,32 +130,32 @@ impl Worth<'_> {
 }
 
 impl Nodes {
-    /// Resets the tree to one lit leaf inside the four sides of the image, and keeps the memory.
+    /// Resets the tree to one visible leaf inside the four sides of the image, and keeps the memory.
     pub(crate) fn clear(&mut self) {
         self.nodes.clear();
         self.planes.clear();
         self.approaches.clear();
-        self.hides.clear();
+        self.hiders.clear();
         self.arrivals.clear();
         self.arrived.clear();
-        self.reached.clear();
-        self.root = LIT;
+        self.arrival_ranges.clear();
+        self.root = VISIBLE;
         // -w <= x <= w and -w <= y <= w: a direction that violates one of them is outside the image. The
         // coefficients are exact.
         let mut parent = NO_PARENT;
         for n in [[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]] {
             let line = Line { n, slack: 16.0 * U };
-            parent = self.add_node(parent, line, AWAY, [DVec3::NAN; 2]) << 1 | 1;
+            parent = self.add_node(parent, line, OUTSIDE, [DVec3::NAN; 2]) << 1 | 1;
         }
     }
 
     /// Replaces the leaf in slot `parent` by a node with the plane `line`, through the occluder edge with the
-    /// given `ends`. The node's outer child is `outside`, its inner child a lit leaf. Returns the node's
+    /// given `ends`. The node's outer child is `outside`, its inner child a visible leaf. Returns the node's
     /// index.
     fn add_node(&mut self, parent: u32, line: Line, outside: Child, ends: [DVec3; 2]) -> u32 {
         let number = self.nodes.len() as u32;
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth + 1 };
-        self.nodes.push(Node { line, children: [outside, LIT], parent, depth, ends });
+        self.nodes.push(Node { line, children: [outside, VISIBLE], parent, depth, ends });
         self.set_child(parent, number);
         number
     }
@@ -169,11 +169,11 @@ impl Nodes {
         }
     }
 
-    /// Takes the outline of shadow `number` down to the leaves and returns the gain of inserting the shadow,
-    /// measured by `worth`. Fragments in lit leaves count in full. Fragments in shadow leaves count one tenth
-    /// of the parts in front of the polygons inserted there, since the shadow then newly hides only objects
-    /// between the two.
-    pub(super) fn reach(
+    /// Takes the outline of shadow `number` down to the leaves and returns the gain of inserting the
+    /// shadow, measured by `worth`. Fragments in visible leaves count in full. Fragments in shadow leaves
+    /// count one tenth of the parts in front of the polygons inserted there, since the shadow then newly
+    /// hides only objects between the two.
+    pub(super) fn descend(
         &mut self,
         projection: &ClipProjection,
         shadows: &Shadows,
@@ -182,12 +182,12 @@ impl Nodes {
     ) -> f32 {
         self.corners.clear();
         self.tasks.clear();
-        if self.reached.len() <= number {
-            self.reached.resize(number + 1, None);
+        if self.arrival_ranges.len() <= number {
+            self.arrival_ranges.resize(number + 1, None);
         }
         // Occluders in a leaf only become nearer, so fragments that did not count the last time do not count
         // now.
-        if let Some(before) = self.reached[number].take() {
+        if let Some(before) = self.arrival_ranges[number].take() {
             for task in &self.arrivals[before] {
                 let first = self.corners.len() as u32;
                 self.corners.extend_from_slice(&self.arrived[task.range()]);
@@ -212,8 +212,8 @@ impl Nodes {
                 }
             };
             let (front, weight) = match leaf {
-                AWAY => continue,
-                LIT => (task, 1.0),
+                OUTSIDE => continue,
+                VISIBLE => (task, 1.0),
                 // The insertion order is only approximately front to back, and occluders that cross each
                 // other have no order. A nearer one may therefore come later.
                 _ => match self.before(&task, leaf) {
@@ -226,18 +226,18 @@ impl Nodes {
             self.arrived.extend_from_slice(&self.corners[task.range()]);
             self.arrivals.push(Task { first, ..task });
         }
-        self.reached[number] = Some(begin..self.arrivals.len());
+        self.arrival_ranges[number] = Some(begin..self.arrivals.len());
         gain
     }
 
-    /// Inserts shadow `number`, which must have been taken down by `reach` just before. In the leaves that
+    /// Inserts shadow `number`, which must have been taken down by `descend` just before. In the leaves that
     /// its fragments have reached, directions inside all its edges become shadowed.
     pub(crate) fn add(&mut self, projection: &ClipProjection, shadows: &Shadows, number: usize) {
         let shadow = &shadows.list[number];
         let plane = self.planes.len() as u32;
         self.planes.push(shadow.back);
         self.approaches.push(projection.approach(shadow.back.normal, shadow.back.offset));
-        for arrival in self.reached[number].take().unwrap_or_default() {
+        for arrival in self.arrival_ranges[number].take().unwrap_or_default() {
             let task = self.arrivals[arrival];
             self.corners.clear();
             self.corners.extend_from_slice(&self.arrived[task.range()]);
@@ -251,7 +251,7 @@ impl Nodes {
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
         for _ in 0..MOST_PLANES {
-            let Some(&hide) = self.hides.get((leaf & !HIDDEN) as usize).filter(|_| leaf < AWAY) else {
+            let Some(&hide) = self.hiders.get((leaf & !HIDDEN) as usize).filter(|_| leaf < OUTSIDE) else {
                 break;
             };
             task = self.before_plane(&task, hide.plane)?;
@@ -277,8 +277,8 @@ impl Nodes {
         if least >= -size {
             return Some(*task);
         }
-        let corner = |corners: &[Corner], i: usize| corners[range.start + i % range.len()];
-        let is_before = |corners: &[Corner], i: usize| plane.at(corner(corners, i).p) > 0.0;
+        let corner = |corners: &[ShadowCorner], i: usize| corners[range.start + i % range.len()];
+        let is_before = |corners: &[ShadowCorner], i: usize| plane.at(corner(corners, i).p) > 0.0;
         let start =
             (0..range.len()).find(|&i| !is_before(&self.corners, i) && is_before(&self.corners, i + 1))?;
         let first = self.corners.len();
@@ -290,7 +290,7 @@ impl Nodes {
             }
             if (at_a > 0.0) != (at_b > 0.0) {
                 let edge = if at_a > 0.0 { u8::MAX } else { a.edge };
-                self.corners.push(Corner { edge, ..between(&a, &b, at_a / (at_a - at_b))? });
+                self.corners.push(ShadowCorner { edge, ..between(&a, &b, at_a / (at_a - at_b))? });
             }
         }
         let count = (self.corners.len() - first) as u32;
@@ -341,12 +341,12 @@ impl Nodes {
                     // A polygon edge that leads away from the plane, to the other side, does not belong to
                     // this part.
                     let edge = if !in_b && sa <= slack { u8::MAX } else { a.edge };
-                    self.corners.push(Corner { edge, ..a });
+                    self.corners.push(ShadowCorner { edge, ..a });
                 }
                 let crosses = (in_a && sa > slack && !in_b) || (in_b && sb > slack && !in_a);
                 if crosses && let Some(corner) = crossing(&a, &self.corners[range.start + next], sa, sb) {
                     let edge = if in_a { u8::MAX } else { a.edge };
-                    self.corners.push(Corner { edge, ..corner });
+                    self.corners.push(ShadowCorner { edge, ..corner });
                 }
             }
             let count = self.corners.len() - first;
@@ -388,8 +388,8 @@ impl Nodes {
             }
         }
         // Without any edge, the whole leaf is in shadow.
-        let hide = self.hides.len() as u32;
-        self.hides.push(Hide { plane, under: old });
+        let hide = self.hiders.len() as u32;
+        self.hiders.push(Hider { plane, under: old });
         self.set_child(parent, HIDDEN | hide);
     }
 
@@ -397,7 +397,7 @@ impl Nodes {
     /// leaf's directions still are in the shadow.
     ///
     /// Let a direction be surely inside all edges and all planes above the leaf, so that the leaf and the
-    /// shadow meet. If the leaf also reached beyond one edge, and not beyond another, the path there from
+    /// shadow meet. If the leaf also reaches beyond one edge, and not beyond another, the path there from
     /// that direction would cross the edge itself, between its ends and within the leaf. So an edge can be
     /// left out if no point of it can be in the leaf. It can also be left out if a plane above is through the
     /// same edge, of a neighbouring polygon or of another part of this polygon. `middle` is a direction in
@@ -467,16 +467,16 @@ enum Parted {
 /// Returns the corner at which a segment meets a plane through the eye; `at_a` and `at_b` are the plane's
 /// values at the ends' directions. Each direction has its own scale, so the values are first multiplied by
 /// the corners' `size`. `None` if the segment does not meet the plane.
-fn crossing(a: &Corner, b: &Corner, at_a: f64, at_b: f64) -> Option<Corner> {
+fn crossing(a: &ShadowCorner, b: &ShadowCorner, at_a: f64, at_b: f64) -> Option<ShadowCorner> {
     let (at_a, at_b) = (at_a * a.size, at_b * b.size);
     between(a, b, at_a / (at_a - at_b))
 }
 
 /// Returns the corner at `a + t (b - a)` on a segment of points, with no edge. `None` if `t` is not from 0 to
 /// 1, or if the point has no finite direction.
-fn between(a: &Corner, b: &Corner, t: f64) -> Option<Corner> {
+fn between(a: &ShadowCorner, b: &ShadowCorner, t: f64) -> Option<ShadowCorner> {
     let v = [0, 1, 2].map(|i| a.v[i] * a.size * (1.0 - t) + b.v[i] * b.size * t);
     let size = v[0].abs().max(v[1].abs()).max(v[2].abs());
     let found = (0.0..=1.0).contains(&t) && size > 0.0 && size.is_finite();
-    found.then(|| Corner { p: a.p + (b.p - a.p) * t, v: v.map(|x| x / size), size, edge: u8::MAX })
+    found.then(|| ShadowCorner { p: a.p + (b.p - a.p) * t, v: v.map(|x| x / size), size, edge: u8::MAX })
 }

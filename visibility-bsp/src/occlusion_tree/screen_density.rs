@@ -2,7 +2,7 @@
 //! worth little.
 
 use crate::clip_projection::ClipProjection;
-use crate::shadow::Corner;
+use crate::shadow::ShadowCorner;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
@@ -38,7 +38,7 @@ impl ScreenDensity {
     pub(super) fn add(&mut self, projection: &ClipProjection, middle: DVec3) {
         let [x, y, w] = projection.values(middle);
         if w > 0.0 && x.abs() <= w && y.abs() <= w {
-            let [column, row] = [x, y].map(|a| (place(a / w) as usize).min(CELLS - 1));
+            let [column, row] = [x, y].map(|a| (to_cells(a / w) as usize).min(CELLS - 1));
             self.sums[(row + 1) * LINES + column + 1] += 1.0;
             self.all += 1.0;
         }
@@ -78,8 +78,8 @@ impl ScreenDensity {
     /// Returns the worth in objects of a convex part of the image, outlined by clip-space corners: the worth
     /// of the part's bounding rectangle, times the fraction of the rectangle that the part fills. 0 for an
     /// empty part.
-    pub(super) fn within(&self, corners: &[Corner]) -> f32 {
-        let flat = |corner: &Corner| [0, 1].map(|i| place(corner.v[i] / corner.v[2]));
+    pub(super) fn within(&self, corners: &[ShadowCorner]) -> f32 {
+        let flat = |corner: &ShadowCorner| [0, 1].map(|i| to_cells(corner.v[i] / corner.v[2]));
         let Some((first, rest)) = corners.split_first() else { return 0.0 };
         let first = flat(first);
         let (mut low, mut high, mut before, mut twice) = (first, first, first, 0.0);
@@ -98,7 +98,7 @@ impl ScreenDensity {
     /// Estimates the worth in objects of a polygon from its centre in metres relative to `Scene::origin`, its
     /// radius in metres and its area in square metres as projected towards the eye. `None` if the centre is
     /// behind the eye or the polygon extends over half the image or more.
-    pub(super) fn about(
+    pub(super) fn estimate(
         &self,
         projection: &ClipProjection,
         middle: DVec3,
@@ -111,14 +111,14 @@ impl ScreenDensity {
             return None;
         }
         let (x, y) = (x / w, y / w);
-        let (worth, _) =
-            self.rectangle([place(x - across), place(y - up)], [place(x + across), place(y + up)]);
+        let (worth, _) = self
+            .rectangle([to_cells(x - across), to_cells(y - up)], [to_cells(x + across), to_cells(y + up)]);
         Some((worth * (area / (4.0 * radius * radius)).min(1.0)) as f32)
     }
 }
 
 /// Converts an NDC coordinate from -1 to 1 to a grid position in cells, clamped to the grid.
-fn place(a: f64) -> f64 {
+fn to_cells(a: f64) -> f64 {
     // NaN is mapped to 0.
     if a > -1.0 { (a * 0.5 + 0.5).min(1.0) * CELLS as f64 } else { 0.0 }
 }

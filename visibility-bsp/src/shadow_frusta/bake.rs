@@ -90,7 +90,7 @@ impl ShadowFrusta {
         }
         let occluders = core::mem::take(&mut made.occluders);
         let mut bake = Bake { occluders: &occluders, objects, selector: Selector::default(), most: polygons };
-        made.part(&mut bake, min, max, regions.clamp(1, 1 << 16));
+        made.divide(&mut bake, min, max, regions.clamp(1, 1 << 16));
         made.occluders = occluders;
         made
     }
@@ -123,7 +123,7 @@ impl ShadowFrusta {
 
     /// Divides a box in metres relative to `Scene::origin` into `regions` regions, halving it across its
     /// longest side, and chooses the polygons of each. Returns the index of the box's node.
-    fn part(&mut self, bake: &mut Bake<'_>, min: DVec3, max: DVec3, regions: usize) -> u32 {
+    fn divide(&mut self, bake: &mut Bake<'_>, min: DVec3, max: DVec3, regions: usize) -> u32 {
         let number = self.regions.len();
         self.regions.push(Region::Leaf { first: 0, count: 0 });
         self.regions[number] = if regions <= 1 {
@@ -142,8 +142,8 @@ impl ShadowFrusta {
             let at = min[axis] * 0.5 + max[axis] * 0.5;
             let (mut middle_max, mut middle_min) = (max, min);
             (middle_max[axis], middle_min[axis]) = (at, at);
-            let lower = self.part(bake, min, middle_max, regions / 2);
-            let upper = self.part(bake, middle_min, max, regions - regions / 2);
+            let lower = self.divide(bake, min, middle_max, regions / 2);
+            let upper = self.divide(bake, middle_min, max, regions - regions / 2);
             Region::Split { axis, at, children: [lower, upper] }
         };
         number as u32
@@ -193,18 +193,18 @@ impl Bake<'_> {
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
         let occluder_polygon = self.occluders.occluder_polygon(polygon);
         let mut set = [0u64; WORDS];
-        let Some((normal, reach, _)) = plane_of(occluder_polygon.vertices) else { return set };
+        let Some((normal, extent_along_normal, _)) = plane_of(occluder_polygon.vertices) else { return set };
         for (sample, eye) in eyes.iter().enumerate() {
-            let height = normal.dot(*eye) - reach[1];
+            let height = normal.dot(*eye) - extent_along_normal[1];
             let side = if height > 0.0 {
                 1.0
-            } else if occluder_polygon.two_sided && normal.dot(*eye) < reach[0] {
+            } else if occluder_polygon.two_sided && normal.dot(*eye) < extent_along_normal[0] {
                 -1.0
             } else {
                 continue;
             };
             for (object, p) in self.objects.iter().enumerate() {
-                let behind = (normal.dot(*p) - reach[0]) * side < 0.0;
+                let behind = (normal.dot(*p) - extent_along_normal[0]) * side < 0.0;
                 let count = occluder_polygon.vertices.len();
                 let inside = behind
                     && (0..count).all(|i| {

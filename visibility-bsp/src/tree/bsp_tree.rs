@@ -41,14 +41,14 @@ pub enum Leaf {
 /// and 24 per vertex.
 ///
 /// ```
-/// use visibility_bsp::{BspTree, Order};
+/// use visibility_bsp::{BspTree, TraversalStack};
 /// use visibility_core::{glam::DVec3, view::Eye};
 /// // Three squares across the x axis, owned by 10, 11 and 12.
 /// let square = |x: f64| [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(y, z)| DVec3::new(x, y, z));
 /// let squares = [square(5.0), square(1.0), square(3.0)];
 /// let tree = BspTree::build((10..).zip(squares.iter().map(|s| &s[..])))?;
-/// let (mut order, mut seen) = (Order::new(), Vec::new());
-/// tree.front_to_back(Eye::Point(DVec3::new(2.0, 0.5, 0.5)), &mut order, |fragments| {
+/// let (mut stack, mut seen) = (TraversalStack::new(), Vec::new());
+/// tree.front_to_back(Eye::Point(DVec3::new(2.0, 0.5, 0.5)), &mut stack, |fragments| {
 ///     seen.extend(fragments.map(|fragment| fragment.owner()));
 /// });
 /// // From x = 2, the square at 1 hides neither of the others, and the one at 3 is before the one at 5.

@@ -77,13 +77,13 @@ impl BspTree {
             magnitude = vertices.iter().fold(magnitude, |most, v| most.max(v.abs()));
             builder.pieces.push(Piece {
                 source: builder.sources.len() as u32,
-                start: self.store.keep(vertices),
+                start: self.store.alloc(vertices),
                 len: vertices.len() as u32,
                 bounds: bounds_of(vertices),
             });
             builder.sources.push(Source { owner, number, plane });
         }
-        self.reach(magnitude);
+        self.raise_magnitude(magnitude);
         let count = builder.sources.len();
         let result = self.run(&mut builder);
         self.builder = builder;
@@ -92,7 +92,7 @@ impl BspTree {
 
     /// Raises the bound on coordinates to at least `magnitude` (by axis) and widens the margins of all planes
     /// accordingly. In a tree with polygons the bound at least doubles, so that this happens rarely.
-    fn reach(&mut self, magnitude: DVec3) {
+    fn raise_magnitude(&mut self, magnitude: DVec3) {
         if magnitude.cmple(self.magnitude).all() {
             return;
         }
@@ -126,7 +126,7 @@ impl BspTree {
             cuts += self.distribute(builder, task, node);
             if cuts > limit {
                 for piece in builder.pieces.drain(..) {
-                    self.store.give_back(piece.start, piece.len);
+                    self.store.free_range(piece.start, piece.len);
                 }
                 return Err(BspError::TooManyFragments { polygons: builder.sources.len(), limit });
             }
@@ -217,10 +217,10 @@ impl BspTree {
                     whole.clear();
                     whole.extend_from_slice(self.store.vertices_at(piece.start, piece.len));
                     crate::polygon_cut::cut(whole, &plane, ahead, behind);
-                    self.store.give_back(piece.start, piece.len);
+                    self.store.free_range(piece.start, piece.len);
                     for (half, list) in [(&*ahead, &mut *front), (&*behind, &mut *back)] {
                         if half.len() >= 3 {
-                            let (start, bounds) = (self.store.keep(half), bounds_of(half));
+                            let (start, bounds) = (self.store.alloc(half), bounds_of(half));
                             list.push(Piece { start, len: half.len() as u32, bounds, ..piece });
                         }
                     }

@@ -13,13 +13,13 @@ mod build_scratch;
 mod fragments;
 mod locate;
 mod node;
-mod order;
 mod splitter;
 mod store;
 mod subtree;
+mod traversal;
 mod update;
 
 pub use bsp_tree::{BspError, BspTree, Leaf};
 pub use fragments::{Fragment, Fragments};
-pub use order::{Order, Walk};
 pub use subtree::Subtree;
+pub use traversal::{TraversalStack, Walk};

@@ -42,13 +42,13 @@ pub(super) struct Store {
     /// Vertices of all fragments, in the tree's coordinates.
     vertices: Vec<DVec3>,
     /// By size class: start indices of free ranges of `vertices`. Empty until the first range is freed.
-    room: Vec<Vec<u32>>,
+    free_ranges: Vec<Vec<u32>>,
     /// By owner: index of the owner's first fragment, `NONE` if it has none.
     owners: Vec<u32>,
 }
 
 /// Returns the capacity, in vertices, of the range that stores `len` vertices, and its size class.
-fn room_for(len: usize) -> (usize, usize) {
+fn capacity_for(len: usize) -> (usize, usize) {
     if len <= 8 {
         (len, len)
     } else {
@@ -85,25 +85,25 @@ impl Store {
 
     /// Stores vertices, in a freed range of the same size class if there is one. Returns the index of the
     /// first.
-    pub(super) fn keep(&mut self, vertices: &[DVec3]) -> u32 {
-        let (room, class) = room_for(vertices.len());
-        if let Some(start) = self.room.get_mut(class).and_then(Vec::pop) {
+    pub(super) fn alloc(&mut self, vertices: &[DVec3]) -> u32 {
+        let (capacity, class) = capacity_for(vertices.len());
+        if let Some(start) = self.free_ranges.get_mut(class).and_then(Vec::pop) {
             self.vertices[start as usize..][..vertices.len()].copy_from_slice(vertices);
             return start;
         }
         let start = self.vertices.len();
         self.vertices.extend_from_slice(vertices);
-        self.vertices.resize(start + room, DVec3::ZERO);
+        self.vertices.resize(start + capacity, DVec3::ZERO);
         start as u32
     }
 
     /// Frees the range of `len` vertices that begins at index `start`, for reuse.
-    pub(super) fn give_back(&mut self, start: u32, len: u32) {
-        let class = room_for(len as usize).1;
-        if self.room.is_empty() {
-            self.room.resize_with(CLASSES, Vec::new);
+    pub(super) fn free_range(&mut self, start: u32, len: u32) {
+        let class = capacity_for(len as usize).1;
+        if self.free_ranges.is_empty() {
+            self.free_ranges.resize_with(CLASSES, Vec::new);
         }
-        self.room[class].push(start);
+        self.free_ranges[class].push(start);
     }
 
     /// Stores a fragment and puts it at the head of its owner's list and of a node's list, whose head so far
@@ -152,7 +152,7 @@ impl Store {
         if record.next != NONE {
             self.records[record.next as usize].previous = record.previous;
         }
-        self.give_back(record.start, record.len);
+        self.free_range(record.start, record.len);
         self.free.push(id);
         record
     }
@@ -168,7 +168,7 @@ impl Store {
             let mut last = NONE;
             while id != NONE {
                 let record = old.record(id);
-                let start = self.keep(old.vertices(record));
+                let start = self.alloc(old.vertices(record));
                 // Appended behind the previous fragment, since `add` inserts at the head.
                 let new = self.add(Record { start, ..*record }, NONE);
                 self.records[new as usize].previous = last;

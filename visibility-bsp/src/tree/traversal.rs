@@ -11,13 +11,13 @@ use visibility_core::{glam::DVec4, view::Eye};
 /// entry per level of the tree, so later walks of the same tree allocate nothing.
 ///
 /// ```
-/// use visibility_bsp::{BspTree, Order};
+/// use visibility_bsp::{BspTree, TraversalStack};
 /// use visibility_core::{glam::DVec3, view::Eye};
-/// let mut order = Order::new(); // one a view
-/// BspTree::new().back_to_front(Eye::Point(DVec3::ZERO), &mut order, |_| unreachable!());
+/// let mut stack = TraversalStack::new(); // one a view
+/// BspTree::new().back_to_front(Eye::Point(DVec3::ZERO), &mut stack, |_| unreachable!());
 /// ```
 #[derive(Clone, Debug, Default)]
-pub struct Order {
+pub struct TraversalStack {
     /// Stack of the nodes whose near side is being walked, root first. A step copies what the walk needs
     /// later, which is cheaper than reading the node again.
     path: Vec<Step>,
@@ -35,7 +35,7 @@ struct Step {
     marks: u32,
 }
 
-impl Order {
+impl TraversalStack {
     /// Creates a stack without allocated memory; the first walk allocates.
     pub const fn new() -> Self {
         Self { path: Vec::new() }
@@ -69,35 +69,35 @@ impl BspTree {
     /// Calls `visit` with the fragments of each node, nearest node first. Seen from `eye` (in the tree's
     /// coordinates), no fragment of a later node hides any part of one of an earlier node, in any direction.
     /// An eye in a node's plane sees the node's fragments edge on and neither side through the other, so
-    /// either order of the sides is correct. `order` is scratch memory.
+    /// either order of the sides is correct. `stack` is scratch memory.
     ///
     /// Costs some nanoseconds per node.
-    pub fn front_to_back(&self, eye: Eye, order: &mut Order, mut visit: impl FnMut(Fragments<'_>)) {
-        self.walk_ordered(eye, false, order, &mut visit);
+    pub fn front_to_back(&self, eye: Eye, stack: &mut TraversalStack, mut visit: impl FnMut(Fragments<'_>)) {
+        self.walk_ordered(eye, false, stack, &mut visit);
     }
 
     /// Calls `visit` with the fragments of each node, farthest node first as seen from `eye` (painter's
-    /// order): the reverse of [`front_to_back`](Self::front_to_back). `order` is scratch memory.
-    pub fn back_to_front(&self, eye: Eye, order: &mut Order, mut visit: impl FnMut(Fragments<'_>)) {
-        self.walk_ordered(eye, true, order, &mut visit);
+    /// order): the reverse of [`front_to_back`](Self::front_to_back). `stack` is scratch memory.
+    pub fn back_to_front(&self, eye: Eye, stack: &mut TraversalStack, mut visit: impl FnMut(Fragments<'_>)) {
+        self.walk_ordered(eye, true, stack, &mut visit);
     }
 
     /// Walks the nodes front to back as seen from `eye`, in the tree's coordinates. Skips the subtrees that
-    /// [`Walk::enter`] rejects, such as those outside the view or already hidden. `order` is scratch memory.
-    pub fn walk(&self, eye: Eye, order: &mut Order, walk: &mut impl Walk) {
-        self.walk_ordered(eye, false, order, walk);
+    /// [`Walk::enter`] rejects, such as those outside the view or already hidden. `stack` is scratch memory.
+    pub fn walk(&self, eye: Eye, stack: &mut TraversalStack, walk: &mut impl Walk) {
+        self.walk_ordered(eye, false, stack, walk);
     }
 
     /// Walks the tree as seen from `eye`, front to back, or back to front if `reverse` is true.
-    fn walk_ordered(&self, eye: Eye, reverse: bool, order: &mut Order, walk: &mut impl Walk) {
+    fn walk_ordered(&self, eye: Eye, reverse: bool, stack: &mut TraversalStack, walk: &mut impl Walk) {
         // The eye as homogeneous coordinates. A point is in front of a plane if normal . eye + offset > 0; an
         // eye at infinity, if the view direction runs against the normal.
         let eye = match eye {
             Eye::Point(eye) => eye.extend(1.0),
             Eye::Direction(direction) => (-direction).extend(0.0),
         };
-        order.path.clear();
-        order.path.reserve(self.most_levels as usize);
+        stack.path.clear();
+        stack.path.reserve(self.most_levels as usize);
         let (mut child, mut above) = (self.root, 0);
         loop {
             while !is_leaf(child)
@@ -105,11 +105,11 @@ impl BspTree {
             {
                 let node = &self.nodes[child as usize];
                 let side = usize::from((in_front(node, eye)) != reverse);
-                order.path.push(Step { first: node.first, far: node.children[side ^ 1], marks });
+                stack.path.push(Step { first: node.first, far: node.children[side ^ 1], marks });
                 child = node.children[side];
                 above = marks;
             }
-            let Some(Step { first, far, marks }) = order.path.pop() else { return };
+            let Some(Step { first, far, marks }) = stack.path.pop() else { return };
             if first != NONE {
                 walk.visit(Fragments { tree: self, next: first }, marks);
             }
