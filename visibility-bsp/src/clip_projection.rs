@@ -223,9 +223,14 @@ impl ClipProjection {
     /// Tests whether a whole box in metres relative to `Scene::origin` is surely beyond the near plane. False
     /// if undecided or NaN.
     pub(crate) fn is_beyond_near(&self, bounds: &Aabb) -> bool {
-        let (min, max) = (bounds.min.as_dvec3() - self.anchor, bounds.max.as_dvec3() - self.anchor);
-        let nearest = DVec3::select(self.near.linear.cmpge(DVec3::ZERO), min, max);
-        let (value, error) = self.near.at(nearest);
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        self.is_point_beyond_near(DVec3::select(self.near.linear.cmpge(DVec3::ZERO), min, max))
+    }
+
+    /// Tests whether a point in metres relative to `Scene::origin` is surely beyond the near plane. False if
+    /// undecided or NaN.
+    pub(crate) fn is_point_beyond_near(&self, p: DVec3) -> bool {
+        let (value, error) = self.beyond_near(p);
         value > error
     }
 
@@ -295,10 +300,7 @@ impl ClipProjection {
                 // box is not outside.
                 away.length() > clear.max(f64::MIN_POSITIVE) + 4.0 * self.eye_error
             }
-            Eye::Direction(_) => corners_of([min, max]).all(|p| {
-                let (value, error) = self.beyond_near(p);
-                value > error
-            }),
+            Eye::Direction(_) => corners_of([min, max]).all(|p| self.is_point_beyond_near(p)),
         }
     }
 

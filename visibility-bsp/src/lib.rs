@@ -53,6 +53,7 @@ extern crate std;
 mod bsp_order_culler;
 mod clip_projection;
 mod large_occluders;
+mod lazy_queue;
 mod merge;
 mod naylor;
 mod occluders;

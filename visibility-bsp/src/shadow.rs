@@ -137,6 +137,23 @@ pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     ))
 }
 
+/// Returns the mean of some points; zero for none.
+pub(crate) fn mean_of(points: impl ExactSizeIterator<Item = DVec3>) -> DVec3 {
+    let count = points.len() as f64;
+    points.fold(DVec3::ZERO, |sum, p| sum + p / count)
+}
+
+/// Returns the mean of the corners' clip-space directions `v`; zero without corners.
+pub(crate) fn mean_direction(corners: &[ShadowCorner]) -> [f64; 3] {
+    let mut mean = [0.0; 3];
+    for corner in corners {
+        for (sum, v) in mean.iter_mut().zip(corner.v) {
+            *sum += v / corners.len() as f64;
+        }
+    }
+    mean
+}
+
 /// The shadows of one frame. Memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shadows {
@@ -280,12 +297,7 @@ impl Shadows {
 
         // All edges must have the outline's mean inside. For a polygon seen from its front, the inner side is
         // always on the same hand, known from the projection's orientation.
-        let mut middle = [0.0; 3];
-        for corner in corners {
-            for (sum, v) in middle.iter_mut().zip(corner.v) {
-                *sum += v / corners.len() as f64;
-            }
-        }
+        let middle = mean_direction(corners);
         let certain = |line: &Line| line.slack + slack_of(64.0 * U);
         let turn = projection.turn() * if front { -1.0 } else { 1.0 };
         for edge in &mut self.edges[first_edge..] {

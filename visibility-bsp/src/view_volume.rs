@@ -5,7 +5,7 @@ use visibility_core::{
     Aabb, Scene, View,
     geometry::{Containment, Plane},
     glam::DVec3,
-    view::MAX_PLANES,
+    view::{MAX_PLANES, ViewPlane},
 };
 
 /// The view volume of one frame in metres relative to `Scene::origin`. A point is in view if it is in front
@@ -20,18 +20,36 @@ pub(crate) struct ViewVolume {
 }
 
 impl ViewVolume {
-    /// Builds the volume of `view` in metres relative to `scene.origin()`.
+    /// Builds the volume of `view` in metres relative to `scene.origin()`, for tests of boxes and polygons at
+    /// any distance.
     pub(crate) fn new(view: &View, scene: &Scene) -> Self {
-        let mut volume = Self { planes: [Plane::new(DVec3::ZERO, 1.0); MAX_PLANES], count: 0 };
-        for of_view in view.planes(scene.origin()).as_slice() {
-            let Plane { normal, offset } = of_view.plane;
-            // Each normal component is within 4 units of round-off of its exact value, and the widest
-            // coordinate multiplies that error. `16 EPSILON |offset|` covers the product.
-            volume.planes[volume.count] =
-                Plane::new(normal, offset + 2.0 * of_view.error + 16.0 * f64::EPSILON * offset.abs());
-            volume.count += 1;
+        // Each normal component is within 4 units of round-off of its exact value, and the widest coordinate
+        // multiplies that error. `16 EPSILON |offset|` covers the product.
+        Self::with_offsets(view, scene, |ViewPlane { plane: Plane { offset, .. }, error }| {
+            offset + 2.0 * error + 16.0 * f64::EPSILON * offset.abs()
+        })
+    }
+
+    /// Builds the volume of `view` in metres relative to `scene.origin()`, for choosing occluders: each plane
+    /// is moved outwards by the error of its offset only.
+    pub(crate) fn for_selection(view: &View, scene: &Scene) -> Self {
+        Self::with_offsets(view, scene, |side| side.plane.offset + side.error)
+    }
+
+    /// Builds the volume of `view` with the plane offsets in metres that `offset` returns.
+    fn with_offsets(view: &View, scene: &Scene, offset: impl Fn(&ViewPlane) -> f64) -> Self {
+        let sides = view.planes(scene.origin());
+        let mut volume =
+            Self { planes: [Plane::new(DVec3::ZERO, 1.0); MAX_PLANES], count: sides.as_slice().len() };
+        for (plane, side) in volume.planes.iter_mut().zip(sides.as_slice()) {
+            *plane = Plane::new(side.plane.normal, offset(side));
         }
         volume
+    }
+
+    /// Tests whether a sphere reaches to the inner side of every plane, up to rounding. False if NaN.
+    pub(crate) fn meets_sphere(&self, center: DVec3, radius: f64) -> bool {
+        self.planes[..self.count].iter().all(|plane| plane.signed_distance(center) > -radius)
     }
 
     /// Returns a mask of the planes that a box is surely inside of; bit i stands for plane i. Planes set in

@@ -2,15 +2,14 @@
 
 use super::group_map::GroupMap;
 use crate::clip_projection::ClipProjection;
-use crate::occluders::{Chosen, Occluders, Selector, is_drawn, sides_of};
+use crate::occluders::{Chosen, Occluders, Selector, is_drawn};
+use crate::view_volume::ViewVolume;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Accuracy, CullStats, Culler, ObjectId, OcclusionCuller, Scene, View, VisibleSet,
-    geometry::Plane,
-    occlusion::Selection,
-    view::{Eye, MAX_PLANES},
+    Accuracy, CullStats, Culler, ObjectId, OcclusionCuller, Scene, View, VisibleSet, occlusion::Selection,
+    view::Eye,
 };
 
 /// Culls boxes that are behind a single large polygon, or behind two that share an edge. Answers are cached
@@ -155,16 +154,14 @@ impl Culler for LargeOccludersCuller {
             self.chosen_at = Some(rounded_eye);
         }
         let map = self.inner.map_mut();
-        let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
-        let count = sides_of(view, scene, &mut sides);
-        let sides = &sides[..count];
+        let volume = ViewVolume::for_selection(view, scene);
         // If neither the scene nor the choice has changed, two conditions remain to be tested: the occluders
         // are still drawn, also in this view's layers, and the eye is outside the boxes of all sections.
         let settled = map.coherent
             && !chosen
             && self.all_active
             && view.clip_planes().is_empty()
-            && self.sources.iter().all(|&id| is_drawn(scene, visible, sides, id))
+            && self.sources.iter().all(|&id| is_drawn(scene, visible, &volume, id))
             && (self.sections.is_empty() || {
                 let projection = ClipProjection::new(view, scene.origin());
                 let clear = projection.clearance();
@@ -176,7 +173,7 @@ impl Culler for LargeOccludersCuller {
             self.selector.chosen.clear();
             let all = self.selected.iter().map(|&polygon| Chosen { polygon, bound: 0.0 });
             self.selector.chosen.extend(all);
-            self.selector.keep_usable(&self.occluders, scene, view, &projection, visible, sides);
+            self.selector.keep_usable(&self.occluders, scene, view, &projection, visible, &volume);
             let usable = self.selector.chosen.iter().map(|chosen| chosen.polygon);
             let same = !news && self.active.iter().copied().eq(usable.clone());
             if !same || !map.coherent {

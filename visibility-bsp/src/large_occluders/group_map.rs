@@ -3,6 +3,7 @@
 use super::group::{Edge, Face, Group};
 use crate::clip_projection::ClipProjection;
 use crate::occluders::Occluders;
+use crate::shadow::mean_of;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use hashbrown::HashMap;
@@ -106,10 +107,7 @@ impl GroupMap {
         for (number, &polygon) in polygons.iter().enumerate() {
             let occluder_polygon = occluders.occluder_polygon(polygon);
             let v = occluder_polygon.vertices;
-            let mut middle = DVec3::ZERO;
-            for p in v {
-                middle += *p / v.len() as f64;
-            }
+            let middle = mean_of(v.iter().copied());
             let first = edges.len();
             for i in 0..v.len() {
                 let ends = [v[i], v[(i + 1) % v.len()]];
@@ -180,10 +178,7 @@ impl Groups {
             // that is not wholly beyond the near plane is therefore not used. Both ends of each edge are
             // tested: with two polygons of equal orientation, no remaining edge begins at one of the ends of
             // the shared edge.
-            let surely_beyond = |end: &DVec3| {
-                let (value, error) = projection.beyond_near(*end);
-                value > error
-            };
+            let surely_beyond = |end: &DVec3| projection.is_point_beyond_near(*end);
             let cut = matches!(eye, Eye::Direction(_))
                 && !self.edges[group.edges.clone()].iter().flat_map(|edge| &edge.ends).all(surely_beyond);
             self.groups[number].usable = joined && !cut;

@@ -6,9 +6,9 @@
 
 mod partition;
 
-use crate::tree::{BspError, BspTree};
+use crate::tree::{BspError, BspTree, EMPTY, SOLID};
 use core::fmt;
-use partition::{Arena, EMPTY, MOST_LEVELS, SOLID};
+use partition::{Arena, MOST_LEVELS};
 use visibility_core::glam::DVec3;
 
 /// A bounded solid: the points inside a closed boundary, stored as a BSP tree with empty and solid leaves.

@@ -6,24 +6,15 @@
 //! plane (four); or crossing (one).
 
 use crate::polygon_cut::cut;
+use crate::tree::{EMPTY, SOLID, depth_of, is_leaf};
 use alloc::vec::Vec;
 use visibility_core::{
     geometry::{Plane, PolygonSide, SidePlane},
     glam::DVec3,
 };
 
-/// Child value of a leaf outside the solid.
-pub(super) const EMPTY: u32 = u32::MAX;
-/// Child value of a leaf inside the solid.
-pub(super) const SOLID: u32 = u32::MAX - 1;
-
 /// Maximum number of levels of a merged tree. Merging recurses by level, so this bounds the stack.
 pub(super) const MOST_LEVELS: usize = 1000;
-
-/// Tests whether a child value stands for a leaf and not for a node index.
-fn is_leaf(child: u32) -> bool {
-    child >= SOLID
-}
 
 /// An inner node of a solid's BSP tree.
 #[derive(Clone, Copy, Debug)]
@@ -102,14 +93,7 @@ impl Arena {
 
     /// Returns the greatest number of nodes on a path from `root` to a leaf; 0 for a leaf.
     pub(super) fn depth(&self, root: u32) -> usize {
-        let (mut open, mut deepest) = (Vec::from([(root, 0)]), 0);
-        while let Some((child, depth)) = open.pop() {
-            deepest = deepest.max(depth);
-            if !is_leaf(child) {
-                open.extend(self.nodes[child as usize].children.map(|child| (child, depth + 1)));
-            }
-        }
-        deepest
+        depth_of(root, |node| self.nodes[node as usize].children)
     }
 
     /// Returns the corners of a sub-hyperplane, in boundary order.
@@ -258,13 +242,7 @@ impl Arena {
 fn across_box(plane: &Plane, magnitude: DVec3) -> Vec<DVec3> {
     let n = plane.normal.abs();
     // Every line through the box along the axis of the normal's largest component meets the plane once.
-    let axis = if n.x >= n.y && n.x >= n.z {
-        0
-    } else if n.y >= n.z {
-        1
-    } else {
-        2
-    };
+    let axis = n.max_position();
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut corners: Vec<DVec3> = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(s, t)| {

@@ -339,15 +339,15 @@ impl Beams {
     }
 
     /// Returns the widest uncovered part found by the last [`test`](Self::test) or
-    /// [`test_and_cover`](Self::test_and_cover). The
-    /// width is negative if that call reached no open leaf.
+    /// [`test_and_cover`](Self::test_and_cover). The width is negative if that call reached no open leaf.
     pub(super) fn witness(&self) -> Witness {
         self.witness
     }
 
     /// Moves the topmost part of the corner stack into the children of node `id`, cut in two if the part
     /// extends beyond the line's margin on both sides. Parts that would enter a closed leaf are dropped. If
-    /// `generous` is true, calls [`pass_generously`](Self::pass_generously) instead.
+    /// `generous` is true (for narrow polygons), the part is cut one margin beyond the line on either side
+    /// instead, so that the strip within the margin goes to both children.
     fn pass(&mut self, id: u32, task: Task, generous: bool) {
         let Node { line, children, .. } = self.nodes[id as usize];
         let (mut least, mut greatest, mut sum) = (0.0f64, 0.0f64, 0.0);
@@ -359,11 +359,8 @@ impl Beams {
             sum += distance;
             self.sides.push(distance);
         }
-        if generous {
-            return self.pass_generously(id, task);
-        }
         let (front, back) = (greatest > line.margin, least < -line.margin);
-        if !(front && back) {
+        if !generous && !(front && back) {
             let side = u8::from(if front || back { front } else { sum > 0.0 });
             let count = self.sides.len();
             let thin = task.thin || !(front || back);
@@ -389,54 +386,34 @@ impl Beams {
             }
             let begin = self.corners.len();
             let sign = if side == 1 { 1.0 } else { -1.0 };
-            let margin = line.margin;
-            let side_of = |i: usize| Side::of(sign * self.sides[i], margin);
             for i in 0..self.part.len() {
                 let j = if i + 1 == self.part.len() { 0 } else { i + 1 };
                 let (p, q) = (self.part[i], self.part[j]);
-                let along = ImageCorner { on_line: true, ..p };
-                match (side_of(i), side_of(j)) {
+                let [dp, dq] = [self.sides[i], self.sides[j]].map(|distance| sign * distance);
+                if generous {
+                    let [dp, dq] = [dp + line.margin, dq + line.margin];
+                    if dp >= 0.0 {
+                        self.corners.push(p);
+                    }
+                    if (dp >= 0.0) != (dq >= 0.0) {
+                        self.corners.push(crossing(p, q, dp, dq));
+                    }
+                    continue;
+                }
+                match (Side::of(dp, line.margin), Side::of(dq, line.margin)) {
                     (Side::Front, Side::Front | Side::On) | (Side::On, Side::Front) => self.corners.push(p),
-                    (Side::On, Side::On | Side::Back) => self.corners.push(along),
+                    (Side::On, Side::On | Side::Back) => {
+                        self.corners.push(ImageCorner { on_line: true, ..p });
+                    }
                     (Side::Front, Side::Back) => {
                         self.corners.push(p);
-                        let cut = crossing(p, q, self.sides[i], self.sides[j]);
-                        self.corners.push(ImageCorner { on_line: true, ..cut });
+                        self.corners.push(ImageCorner { on_line: true, ..crossing(p, q, dp, dq) });
                     }
                     (Side::Back, Side::Front) => {
-                        let cut = crossing(p, q, self.sides[i], self.sides[j]);
-                        self.corners.push(ImageCorner { on_line: p.on_line, edge: p.edge, ..cut });
+                        let ImageCorner { on_line, edge, .. } = p;
+                        self.corners.push(ImageCorner { on_line, edge, ..crossing(p, q, dp, dq) });
                     }
                     (Side::Back, Side::On | Side::Back) => {}
-                }
-            }
-            self.tasks.push(Task { parent: id, side, begin, ..task });
-        }
-    }
-
-    /// Moves the topmost part of the corner stack into the children of node `id`, cut one margin beyond the
-    /// line on either side, so that the strip within the margin goes to both children. Parts that would enter
-    /// a closed leaf are dropped. Used for narrow polygons.
-    fn pass_generously(&mut self, id: u32, task: Task) {
-        let Node { line: Line { margin, .. }, children, .. } = self.nodes[id as usize];
-        self.part.clear();
-        self.part.extend_from_slice(&self.corners[task.begin..]);
-        self.corners.truncate(task.begin);
-        for side in [0u8, 1] {
-            if children[usize::from(side)] == CLOSED {
-                continue;
-            }
-            let begin = self.corners.len();
-            let sign = if side == 1 { 1.0 } else { -1.0 };
-            for i in 0..self.part.len() {
-                let j = if i + 1 == self.part.len() { 0 } else { i + 1 };
-                let (p, q) = (self.part[i], self.part[j]);
-                let [dp, dq] = [self.sides[i], self.sides[j]].map(|distance| sign * distance + margin);
-                if dp >= 0.0 {
-                    self.corners.push(p);
-                }
-                if (dp >= 0.0) != (dq >= 0.0) {
-                    self.corners.push(crossing(p, q, dp, dq));
                 }
             }
             if self.corners.len() > begin {

@@ -5,24 +5,19 @@ use visibility_core::glam::DVec3;
 /// Number of polygons or boxes in a full block.
 pub(super) const BLOCK: usize = 32;
 
+/// Returns the minimum and maximum corner of the box around some points; infinite and inverted for none.
+pub(super) fn bounds_of(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)))
+}
+
 /// Reorders `order`, indices into `centers`, so that consecutive runs of [`BLOCK`] indices are compact in
 /// space. Splits recursively at the median of the longest axis.
 pub(super) fn halve(order: &mut [u32], centers: &[DVec3]) {
     if order.len() <= BLOCK {
         return;
     }
-    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for &i in order.iter() {
-        (min, max) = (min.min(centers[i as usize]), max.max(centers[i as usize]));
-    }
-    let size = max - min;
-    let axis = if size.x >= size.y && size.x >= size.z {
-        0
-    } else if size.y >= size.z {
-        1
-    } else {
-        2
-    };
+    let (min, max) = bounds_of(order.iter().map(|&i| centers[i as usize]));
+    let axis = (max - min).max_position();
     // The left part consists of whole blocks, so that only the last block is not full.
     let half = (order.len() / 2).next_multiple_of(BLOCK).min(order.len() - 1);
     order.select_nth_unstable_by(half, |&a, &b| {

@@ -6,14 +6,14 @@
 
 use super::overlaps::Rectangle;
 use super::work;
+use crate::lazy_queue::Candidate;
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
-use core::cmp::Ordering;
 
 /// Maximum number of grid cells of a group that is joined; larger groups are left as they are.
 const MOST_CELLS: usize = 1 << 14;
 /// Maximum number of rectangles made from one group.
-const MOST_PICKS: usize = 64;
+const MOST_PICKS: u32 = 64;
 
 /// A grid whose lines are the sides of a group's rectangles, with the cells that the group covers.
 struct Grid {
@@ -135,37 +135,6 @@ impl Grid {
     }
 }
 
-/// Queue entry: a maximal rectangle of covered cells that may be added to the result.
-#[derive(Clone, Copy, PartialEq)]
-struct Candidate {
-    /// Area that the rectangle adds to those taken, in square metres; an upper bound once more rectangles
-    /// have been taken.
-    new: f64,
-    /// Area of the whole rectangle in square metres.
-    area: f64,
-    /// Index of the rectangle in the list returned by `Grid::largest`.
-    number: usize,
-    /// Number of rectangles that had been taken when `new` was computed; `new` is exact while no more are.
-    evaluated_at: usize,
-}
-
-impl Eq for Candidate {}
-
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Candidate {
-    /// Orders by added area, then by whole area; of equal ones, the rectangle with the lower number is
-    /// greater.
-    fn cmp(&self, other: &Self) -> Ordering {
-        let by_area = self.new.total_cmp(&other.new).then(self.area.total_cmp(&other.area));
-        by_area.then(other.number.cmp(&self.number))
-    }
-}
-
 /// Joins a connected group of rectangles: calls `each` with the low corner, the high corner and the sources
 /// (ascending) of up to 64 larger rectangles within the group's area, greatest added area first. Beyond 64, a
 /// remainder of the area stays uncovered. A single rectangle, or a group whose grid has more than 16,384
@@ -180,8 +149,9 @@ pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f
     };
     let rectangles = grid.largest();
     let mut open = grid.filled.clone();
-    let measure = |number: usize, open: &[bool]| {
-        let [from, to, low, high] = rectangles[number];
+    // The area in square metres that a rectangle adds to those taken, and its whole area.
+    let measure = |number: u32, open: &[bool]| {
+        let [from, to, low, high] = rectangles[number as usize];
         let (mut new, mut all) = (0.0, 0.0);
         for row in low..high {
             for column in from..to {
@@ -195,10 +165,10 @@ pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f
         }
         (new, all)
     };
-    let mut candidates: BinaryHeap<Candidate> = (0..rectangles.len())
+    let mut candidates: BinaryHeap<Candidate> = (0..rectangles.len() as u32)
         .map(|number| {
-            let (new, area) = measure(number, &open);
-            Candidate { new, area, number, evaluated_at: 0 }
+            let (gain, tie_break) = measure(number, &open);
+            Candidate { gain, tie_break, number, evaluated_at: 0 }
         })
         .collect();
     let mut taken = 0;
@@ -207,15 +177,15 @@ pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f
     {
         // The added area of a rectangle only shrinks as others are taken.
         if best.evaluated_at < taken {
-            let (new, _) = measure(best.number, &open);
-            candidates.push(Candidate { new, evaluated_at: taken, ..best });
+            let (gain, _) = measure(best.number, &open);
+            candidates.push(Candidate { gain, evaluated_at: taken, ..best });
             continue;
         }
-        if !(best.new > 0.0) {
+        if !(best.gain > 0.0) {
             break;
         }
         taken += 1;
-        let [from, to, low, high] = rectangles[best.number];
+        let [from, to, low, high] = rectangles[best.number as usize];
         for row in low..high {
             for column in from..to {
                 open[grid.cell(column, row)] = false;

@@ -22,4 +22,4 @@ mod work;
 pub(crate) use mesh_triangles::triangles_of;
 pub(crate) use outline::OccluderTriangle;
 pub use polygons::Occluders;
-pub(crate) use select::{Chosen, Selector, angle_of, is_drawn, sides_of};
+pub(crate) use select::{Chosen, Selector, angle_of, is_drawn};

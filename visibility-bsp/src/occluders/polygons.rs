@@ -4,7 +4,7 @@ use super::blocks::{BLOCK, halve};
 use super::mesh_triangles::{is_closed, triangles_of};
 use super::outline::Outline;
 use super::{patches, rectangles, sections};
-use crate::shadow::{OccluderPolygon, plane_of};
+use crate::shadow::{OccluderPolygon, mean_of, plane_of};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -265,13 +265,7 @@ impl Occluders {
         outlines.extend(sections::sections(&solids));
         sections::drop_covered(&mut outlines);
         outlines.extend(patches::join(&triangles));
-        let middle = |outline: &Outline| {
-            let mut center = DVec3::ZERO;
-            for v in &outline.vertices {
-                center += *v / outline.vertices.len() as f64;
-            }
-            center
-        };
+        let middle = |outline: &Outline| mean_of(outline.vertices.iter().copied());
         let centers: Vec<DVec3> = outlines.iter().map(middle).collect();
         // Polygons of similar area share blocks, so that a block of small ones is skipped as soon as it is
         // not near.
@@ -318,10 +312,7 @@ impl Occluders {
         let blocks = classes.chunk_by(|a, b| a == b).flat_map(|alike| alike.chunks(BLOCK)).map(<[u64]>::len);
         for count in blocks {
             let block = &self.polygons[first..first + count];
-            let mut center = DVec3::ZERO;
-            for polygon in block {
-                center += polygon.center / block.len() as f64;
-            }
+            let center = mean_of(block.iter().map(|polygon| polygon.center));
             let radius = block.iter().map(|p| p.center.distance(center) + p.radius).fold(0.0, f64::max);
             let area = block.iter().map(|p| p.area).fold(0.0, f64::max);
             self.blocks.push(Block { center, radius, area, first: first as u32, count: block.len() as u32 });

@@ -17,7 +17,7 @@
 //! Sections that are little larger than the rectangles made of their boxes' faces are left out. Faces covered
 //! by a section close to them are dropped, so that one polygon replaces several.
 
-use super::blocks::{BLOCK, halve};
+use super::blocks::{BLOCK, bounds_of, halve};
 use super::cover::join_group;
 use super::outline::Outline;
 use super::overlaps::{Rectangle, groups};
@@ -121,11 +121,8 @@ impl Near {
         let mut levels = Vec::new();
         let mut level: Vec<(DVec3, DVec3)> = order.iter().map(|&i| boxes[i as usize]).collect();
         while level.len() > BLOCK {
-            let bounds_of = |run: &[(DVec3, DVec3)]| {
-                run.iter()
-                    .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |all, b| (all.0.min(b.0), all.1.max(b.1)))
-            };
-            level = level.chunks(BLOCK).map(bounds_of).collect();
+            let around = |run: &[(DVec3, DVec3)]| bounds_of(run.iter().flat_map(|b| [b.0, b.1]));
+            level = level.chunks(BLOCK).map(around).collect();
             levels.push(level.clone());
         }
         Self { order, boxes, levels }
@@ -252,13 +249,8 @@ fn is_gain(solids: &[SolidBox], axis: usize, low: [f64; 2], high: [f64; 2], boxe
 /// Removes the faces and sections (rectangles inside closed boxes) that are covered by a section close to
 /// them, unless they are made of other objects than the section.
 pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
-    let bounds_of = |outline: &Outline| {
-        outline
-            .vertices
-            .iter()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |all, v| (all.0.min(*v), all.1.max(*v)))
-    };
-    let boxes: Vec<(DVec3, DVec3)> = outlines.iter().map(bounds_of).collect();
+    let around = |outline: &Outline| bounds_of(outline.vertices.iter().copied());
+    let boxes: Vec<(DVec3, DVec3)> = outlines.iter().map(around).collect();
     let axis_of = |(min, max): &(DVec3, DVec3)| (0..3).find(|&axis| min[axis] == max[axis]);
     let near = Near::new(boxes.clone());
     let mut kept = alloc::vec![true; outlines.len()];

@@ -5,11 +5,11 @@
 use super::polygons::{Block, Occluders, Polygon};
 use crate::clip_projection::{ClipProjection, corners_of};
 use crate::shadow::ShadowCorner;
+use crate::view_volume::ViewVolume;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
     ObjectId, Scene, View, VisibleSet,
-    geometry::Plane,
     scene::{Changes, SceneCursor},
     stamp::Stamp,
     view::Eye,
@@ -115,18 +115,23 @@ impl Selector {
     }
 
     /// Replaces `chosen` by the `count` polygons with the greatest upper bound on their solid angle from
-    /// `eye`, greatest first. If `sides` is given (planes in metres relative to `Scene::origin`), only
+    /// `eye`, greatest first. If `volume` is given, only
     /// polygons that may be in front of all of them are considered; `None` considers all directions.
-    pub(crate) fn choose(&mut self, occluders: &Occluders, eye: &Eye, sides: Option<&[Plane]>, count: usize) {
+    pub(crate) fn choose(
+        &mut self,
+        occluders: &Occluders,
+        eye: &Eye,
+        volume: Option<&ViewVolume>,
+        count: usize,
+    ) {
         self.chosen.clear();
         self.blocks.clear();
         if self.lost || count == 0 {
             return;
         }
         // Only a selection: rounding is harmless.
-        let is_in = |center: DVec3, radius: f64| {
-            sides.is_none_or(|sides| sides.iter().all(|side| side.signed_distance(center) > -radius))
-        };
+        let is_in =
+            |center: DVec3, radius: f64| volume.is_none_or(|volume| volume.meets_sphere(center, radius));
         for (block, number) in occluders.blocks.iter().zip(0..) {
             if is_in(block.center, block.radius) {
                 self.blocks.push((block.bound(eye), number));
@@ -175,7 +180,7 @@ impl Selector {
     /// Removes from `chosen` the polygons that must not hide in this frame. All objects of a polygon must be
     /// unchanged since the polygons were made, drawn in this view, and surely on the inner side of the view's
     /// clip planes. For a section (a rectangle inside closed boxes), the eye must also be surely outside all
-    /// these boxes. `sides` are the view's planes as written by [`sides_of`].
+    /// these boxes. `volume` is the view's, made [for selection](ViewVolume::for_selection).
     pub(crate) fn keep_usable(
         &mut self,
         occluders: &Occluders,
@@ -183,7 +188,7 @@ impl Selector {
         view: &View,
         projection: &ClipProjection,
         visible: &VisibleSet,
-        sides: &[Plane],
+        volume: &ViewVolume,
     ) {
         let mut chosen = core::mem::take(&mut self.chosen);
         let clip_planes = view.clip_planes_from(scene.origin());
@@ -201,33 +206,16 @@ impl Selector {
             within
                 && solids.iter().all(|solid| projection.is_outside(solid, clear))
                 && self.is_usable(occluders, chosen.polygon, scene, view)
-                && occluders.sources_of(chosen.polygon).iter().all(|&id| is_drawn(scene, visible, sides, id))
+                && occluders.sources_of(chosen.polygon).iter().all(|&id| is_drawn(scene, visible, volume, id))
         });
         self.chosen = chosen;
     }
 }
 
-/// Tests whether an object is in the visible set, or surely outside one of the view's planes `sides`. An
+/// Tests whether an object is in the visible set, or surely outside the view's `volume`. An
 /// object in view that an earlier culler has removed is not drawn, so it must not hide.
-pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, sides: &[Plane], id: ObjectId) -> bool {
-    visible.contains(scene, id)
-        || scene.bounds(id).is_ok_and(|bounds| {
-            sides.iter().any(|s| s.classify_aabb(&bounds) == visibility_core::geometry::Containment::Outside)
-        })
-}
-
-/// Writes the planes of a view to `out`, in metres relative to `Scene::origin`, normals inwards, each moved
-/// outwards by its rounding error. Returns the number of planes written.
-pub(crate) fn sides_of(
-    view: &View,
-    scene: &Scene,
-    out: &mut [Plane; visibility_core::view::MAX_PLANES],
-) -> usize {
-    let planes = view.planes(scene.origin());
-    for (out, side) in out.iter_mut().zip(planes.as_slice()) {
-        *out = Plane::new(side.plane.normal, side.plane.offset + side.error);
-    }
-    planes.as_slice().len()
+pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, volume: &ViewVolume, id: ObjectId) -> bool {
+    visible.contains(scene, id) || scene.bounds(id).is_ok_and(|bounds| volume.is_outside(&bounds))
 }
 
 impl Block {

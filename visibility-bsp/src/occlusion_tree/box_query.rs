@@ -17,15 +17,6 @@ use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
 /// Maximum number of corners of a part. If a cut would make more, the box counts as partially visible.
 const MOST: usize = 24;
 
-/// Kinds of leaves that the parts of a box have reached so far.
-#[derive(Clone, Copy, Debug, Default)]
-struct Found {
-    /// Whether a part was surely hidden in its leaf.
-    hidden: bool,
-    /// Whether a part was surely visible in its leaf.
-    visible: bool,
-}
-
 /// A convex part of a box's projection, as a cone of view rays.
 #[derive(Clone, Copy)]
 struct Part {
@@ -53,47 +44,49 @@ const OUTLINES: [([u8; 6], u8); 64] = {
         // The silhouette consists of the edges of front faces that no other front face runs along in reverse.
         // `next` leads from corner to corner along it.
         let mut next = [u8::MAX; 8];
-        let mut face = 0;
-        while face < 6 {
-            let mut i = 0;
-            while mask >> face & 1 != 0 && i < 4 {
-                let (a, b) = (FACES[face][i], FACES[face][(i + 1) % 4]);
-                let mut shared = false;
-                let mut other = 0;
-                while other < 6 {
-                    let mut j = 0;
-                    while mask >> other & 1 != 0 && j < 4 {
-                        shared |= FACES[other][j] == b && FACES[other][(j + 1) % 4] == a;
-                        j += 1;
-                    }
-                    other += 1;
-                }
-                if !shared {
-                    next[a as usize] = b;
-                }
-                i += 1;
+        let mut edge = 0;
+        while edge < 24 {
+            let [a, b] = edge_of(edge);
+            if mask >> (edge / 4) & 1 != 0 && !has_edge(mask, b, a) {
+                next[a as usize] = b;
             }
-            face += 1;
+            edge += 1;
         }
         let mut start = 0;
         while start < 8 && next[start] == u8::MAX {
             start += 1;
         }
-        let mut at = start;
-        let mut count = 0;
-        while at < 8 && count < 6 {
+        let (mut at, mut count) = (start, 0);
+        while at < 8 && count < 6 && (count == 0 || at != start) {
             table[mask].0[count] = at as u8;
             count += 1;
             at = next[at] as usize;
-            if at == start {
-                break;
-            }
         }
         table[mask].1 = count as u8;
         mask += 1;
     }
     table
 };
+
+/// Returns the corner numbers of the start and the end of edge `edge % 4` of face `edge / 4` of [`FACES`].
+const fn edge_of(edge: usize) -> [u8; 2] {
+    let face = FACES[edge / 4];
+    [face[edge % 4], face[(edge + 1) % 4]]
+}
+
+/// Tests whether a face in `mask` (bit i stands for face i of [`FACES`]) has the edge from corner `a` to
+/// corner `b` in this direction.
+const fn has_edge(mask: usize, a: u8, b: u8) -> bool {
+    let mut edge = 0;
+    while edge < 24 {
+        let [start, end] = edge_of(edge);
+        if mask >> (edge / 4) & 1 != 0 && start == a && end == b {
+            return true;
+        }
+        edge += 1;
+    }
+    false
+}
 
 /// State of testing one box against the occlusion tree.
 struct BoxTest<'a> {
@@ -107,8 +100,10 @@ struct BoxTest<'a> {
     max: DVec3,
     /// Mask of the faces turned to the eye, bit i for face i of [`FACES`]; 0 if that is uncertain.
     faces: usize,
-    /// Kinds of leaves that parts of the box have reached so far.
-    found: Found,
+    /// Whether a part of the box was surely hidden in its leaf.
+    hidden: bool,
+    /// Whether a part of the box was surely visible in its leaf.
+    visible: bool,
 }
 
 impl Nodes {
@@ -141,27 +136,30 @@ impl Nodes {
             _ => {}
         }
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        let mut test = BoxTest { nodes: self, projection, min, max, faces: 0, found: Found::default() };
-        let whole = match faces_before(projection, min, max) {
-            Some(faces) => {
-                test.faces = faces;
-                let (outline, count) = &OUTLINES[faces];
-                test.visit(child, &Part::new(&cone, &outline[..usize::from(*count)]))
-            }
+        let (heights, margin) = face_heights(projection, min, max);
+        let faces = (0..6).filter(|&face| heights[face] > 0.0).fold(0, |mask, face| mask | 1 << face);
+        let certain = faces != 0 && heights.iter().all(|height| height.abs() > margin);
+        let faces = if certain { faces } else { 0 };
+        let mut test = BoxTest { nodes: self, projection, min, max, faces, hidden: false, visible: false };
+        let decided = if certain {
+            let (outline, count) = &OUTLINES[faces];
+            test.visit(child, &Part::new(&cone, &outline[..usize::from(*count)]))
+        } else {
             // If it is uncertain which faces are turned to the eye, every face that may be is tested.
-            None => (0..6).all(|face| {
-                !may_be_before(projection, face, min, max)
-                    || test.visit(child, &Part::new(&cone, &FACES[face]))
-            }),
+            (0..6).all(|face| heights[face] < -margin || test.visit(child, &Part::new(&cone, &FACES[face])))
         };
-        test.found.verdict(whole)
+        match (decided, test.visible) {
+            (false, _) => Occlusion::Partial,
+            (true, false) => Occlusion::Hidden,
+            (true, true) => Occlusion::Visible,
+        }
     }
 }
 
 impl BoxTest<'_> {
-    /// Records in `found` whether a leaf hides a part of the box. Returns false if this is undecided, or if
-    /// another part got the opposite answer; the box is then partially visible. A leaf outside the image
-    /// records nothing.
+    /// Records in `hidden` and `visible` whether a leaf hides a part of the box. Returns false if this is
+    /// undecided, or if another part got the opposite answer; the box is then partially visible. A leaf
+    /// outside the image records nothing.
     fn record_leaf(&mut self, leaf: Child, part: &Part) -> bool {
         let visible = match leaf {
             OUTSIDE => return true,
@@ -171,9 +169,9 @@ impl BoxTest<'_> {
                 side => side > 0,
             },
         };
-        self.found.visible |= visible;
-        self.found.hidden |= !visible;
-        !(self.found.visible && self.found.hidden)
+        self.visible |= visible;
+        self.hidden |= !visible;
+        !(self.visible && self.hidden)
     }
 
     /// Returns -1 if the part of the box is surely behind one of the leaf's polygons, 1 if the box is surely
@@ -247,18 +245,6 @@ impl BoxTest<'_> {
     }
 }
 
-impl Found {
-    /// Returns the answer for the box. `whole` is false if a part was undecided or parts differed, which
-    /// gives `Partial`.
-    fn verdict(self, whole: bool) -> Occlusion {
-        match (whole, self.hidden, self.visible) {
-            (false, ..) | (true, true, true) => Occlusion::Partial,
-            (true, _, false) => Occlusion::Hidden,
-            (true, false, true) => Occlusion::Visible,
-        }
-    }
-}
-
 impl Part {
     /// Creates a part without corners, for which `slack` bounds the absolute error of `n . v`.
     fn empty(slack: f64) -> Self {
@@ -304,45 +290,14 @@ impl Part {
     }
 }
 
-/// Returns the mask of the faces turned to the eye of the box from `min` to `max`; bit i stands for face i of
-/// [`FACES`]. `None` if this is uncertain for any face, or if the eye is inside the box.
-fn faces_before(projection: &ClipProjection, min: DVec3, max: DVec3) -> Option<usize> {
-    let mut mask = 0;
-    let certain = match projection.eye {
-        Eye::Point(eye) => {
-            let mut certain = true;
-            for axis in 0..3 {
-                let error = projection.eye_error;
-                let (below, above) = (min[axis] - eye[axis], eye[axis] - max[axis]);
-                // Rounding of the differences is smaller than the eye's error.
-                mask |= usize::from(below > 0.0) << (2 * axis) | usize::from(above > 0.0) << (2 * axis + 1);
-                certain &= below.abs() > 2.0 * error && above.abs() > 2.0 * error;
-            }
-            certain
-        }
-        Eye::Direction(along) => {
-            let mut certain = true;
-            for axis in 0..3 {
-                mask |= usize::from(along[axis] > 0.0) << (2 * axis)
-                    | usize::from(along[axis] < 0.0) << (2 * axis + 1);
-                certain &= along[axis].abs() > 2.0 * projection.eye_error + 8.0 * U;
-            }
-            certain
-        }
+/// Returns the heights in metres of the eye above the six faces of the box from `min` to `max`, in the order
+/// of [`FACES`], and a bound on their absolute error. A face is turned to the eye if its height is positive.
+/// For parallel views, the heights are the cosines between the faces' normals and the direction to the eye.
+fn face_heights(projection: &ClipProjection, min: DVec3, max: DVec3) -> ([f64; 6], f64) {
+    let (below, above, margin) = match projection.eye {
+        // Rounding of the differences is smaller than the eye's error.
+        Eye::Point(eye) => (min - eye, eye - max, 2.0 * projection.eye_error),
+        Eye::Direction(along) => (along, -along, 2.0 * projection.eye_error + 8.0 * U),
     };
-    (certain && mask != 0).then_some(mask)
-}
-
-/// Tests whether face `face` (an index of [`FACES`]) of the box from `min` to `max` may be turned to the eye.
-/// False only if it surely is not.
-fn may_be_before(projection: &ClipProjection, face: usize, min: DVec3, max: DVec3) -> bool {
-    let axis = face / 2;
-    match projection.eye {
-        Eye::Point(eye) if face.is_multiple_of(2) => !(eye[axis] - min[axis] > 2.0 * projection.eye_error),
-        Eye::Point(eye) => !(max[axis] - eye[axis] > 2.0 * projection.eye_error),
-        Eye::Direction(along) => {
-            let along = if face.is_multiple_of(2) { along[axis] } else { -along[axis] };
-            !(along < -(2.0 * projection.eye_error + 8.0 * U))
-        }
-    }
+    ([below.x, above.x, below.y, above.y, below.z, above.z], margin)
 }

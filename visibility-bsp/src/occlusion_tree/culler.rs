@@ -2,14 +2,11 @@
 
 use super::map::OcclusionTree;
 use crate::clip_projection::ClipProjection;
-use crate::occluders::{Occluders, Selector, sides_of};
+use crate::occluders::{Occluders, Selector};
+use crate::view_volume::ViewVolume;
 use alloc::sync::Arc;
 use visibility_core::{
-    Accuracy, CullStats, Culler, OcclusionCuller, Scene, View, VisibleSet,
-    geometry::Plane,
-    glam::DVec3,
-    occlusion::Selection,
-    view::{Eye, MAX_PLANES},
+    Accuracy, CullStats, Culler, OcclusionCuller, Scene, View, VisibleSet, occlusion::Selection, view::Eye,
 };
 
 /// Culls objects behind the large occluder polygons of a scene, with an [`OcclusionTree`] that is rebuilt
@@ -88,9 +85,7 @@ impl Culler for OcclusionTreeCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let occluders = &self.occluders;
         self.selector.follow(occluders, scene);
-        let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
-        let count = sides_of(view, scene, &mut sides);
-        let sides = &sides[..count];
+        let volume = ViewVolume::for_selection(view, scene);
         let tree = self.inner.map_mut();
         let projection = ClipProjection::new(view, scene.origin());
         let density = tree.density.get_or_insert_default();
@@ -104,7 +99,7 @@ impl Culler for OcclusionTreeCuller {
         self.selector.choose(
             occluders,
             &view.eye(scene.origin()),
-            Some(sides),
+            Some(&volume),
             tree.most.saturating_mul(CANDIDATES_PER_POLYGON),
         );
         self.selector.keep_worthy(tree.most.saturating_mul(RANKED_PER_POLYGON), |polygon, bound| {
@@ -118,7 +113,7 @@ impl Culler for OcclusionTreeCuller {
             };
             density.estimate(&projection, middle, radius, area).unwrap_or(UNESTIMATED_WORTH * bound)
         });
-        self.selector.keep_usable(occluders, scene, view, &projection, visible, sides);
+        self.selector.keep_usable(occluders, scene, view, &projection, visible, &volume);
         tree.queue.clear();
         tree.vertices.clear();
         for chosen in &self.selector.chosen {

@@ -3,11 +3,11 @@
 use super::nodes::{Nodes, Worth};
 use super::screen_density::ScreenDensity;
 use crate::clip_projection::ClipProjection;
+use crate::lazy_queue::Candidate;
 use crate::occluders::{OccluderTriangle, triangles_of};
 use crate::shadow::{OccluderPolygon, Shadows, plane_of};
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
-use core::cmp::Ordering;
 use core::ops::Range;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::ViewPlanes;
@@ -33,39 +33,6 @@ const LEAST_GAIN: f32 = 1e-6;
 /// A shadow is inserted without being queued again if its gain is at least this fraction of the greatest gain
 /// still in the queue.
 const NEARLY: f32 = 0.7;
-
-/// Queue entry: a shadow and the gain of inserting it into the tree.
-#[derive(Clone, Copy, Debug)]
-struct Gain {
-    /// Worth of the image area that the shadow would newly cover, in steradians or objects as [`Worth`]
-    /// measures it. An upper bound once further polygons have been inserted.
-    gain: f32,
-    /// Index of the shadow in `Shadows::list`.
-    number: u32,
-    /// Number of polygons that had been inserted when `gain` was computed; `u32::MAX` for an initial
-    /// estimate.
-    evaluated_at: u32,
-}
-
-impl PartialEq for Gain {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Gain {}
-
-impl PartialOrd for Gain {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Gain {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.gain.total_cmp(&other.gain).then(other.number.cmp(&self.number))
-    }
-}
 
 /// An occlusion map in object space, exact up to rounding and independent of the image resolution.
 ///
@@ -111,7 +78,7 @@ pub struct OcclusionTree {
     /// Polygons that take effect at the next flush.
     pub(super) queue: Vec<QueuedPolygon>,
     /// Scratch: queue of shadows, greatest gain first.
-    heap: BinaryHeap<Gain>,
+    heap: BinaryHeap<Candidate>,
     /// Scratch: triangles of the mesh being added.
     triangles: Vec<OccluderTriangle>,
     /// Number of objects in each part of the image, if known. Shadows are then chosen by the number of
@@ -226,28 +193,31 @@ impl OcclusionMap for OcclusionTree {
             if self.shadows.cast(&self.projection, &occluder_polygon) {
                 let number = self.shadows.list.len() as u32 - 1;
                 let corners = &self.shadows.corners[self.shadows.list[number as usize].corners.clone()];
-                let gain = worth.of(&self.projection, corners);
-                self.heap.push(Gain { gain, number, evaluated_at: u32::MAX });
+                let gain = f64::from(worth.of(&self.projection, corners));
+                self.heap.push(Candidate { gain, tie_break: 0.0, number, evaluated_at: u32::MAX });
             }
         }
         self.queue.clear();
         self.vertices.clear();
         // Greatest gain first. The gain of a shadow only shrinks as others are inserted. So if a gain,
         // computed again, is still about the greatest, it need not be compared with the rest.
-        while let Some(Gain { number, evaluated_at, .. }) = self.heap.pop() {
+        while let Some(candidate) = self.heap.pop() {
             if self.left == 0 {
                 break;
             }
-            let gain = self.nodes.descend(&self.projection, &self.shadows, number as usize, worth);
+            let number = candidate.number as usize;
+            let gain = self.nodes.descend(&self.projection, &self.shadows, number, worth);
             if !(gain > LEAST_GAIN) {
                 continue;
             }
             let added = self.nodes.planes.len() as u32;
-            if evaluated_at == added || self.heap.peek().is_none_or(|next| NEARLY * next.gain <= gain) {
-                self.nodes.add(&self.projection, &self.shadows, number as usize);
+            if candidate.evaluated_at == added
+                || self.heap.peek().is_none_or(|next| NEARLY * next.gain as f32 <= gain)
+            {
+                self.nodes.add(&self.projection, &self.shadows, number);
                 self.left -= 1;
             } else {
-                self.heap.push(Gain { gain, number, evaluated_at: added });
+                self.heap.push(Candidate { gain: gain.into(), evaluated_at: added, ..candidate });
             }
         }
         self.heap.clear();

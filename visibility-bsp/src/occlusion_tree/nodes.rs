@@ -4,7 +4,7 @@
 use super::screen_density::ScreenDensity;
 use crate::clip_projection::{Approach, ClipProjection, Line, U, slack_of};
 use crate::occluders::angle_of;
-use crate::shadow::{BackPlane, Shadow, ShadowCorner, Shadows};
+use crate::shadow::{BackPlane, Shadow, ShadowCorner, Shadows, mean_direction};
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -371,13 +371,10 @@ impl Nodes {
             return;
         }
         let mut present = 0u32;
-        let mut middle = [0.0; 3];
+        let middle = mean_direction(corners);
         for corner in corners {
             if corner.edge != u8::MAX {
                 present |= 1 << corner.edge;
-            }
-            for (sum, v) in middle.iter_mut().zip(corner.v) {
-                *sum += v / corners.len() as f64;
             }
         }
         let wanted = !self.needless(edges, middle, present, parent);

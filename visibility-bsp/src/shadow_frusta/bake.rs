@@ -131,14 +131,7 @@ impl ShadowFrusta {
             bake.choose(min, max, &mut self.chosen);
             Region::Leaf { first, count: self.chosen.len() as u32 - first }
         } else {
-            let size = max - min;
-            let axis = if size.x >= size.y && size.x >= size.z {
-                0
-            } else if size.y >= size.z {
-                1
-            } else {
-                2
-            };
+            let axis = (max - min).max_position();
             let at = min[axis] * 0.5 + max[axis] * 0.5;
             let (mut middle_max, mut middle_min) = (max, min);
             (middle_max[axis], middle_min[axis]) = (at, at);

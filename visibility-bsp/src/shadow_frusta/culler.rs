@@ -2,15 +2,15 @@
 
 use super::bake::ShadowFrusta;
 use crate::clip_projection::ClipProjection;
-use crate::occluders::{Chosen, Selector, sides_of};
+use crate::occluders::{Chosen, Selector};
 use crate::shadow::Shadows;
+use crate::view_volume::ViewVolume;
 use alloc::sync::Arc;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
-    geometry::Plane,
     occlusion::{Occlusion, Selection},
-    view::{Eye, MAX_PLANES},
+    view::Eye,
 };
 
 /// Occlusion map made of the shadow frusta of one frame.
@@ -90,9 +90,8 @@ impl Culler for ShadowFrustaCuller {
             }
             Eye::Direction(_) => self.selector.choose(occluders, &projection.eye, None, self.frusta.most()),
         }
-        let mut sides = [Plane::new(DVec3::ZERO, 0.0); MAX_PLANES];
-        let count = sides_of(view, scene, &mut sides);
-        self.selector.keep_usable(occluders, scene, view, &projection, visible, &sides[..count]);
+        let volume = ViewVolume::for_selection(view, scene);
+        self.selector.keep_usable(occluders, scene, view, &projection, visible, &volume);
         let map = self.inner.map_mut();
         map.shadows.clear();
         for chosen in &self.selector.chosen {

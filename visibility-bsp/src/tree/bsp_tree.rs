@@ -1,7 +1,7 @@
 //! The BSP tree's data structure and its simple queries.
 
 use super::build_scratch::Builder;
-use super::node::{EMPTY, Node, is_leaf};
+use super::node::{EMPTY, Node, depth_of, is_leaf};
 use super::store::Store;
 use super::subtree::Subtree;
 use alloc::vec::Vec;
@@ -144,28 +144,12 @@ impl BspTree {
     /// Returns the greatest number of planes on a path from the root to a leaf; 0 for a tree without planes.
     /// Visits every node.
     pub fn depth(&self) -> usize {
-        let mut deepest = 0;
-        let mut open = Vec::from([(self.root, 0)]);
-        while let Some((child, depth)) = open.pop() {
-            deepest = deepest.max(depth);
-            if !is_leaf(child) {
-                open.extend(self.nodes[child as usize].children.map(|child| (child, depth + 1)));
-            }
-        }
-        deepest
+        depth_of(self.root, |node| self.nodes[node as usize].children)
     }
 
     /// Returns a box around all fragments in the tree's coordinates, rounded outwards to `f32`;
     /// [`Aabb::EMPTY`] for a tree without polygons. O(1).
     pub fn bounds(&self) -> Aabb {
         if is_leaf(self.root) { Aabb::EMPTY } else { self.subtrees[self.root as usize].bounds }
-    }
-
-    /// Returns the approximate number of bytes of heap memory held by the tree, unused capacity included.
-    pub fn memory(&self) -> usize {
-        self.nodes.capacity() * size_of::<Node>()
-            + self.subtrees.capacity() * size_of::<Subtree>()
-            + self.store.memory()
-            + self.builder.memory()
     }
 }

@@ -113,7 +113,7 @@ impl BspTree {
             if builder.pieces.len() == task.begin {
                 continue;
             }
-            let child = self.child(task);
+            let child = *self.child_mut(task);
             let node = if is_leaf(child) {
                 let node = self.divide_leaf(builder, task);
                 *self.child_mut(task) = node;
@@ -134,16 +134,7 @@ impl BspTree {
         Ok(())
     }
 
-    /// Returns the child that a task's pieces enter: a node index or a leaf.
-    fn child(&self, task: Task) -> u32 {
-        if task.parent == NONE {
-            self.root
-        } else {
-            self.nodes[task.parent as usize].children[usize::from(task.side)]
-        }
-    }
-
-    /// Returns a reference to the child link that a task's pieces enter.
+    /// Returns a reference to the child link that a task's pieces enter: a node index or a leaf.
     fn child_mut(&mut self, task: Task) -> &mut u32 {
         if task.parent == NONE {
             &mut self.root

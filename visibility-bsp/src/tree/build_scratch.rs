@@ -63,11 +63,3 @@ pub(super) struct Builder {
     /// Scratch for cutting a polygon: the whole, the front part and the back part.
     pub(super) cut: [Vec<DVec3>; 3],
 }
-
-impl Builder {
-    /// Returns the approximate number of bytes of heap memory held, unused capacity included.
-    pub(super) fn memory(&self) -> usize {
-        self.sources.capacity() * size_of::<Source>()
-            + (self.pieces.capacity() + self.front.capacity() + self.back.capacity()) * size_of::<Piece>()
-    }
-}

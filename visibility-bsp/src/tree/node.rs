@@ -1,17 +1,31 @@
 //! Nodes of a tree and the values that stand for leaves.
 
+use alloc::vec::Vec;
 use visibility_core::{Aabb, geometry::SidePlane, glam::DVec3};
 
 /// Index that stands for no node or no fragment.
 pub(super) const NONE: u32 = u32::MAX;
 /// Child value of an empty leaf, outside all solids.
-pub(super) const EMPTY: u32 = u32::MAX;
+pub(crate) const EMPTY: u32 = u32::MAX;
 /// Child value of a solid leaf, inside a solid.
-pub(super) const SOLID: u32 = u32::MAX - 1;
+pub(crate) const SOLID: u32 = u32::MAX - 1;
 
 /// Tests whether a child value stands for a leaf and not for a node index.
-pub(super) const fn is_leaf(child: u32) -> bool {
+pub(crate) const fn is_leaf(child: u32) -> bool {
     child >= SOLID
+}
+
+/// Returns the greatest number of nodes on a path from `root` (a child value) to a leaf; 0 if `root` is a
+/// leaf. `children` returns the two child values of a node, given its index.
+pub(crate) fn depth_of(root: u32, children: impl Fn(u32) -> [u32; 2]) -> usize {
+    let (mut open, mut deepest) = (Vec::from([(root, 0)]), 0);
+    while let Some((child, depth)) = open.pop() {
+        deepest = deepest.max(depth);
+        if !is_leaf(child) {
+            open.extend(children(child).map(|child| (child, depth + 1)));
+        }
+    }
+    deepest
 }
 
 /// A node: its plane, the list of fragments in the plane, and the two children. Fills one cache line of 64

@@ -62,11 +62,6 @@ impl Store {
         self.records.len() - self.free.len()
     }
 
-    /// Returns the approximate number of bytes of heap memory held, unused capacity included.
-    pub(super) fn memory(&self) -> usize {
-        self.records.capacity() * size_of::<Record>() + self.vertices.capacity() * size_of::<DVec3>()
-    }
-
     /// Returns the record of the fragment with index `id`.
     pub(super) fn record(&self, id: u32) -> &Record {
         &self.records[id as usize]
