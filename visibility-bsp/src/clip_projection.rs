@@ -70,12 +70,6 @@ impl Line {
         // Each component of the cross product: two products of factors up to 1, off by the errors of both
         // directions, and three roundings of numbers up to 2.
         let error = 2.0 * (a.error + b.error) + 8.0 * U;
-        Self::scaled(n, error)
-    }
-
-    /// Scales `n` to a largest component of 1. `error` bounds the absolute error of each component of `n`.
-    /// `None` if the relative error exceeds the limit or is NaN.
-    fn scaled(n: [f64; 3], error: f64) -> Option<Self> {
         let size = n[0].abs().max(n[1].abs()).max(n[2].abs());
         let error = error / size + 2.0 * U;
         // The comparison also refuses NaN. `n . v` itself is rounded in three products and two sums of
@@ -161,8 +155,8 @@ pub(crate) struct ClipProjection {
     /// Bound on the absolute error of each component of `back * v`, for exact `v` with components up to 1.
     back_error: f64,
     /// 1 or -1: sign of the determinant of the clip-space directions of three points whose triangle normal
-    /// points away from the eye. 0 if rounding leaves it unknown.
-    turn: f64,
+    /// points away from the eye; -1 is a mirrored camera. 0 if rounding leaves it unknown.
+    pub(crate) turn: f64,
 }
 
 impl ClipProjection {
@@ -302,12 +296,6 @@ impl ClipProjection {
             }
             Eye::Direction(_) => corners_of([min, max]).all(|p| self.is_point_beyond_near(p)),
         }
-    }
-
-    /// Returns the sign (1 or -1) of the determinant of the clip-space directions of three points whose
-    /// triangle normal points away from the eye; -1 is a mirrored camera. 0 if unknown.
-    pub(crate) fn turn(&self) -> f64 {
-        self.turn
     }
 
     /// Returns a clip-space direction `(x, y, w)` as a direction along the scene's axes, not normalized. Zero

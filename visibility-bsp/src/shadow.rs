@@ -299,7 +299,7 @@ impl Shadows {
         // always on the same hand, known from the projection's orientation.
         let middle = mean_direction(corners);
         let certain = |line: &Line| line.slack + slack_of(64.0 * U);
-        let turn = projection.turn() * if front { -1.0 } else { 1.0 };
+        let turn = projection.turn * if front { -1.0 } else { 1.0 };
         for edge in &mut self.edges[first_edge..] {
             if turn < 0.0 {
                 edge.line = edge.line.flipped();

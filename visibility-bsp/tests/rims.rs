@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::exact::{Cone, clip};
+use common::exact::{Cone, Exact, clip};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
@@ -268,4 +268,42 @@ fn what_is_nearer_by_rounding_is_not_hidden() {
     }
     println!("{cases} points");
     assert!(cases > 400);
+}
+
+/// Boxes with one corner in a side of the image up to rounding, and everything else outside of that side.
+#[test]
+fn what_reaches_into_the_image_by_rounding_is_not_hidden() {
+    let mut random = Random(37);
+    let (mut inside, mut hidden) = (0, 0);
+    for _ in 0..20_000 {
+        let corner = random.fine_vector(20.0).as_vec3();
+        let p = corner.as_dvec3();
+        let pose = Pose::look_at(random.fine_vector(20.0), p + random.fine_vector(1.0), DVec3::Z);
+        let Ok(view) = View::perspective(pose, 1.0, 1.0, 0.01, f64::INFINITY) else { continue };
+        // The image is moved along an axis until one of its sides passes through the corner.
+        let (axis, sign) = (random.below(2), if random.below(2) == 0 { 1.0 } else { -1.0 });
+        let mut matrix = view.clip_from(DVec3::ZERO);
+        let at = matrix * p.extend(1.0);
+        let shift = at[axis] / at.w - sign;
+        for column in 0..4 {
+            matrix.col_mut(column)[axis] -= shift * matrix.col(column).w;
+        }
+        let Ok(view) = View::from_clip_from_world(matrix, view.depth()) else { continue };
+        let inwards = (matrix.row(3) - matrix.row(axis) * sign).truncate();
+        let size = random.fine_vector(8.0).abs();
+        let outer = p - size * DVec3::select(inwards.cmpgt(DVec3::ZERO), DVec3::ONE, DVec3::NEG_ONE);
+        let bounds = Aabb::from_points([corner, outer.as_vec3()]);
+        let mut tree = OcclusionTree::new();
+        tree.begin(&view, DVec3::ZERO);
+        let answer = tree.test(&bounds);
+        let exact = clip(&view, p);
+        let [x, w] = [&exact[axis], &exact[2]];
+        let height = if sign > 0.0 { w.minus(x) } else { w.minus(&Exact::default().minus(x)) };
+        if height.sign() > 0 && exact[2].sign() > 0 {
+            inside += 1;
+            assert!(answer != Occlusion::Hidden, "{corner} of {bounds:?} is inside {view:?}");
+        }
+        hidden += usize::from(answer == Occlusion::Hidden);
+    }
+    assert!(inside > 5_000, "{inside}, {hidden} hidden");
 }

@@ -172,7 +172,7 @@ pub(super) struct Beams {
     sides: Vec<f64>,
     /// Widest uncovered part found by the last `test` or `test_and_cover`; its width is negative if none
     /// was found.
-    witness: Witness,
+    pub(super) witness: Witness,
 }
 
 /// Value of `Node::parent` and `Task::parent` for the root of the tree, which has no parent.
@@ -215,20 +215,20 @@ impl Beams {
 
     /// Appends a node with the given line and children (behind, in front). Links it as child `side` of
     /// `parent`, or as the root for [`NO_PARENT`], and returns its index.
-    fn push(&mut self, (parent, side): (u32, u8), line: Line, children: [u32; 2]) -> u32 {
+    fn push(&mut self, slot: (u32, u8), line: Line, children: [u32; 2]) -> u32 {
         let node = self.nodes.len() as u32;
-        self.nodes.push(Node { line, children, parent });
-        self.set(parent, side, node);
+        self.nodes.push(Node { line, children, parent: slot.0 });
+        *self.child_mut(slot) = node;
         node
     }
 
-    /// Makes `child` the child of node `parent` on the given side (0 behind, 1 in front), or the root if
-    /// `parent` is [`NO_PARENT`].
-    fn set(&mut self, parent: u32, side: u8, child: u32) {
+    /// Returns a reference to the link of node `parent` to its child on the given side (0 behind, 1 in
+    /// front), or to the root if `parent` is [`NO_PARENT`].
+    fn child_mut(&mut self, (parent, side): (u32, u8)) -> &mut u32 {
         if parent == NO_PARENT {
-            self.root = child;
+            &mut self.root
         } else {
-            self.nodes[parent as usize].children[usize::from(side)] = child;
+            &mut self.nodes[parent as usize].children[usize::from(side)]
         }
     }
 
@@ -308,11 +308,7 @@ impl Beams {
         }
         self.tasks.push(Task { parent: NO_PARENT, side: 0, thin: false, begin: 0 });
         while let Some(task) = self.tasks.pop() {
-            let child = match task.parent {
-                NO_PARENT => self.root,
-                parent => self.nodes[parent as usize].children[usize::from(task.side)],
-            };
-            match child {
+            match *self.child_mut((task.parent, task.side)) {
                 CLOSED => self.corners.truncate(task.begin),
                 OPEN => {
                     let witness = witness(&self.corners[task.begin..]);
@@ -338,12 +334,6 @@ impl Beams {
         visibility
     }
 
-    /// Returns the widest uncovered part found by the last [`test`](Self::test) or
-    /// [`test_and_cover`](Self::test_and_cover). The width is negative if that call reached no open leaf.
-    pub(super) fn witness(&self) -> Witness {
-        self.witness
-    }
-
     /// Moves the topmost part of the corner stack into the children of node `id`, cut in two if the part
     /// extends beyond the line's margin on both sides. Parts that would enter a closed leaf are dropped. If
     /// `generous` is true (for narrow polygons), the part is cut one margin beyond the line on either side
@@ -360,7 +350,7 @@ impl Beams {
             self.sides.push(distance);
         }
         let (front, back) = (greatest > line.margin, least < -line.margin);
-        if !generous && !(front && back) {
+        if !(generous || front && back) {
             let side = u8::from(if front || back { front } else { sum > 0.0 });
             let count = self.sides.len();
             let thin = task.thin || !(front || back);
@@ -443,7 +433,7 @@ impl Beams {
                 }
             }
         }
-        self.set(slot.0, slot.1, CLOSED);
+        *self.child_mut(slot) = CLOSED;
         if !divided {
             self.close_above(task.parent);
         }
@@ -554,7 +544,7 @@ mod tests {
             );
             let visibility = beams.test(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)]));
             assert_eq!(visibility, if seen { Visibility::Seen } else { Visibility::Hidden }, "{gap}");
-            let witness = beams.witness();
+            let witness = beams.witness;
             assert!(!seen || (witness.x - 0.3).abs() <= half && witness.width <= gap);
         }
     }

@@ -53,6 +53,13 @@ pub struct NaylorCuller<S> {
     stale: StaleObjects,
     /// Stack of the walk through the BSP tree, kept between frames to avoid allocation.
     stack: TraversalStack,
+    /// Memory of a frame, kept between frames to avoid allocation.
+    scratch: Scratch,
+}
+
+/// State of one frame's walk that outlives it: the witnesses are the result, the rest is reused memory.
+#[derive(Clone, Debug, Default)]
+struct Scratch {
     /// Beam tree of the present frame: the image area that nearer polygons cover.
     beams: Beams,
     /// The polygon projected last, with its scratch memory.
@@ -86,10 +93,7 @@ impl<S: Borrow<SceneTree>> NaylorCuller<S> {
             shared,
             stale: StaleObjects::default(),
             stack: TraversalStack::new(),
-            beams: Beams::default(),
-            image: ProjectedPolygon::default(),
-            states: Vec::new(),
-            witnesses: Vec::new(),
+            scratch: Scratch::default(),
         }
     }
 
@@ -97,7 +101,7 @@ impl<S: Borrow<SceneTree>> NaylorCuller<S> {
     /// if the object was hidden, was visible only because its triangles are unknown or stale, or if the last
     /// frame culled nothing.
     pub fn witness(&self, id: ObjectId) -> Option<Witness> {
-        let (seen, witness) = self.witnesses.get(id.index()).copied().flatten()?;
+        let (seen, witness) = self.scratch.witnesses.get(id.index()).copied().flatten()?;
         (seen == id).then_some(witness)
     }
 
@@ -118,33 +122,22 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { shared, stale, stack, beams, image, states, witnesses } = self;
+        let Self { shared, stale, stack, scratch } = self;
         let shared = (*shared).borrow();
-        witnesses.clear();
+        scratch.witnesses.clear();
         let Some(projection) = ScreenProjection::new(view, scene, &shared.tree().bounds()) else {
             return visible.retain(scene, |_, _| true);
         };
         stale.begin(shared, scene);
-        states.clear();
-        states.resize(scene.index_limit(), ObjectState::Unknown);
-        witnesses.resize(scene.index_limit(), None);
-        beams.begin(projection.error());
-        let mut frame = Frame {
-            shared,
-            scene,
-            view,
-            visible,
-            stale,
-            projection,
-            beams,
-            image,
-            states,
-            witnesses,
-            stats: CullStats::default(),
-        };
+        scratch.states.clear();
+        scratch.states.resize(scene.index_limit(), ObjectState::Unknown);
+        scratch.witnesses.resize(scene.index_limit(), None);
+        scratch.beams.begin(projection.error());
+        let stats = CullStats::default();
+        let mut frame = Frame { shared, scene, view, visible, stale, projection, scratch, stats };
         shared.tree().walk(view.eye(scene.origin()), stack, &mut frame);
         let Frame { mut stats, projection, .. } = frame;
-        let kept = visible.retain(scene, |id, bounds| match states[id.index()] {
+        let kept = visible.retain(scene, |id, bounds| match scratch.states[id.index()] {
             ObjectState::Seen { .. } => true,
             // A glimpsed part of a wide object is a face seen edge on, which does not count. `glimpsed`
             // decides only for a box that reaches in front of the near plane, since the width of
@@ -165,10 +158,7 @@ struct Frame<'a> {
     visible: &'a VisibleSet,
     stale: &'a StaleObjects,
     projection: ScreenProjection,
-    beams: &'a mut Beams,
-    image: &'a mut ProjectedPolygon,
-    states: &'a mut [ObjectState],
-    witnesses: &'a mut [Option<(ObjectId, Witness)>],
+    scratch: &'a mut Scratch,
     stats: CullStats,
 }
 
@@ -176,7 +166,7 @@ impl Frame<'_> {
     /// Returns the state of the object with index `owner`, determined on the first call of a frame.
     /// `ObjectState::None` for an index beyond the scene's.
     fn state(&mut self, owner: u32) -> ObjectState {
-        let Some(&state) = self.states.get(owner as usize) else { return ObjectState::None };
+        let Some(&state) = self.scratch.states.get(owner as usize) else { return ObjectState::None };
         if state != ObjectState::Unknown {
             return state;
         }
@@ -191,7 +181,7 @@ impl Frame<'_> {
             }
             _ => ObjectState::None,
         };
-        self.states[owner as usize] = state;
+        self.scratch.states[owner as usize] = state;
         state
     }
 
@@ -206,20 +196,20 @@ impl Frame<'_> {
             ObjectState::Seen { .. } if !hides => return,
             ObjectState::Seen { occluder } | ObjectState::Hidden { occluder, .. } => occluder,
         };
-        if !self.projection.draw(fragment.vertices(), self.image) {
+        let Scratch { beams, image, states, witnesses } = &mut *self.scratch;
+        if !self.projection.draw(fragment.vertices(), image) {
             return;
         }
         self.stats.tests += 1;
-        let polygon = self.image.polygon();
         let visibility = if hides && occluder {
-            self.beams.test_and_cover(polygon, self.image.error())
+            beams.test_and_cover(&image.polygon, image.error)
         } else {
-            self.beams.test(polygon)
+            beams.test(&image.polygon)
         };
         let ObjectState::Hidden { glimpsed, .. } = state else { return };
         let owner = fragment.owner() as usize;
-        self.states[owner] = if visibility == Visibility::Seen {
-            self.witnesses[owner] = self.shared.object(owner as u32).map(|id| (id, self.beams.witness()));
+        states[owner] = if visibility == Visibility::Seen {
+            witnesses[owner] = self.shared.object(owner as u32).map(|id| (id, beams.witness));
             ObjectState::Seen { occluder }
         } else {
             ObjectState::Hidden { occluder, glimpsed: glimpsed || visibility == Visibility::Glimpsed }
@@ -229,7 +219,7 @@ impl Frame<'_> {
 
 impl Walk for Frame<'_> {
     fn enter(&mut self, subtree: &Subtree, _: u32) -> Option<u32> {
-        if self.beams.is_closed() {
+        if self.scratch.beams.is_closed() {
             return None;
         }
         self.stats.nodes += 1;
@@ -238,8 +228,9 @@ impl Walk for Frame<'_> {
         {
             return None;
         }
-        let is_seen = self.projection.draw_box(subtree.bounds(), self.image)
-            && matches!(self.beams.test(self.image.polygon()), Visibility::Seen | Visibility::Glimpsed);
+        let Scratch { beams, image, .. } = &mut *self.scratch;
+        let is_seen = self.projection.draw_box(subtree.bounds(), image)
+            && matches!(beams.test(&image.polygon), Visibility::Seen | Visibility::Glimpsed);
         is_seen.then_some(0)
     }
 

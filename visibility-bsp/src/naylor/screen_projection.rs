@@ -17,23 +17,11 @@ pub(super) struct ProjectedPolygon {
     /// Scratch: vertices in metres relative to `Scene::origin` of the polygon, and of the inner and outer
     /// parts of a cut.
     space: [Vec<DVec3>; 3],
-    /// NDC corners of the polygon projected last, counter-clockwise; the image is -1 to 1.
-    polygon: Vec<ImageCorner>,
-    /// Bound on the absolute error of the corners in `polygon`, in NDC.
-    error: f64,
-}
-
-impl ProjectedPolygon {
-    /// Returns a bound on the absolute error of the corners projected last, in NDC (1 is half the image).
-    pub(super) fn error(&self) -> f64 {
-        self.error
-    }
-
-    /// Returns the NDC corners of the polygon projected last, counter-clockwise. They may lie outside the
-    /// image. Empty before the first projection.
-    pub(super) fn polygon(&self) -> &[ImageCorner] {
-        &self.polygon
-    }
+    /// NDC corners of the polygon projected last, counter-clockwise; the image is -1 to 1. They may lie
+    /// outside the image. Empty before the first projection.
+    pub(super) polygon: Vec<ImageCorner>,
+    /// Bound on the absolute error of the corners in `polygon`, in NDC (1 is half the image).
+    pub(super) error: f64,
 }
 
 /// The projection of points in metres relative to `Scene::origin` to NDC, with bounds on its rounding errors.

@@ -9,7 +9,7 @@
 //! hide them, and one of the sides is their own. Two shadows that share an edge therefore leave no gap, and
 //! no shadow becomes wider than it is. Each cut adds four roundings to the error.
 
-use super::nodes::{Child, HIDDEN, MOST_PLANES, Nodes, OUTSIDE, VISIBLE};
+use super::nodes::{Child, MOST_PLANES, Nodes, OUTSIDE, VISIBLE};
 use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
@@ -179,10 +179,7 @@ impl BoxTest<'_> {
     fn side_of(&self, leaf: Child, part: &Part) -> i32 {
         let (mut leaf, mut all) = (leaf, 1);
         for _ in 0..MOST_PLANES {
-            let Some(hide) = self.nodes.hiders.get((leaf & !HIDDEN) as usize).filter(|_| leaf < OUTSIDE)
-            else {
-                break;
-            };
+            let Some(hide) = self.nodes.hider(leaf) else { break };
             let plane = hide.plane as usize;
             let side = self.nodes.planes[plane].side(self.min, self.max);
             if side < 0 || side == 0 && self.is_behind(plane, part) {

@@ -156,17 +156,8 @@ impl Nodes {
         let number = self.nodes.len() as u32;
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth + 1 };
         self.nodes.push(Node { line, children: [outside, VISIBLE], parent, depth, ends });
-        self.set_child(parent, number);
+        *self.child_mut(parent) = number;
         number
-    }
-
-    /// Links a child into slot `parent`: twice the parent's index, plus 1 for the inside child, or
-    /// `NO_PARENT`.
-    fn set_child(&mut self, parent: u32, child: Child) {
-        match parent {
-            NO_PARENT => self.root = child,
-            _ => self.nodes[(parent >> 1) as usize].children[(parent & 1) as usize] = child,
-        }
     }
 
     /// Takes the outline of shadow `number` down to the leaves and returns the gain of inserting the
@@ -201,7 +192,7 @@ impl Nodes {
         let mut gain = 0.0;
         while let Some(mut task) = self.tasks.pop() {
             let leaf = loop {
-                let child = self.child(task.parent);
+                let child = *self.child_mut(task.parent);
                 let Some(line) = self.nodes.get(child as usize).map(|node| node.line) else { break child };
                 match self.part(&task, &line) {
                     Parted::Side(side) => task.parent = child << 1 | side,
@@ -241,7 +232,7 @@ impl Nodes {
             let task = self.arrivals[arrival];
             self.corners.clear();
             self.corners.extend_from_slice(&self.arrived[task.range()]);
-            let old = self.child(task.parent);
+            let old = *self.child_mut(task.parent);
             self.augment(shadows, shadow, &Task { first: 0, ..task }, old, plane);
         }
     }
@@ -251,9 +242,7 @@ impl Nodes {
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
         for _ in 0..MOST_PLANES {
-            let Some(&hide) = self.hiders.get((leaf & !HIDDEN) as usize).filter(|_| leaf < OUTSIDE) else {
-                break;
-            };
+            let Some(hide) = self.hider(leaf) else { break };
             task = self.before_plane(&task, hide.plane)?;
             leaf = hide.under;
         }
@@ -297,13 +286,19 @@ impl Nodes {
         (count >= 3).then_some(Task { first: first as u32, count, ..*task })
     }
 
-    /// Returns the child in slot `parent`: twice the parent's index, plus 1 for the inside child, or
-    /// `NO_PARENT`.
-    fn child(&self, parent: u32) -> Child {
+    /// Returns a reference to the child in slot `parent`: twice the parent's index, plus 1 for the inside
+    /// child, or `NO_PARENT`.
+    fn child_mut(&mut self, parent: u32) -> &mut Child {
         match parent {
-            NO_PARENT => self.root,
-            _ => self.nodes[(parent >> 1) as usize].children[(parent & 1) as usize],
+            NO_PARENT => &mut self.root,
+            _ => &mut self.nodes[(parent >> 1) as usize].children[(parent & 1) as usize],
         }
+    }
+
+    /// Returns the first entry of the occluder list of a shadow leaf. `None` for a leaf without occluders,
+    /// such as the end of a list.
+    pub(crate) fn hider(&self, leaf: Child) -> Option<Hider> {
+        self.hiders.get((leaf & !HIDDEN) as usize).copied().filter(|_| leaf < OUTSIDE)
     }
 
     /// Returns the side of the plane `line` that a shadow fragment is on, or the fragment's two parts if it
@@ -387,7 +382,7 @@ impl Nodes {
         // Without any edge, the whole leaf is in shadow.
         let hide = self.hiders.len() as u32;
         self.hiders.push(Hider { plane, under: old });
-        self.set_child(parent, HIDDEN | hide);
+        *self.child_mut(parent) = HIDDEN | hide;
     }
 
     /// Returns a mask of the edges (bit i for `edges[i]`) that may be left out, because without them the

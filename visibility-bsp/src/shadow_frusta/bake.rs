@@ -50,7 +50,7 @@ pub struct ShadowFrusta {
     /// Indices in `occluders` of the polygons chosen for all regions; best first within each region.
     chosen: Vec<u32>,
     /// Maximum number of polygons chosen per region.
-    most: usize,
+    pub(super) most: usize,
 }
 
 /// Data used to choose the polygons of every region, and settings of the choice.
@@ -98,11 +98,6 @@ impl ShadowFrusta {
     /// Returns the number of regions of eye positions, at least 1.
     pub fn regions(&self) -> usize {
         self.regions.iter().filter(|region| matches!(region, Region::Leaf { .. })).count()
-    }
-
-    /// Returns the maximum number of polygons chosen per region.
-    pub(super) fn most(&self) -> usize {
-        self.most
     }
 
     /// Returns the numbers of the polygons chosen for the region that contains the eye, in metres relative to

@@ -6,7 +6,7 @@ use visibility_core::Aabb;
 /// Bounds and owner of all fragments in a node and below it. Passed to [`Walk::enter`](crate::Walk::enter).
 ///
 /// ```
-/// use visibility_bsp::{BspTree, Fragments, Order, Subtree, Walk};
+/// use visibility_bsp::{BspTree, Fragments, Subtree, TraversalStack, Walk};
 /// use visibility_core::{glam::{DVec3, Vec3}, view::Eye, Aabb};
 /// struct Root(Option<Subtree>);
 /// impl Walk for Root {
@@ -18,7 +18,7 @@ use visibility_core::Aabb;
 /// }
 /// let tree = BspTree::build([(7, [DVec3::ZERO, DVec3::X, DVec3::Y])])?;
 /// let mut walk = Root(None);
-/// tree.walk(Eye::Point(DVec3::ONE), &mut Order::new(), &mut walk);
+/// tree.walk(Eye::Point(DVec3::ONE), &mut TraversalStack::new(), &mut walk);
 /// let subtree = walk.0.unwrap();
 /// assert_eq!(subtree.owner(), Some(7));
 /// // Boxes are rounded outwards.
