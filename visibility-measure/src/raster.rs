@@ -91,7 +91,7 @@ pub(crate) struct Image {
     /// thousands of objects coincide.
     claims_full: bool,
     /// Number of the first triangle of the object that is being drawn. Two triangles of one object never
-    /// tie.
+    /// claim a pixel from each other, however near they are.
     pub(crate) object_start: u32,
     /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
     /// where only the relative [`DEPTH_TIE`] counts.

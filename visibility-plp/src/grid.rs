@@ -39,7 +39,7 @@ impl Grid {
     }
 
     /// Returns the index of the voxel that contains a scene-relative point, x, y and z from 0 to 1023. The
-    /// nearest voxel for a point outside of the cube. A NaN coordinate counts as 0 steps.
+    /// nearest voxel for a point outside of the grid. A NaN coordinate counts as 0 steps.
     pub(crate) fn voxel(&self, point: DVec3) -> [u32; 3] {
         // Casts of NaN and of numbers out of range are defined: 0 and the nearest number.
         ((point - self.min) / self.step).to_array().map(|x| (x as u32).min(STEPS - 1))
@@ -52,7 +52,7 @@ impl Grid {
         self.min + DVec3::from_array(voxel.map(f64::from)) * self.step
     }
 
-    /// Tests whether the cube contains a scene-relative point. Half-open: true on the lower faces, false on
+    /// Tests whether the grid contains a scene-relative point. Half-open: true on the lower faces, false on
     /// the upper faces and for NaN.
     pub(crate) fn contains(&self, point: DVec3) -> bool {
         let local = (point - self.min) / self.step;

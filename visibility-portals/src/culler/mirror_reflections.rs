@@ -81,7 +81,8 @@ impl Reflections {
         Self { all, count: 0, walk: PortalWalk::default(), seen, sides, max_count: 8, max_depth: 2 }
     }
 
-    /// Returns a value without reflections and with the limits of `self`.
+    /// Returns an empty `Reflections`, without retained memory, that keeps the limits of `self`: the maximum
+    /// number of reflections and of mirrors along a line of sight.
     pub(super) fn cleared(&self) -> Self {
         Self { max_count: self.max_count, max_depth: self.max_depth, ..Self::new() }
     }
