@@ -29,7 +29,8 @@ impl Accuracy {
         matches!(self, Self::Exact | Self::Conservative)
     }
 
-    /// Returns whether no hidden object is ever left in the set: true for exact and aggressive.
+    /// Returns whether no object outside V (hidden object) is ever left in the set: true for exact and
+    /// aggressive.
     pub const fn never_shows(self) -> bool {
         matches!(self, Self::Exact | Self::Aggressive)
     }

@@ -110,8 +110,8 @@ impl ConvexVolume {
         volume
     }
 
-    /// Returns the mask with one bit set for each plane of the volume: bit i stands for plane i. The initial
-    /// `active` argument of [`outside`](Self::outside).
+    /// Returns the mask with one bit set for each plane of the volume: bit i stands for plane i. To be passed
+    /// as `active` to [`outside`](Self::outside) at the root.
     pub fn all(&self) -> u32 {
         self.all
     }
@@ -140,9 +140,9 @@ impl ConvexVolume {
         walk.finish()
     }
 
-    /// Tests the children of `node` (`None`: the root) against the planes in the mask `active`, all others
-    /// being known to contain the node, and recurses into undecided children. Returns whether any candidate
-    /// is left below the node.
+    /// Tests the children of `node` (`None`: the root) against the planes in the mask `active` (bit i for
+    /// plane i), since all other planes are known to contain the node, and recurses into undecided children.
+    /// Returns whether any candidate is left below the node.
     fn visit(&self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, active: u32) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let mut mask = candidates & !self.outside(block.boxes(), active);

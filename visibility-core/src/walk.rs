@@ -57,11 +57,9 @@ pub trait BoxHierarchy {
     const IS_OF_SCENE: bool = false;
 
     /// Calls `each` with the direct children of a node (`None`: the top of the hierarchy) in blocks of at
-    /// most
-    /// 64. The default implementation copies the children that [`for_each_child`](Self::for_each_child)
-    ///     lists,
-    /// 28 bytes per child, and does not call `each` for a node without children. A hierarchy that stores its
-    /// boxes in such blocks should override it.
+    /// most 64. The default implementation copies the children that [`for_each_child`](Self::for_each_child)
+    /// lists, 28 bytes per child, and does not call `each` for a node without children. A hierarchy that
+    /// stores its boxes in such blocks should override it.
     fn for_each_block(&self, scene: &Scene, node: Option<usize>, mut each: impl FnMut(&Block<'_>))
     where
         Self: Sized,

@@ -7,7 +7,7 @@ use crate::{simd::Simd, view::Eye};
 use alloc::vec::Vec;
 
 /// An array of normal cones that are tested 64 at a time, for callers with a hierarchy of their own. Only the
-/// back-facing half of each cone is stored.
+/// part of each cone that finds back faces is stored.
 ///
 /// Cost: a fraction of a nanosecond and 52 bytes per cone.
 ///

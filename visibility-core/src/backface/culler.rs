@@ -90,7 +90,7 @@ impl Entry {
 struct Block {
     cones: Cones64,
     ids: [ObjectId; 64],
-    /// Layout of the scene in which the block was last brought up to date.
+    /// Layout stamp of the scene for which the block was last brought up to date.
     layout: Stamp,
     /// Value of `BackfaceCuller::clock` when the block was last brought up to date.
     checked: u64,
@@ -130,7 +130,8 @@ impl BackfaceCuller {
 
     /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,
     /// in scene-relative coordinates. The cone stays valid until the object changes in the scene, or until
-    /// the scene's change log overflows. A cone given for a two-sided object is ignored.
+    /// the scene's change log overflows; then the object counts as visible. A cone given for a two-sided
+    /// object is ignored.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if the scene has no such object.
@@ -161,8 +162,9 @@ impl BackfaceCuller {
         Ok(())
     }
 
-    /// Returns the valid cone of an object. `None` if the object has none, the cone is open, the object
-    /// changed after the last call that took changes in, or `scene` is another scene.
+    /// Returns the valid cone of an object. `None` if the object has no cone or an open one, if the object
+    /// changed after the last call of [`sync`](Self::sync), [`set`](Self::set) or `cull`, or if `scene` is
+    /// another scene.
     pub fn cone(&self, scene: &Scene, id: ObjectId) -> Option<NormalCone> {
         let entry = self.entry(id).filter(|entry| !entry.cone.is_open())?;
         match self.cursor.peek(scene) {
@@ -195,8 +197,9 @@ impl BackfaceCuller {
         self.write(scene, id, NormalCone::from_triangles(triangles));
     }
 
-    /// Opens the cones of the objects that changed in the scene since the last call, and drops all cones if
-    /// `scene` is another scene or its change log has overflowed. Afterwards all entries are of `scene`.
+    /// Replaces the cones of the objects that changed in the scene since the last call by open cones, so that
+    /// these objects count as visible. Drops all cones if `scene` is another scene or its change log has
+    /// overflowed. Afterwards all entries belong to `scene`.
     fn forget_changed(&mut self, scene: &Scene) {
         self.in_several |= self.cursor != SceneCursor::START && !self.cursor.is_in(scene);
         match self.cursor.follow(scene) {
@@ -244,7 +247,7 @@ impl BackfaceCuller {
 
     /// Brings the cones of leaf `leaf` up to date, if the layout of the scene has changed since the last
     /// update. `ids` are the objects in the 64 lanes of the leaf. Only lanes whose object or cone has changed
-    /// are copied.
+    /// are copied from `entries`.
     fn refresh(&mut self, scene: &Scene, leaf: usize, ids: &[ObjectId; 64]) {
         let block = &mut self.blocks[leaf];
         if block.layout == scene.layout() {

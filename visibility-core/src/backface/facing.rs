@@ -39,7 +39,7 @@ impl Facing {
 }
 
 /// Returns the side of a triangle that is seen from a point, or along the direction of a parallel view.
-/// Triangle and eye must be relative to the same origin.
+/// Triangle and eye must be in the same coordinates.
 ///
 /// `Front` and `Back` are certain, whatever the rounding. The bound, with `u = 2^-53`: the sign is that of
 /// the determinant of `b - a`, `c - a` and `eye - a` (or the reversed direction), a sum of six products of

@@ -1,4 +1,4 @@
-//! Fitting a cone to planes: an elliptic cone within the set of eyes that are behind all of them.
+//! Fitting a cone to planes: an elliptic cone within the set of eyes that are behind all of the planes.
 //!
 //! An eye is behind every plane of a cluster exactly if it lies in the intersection of the half-spaces behind
 //! the planes. Anchored cones (Shirman and Abi-Ezzi, "The Cone of Normals Technique for Fast Processing of
@@ -37,9 +37,9 @@ const LEAST_AXIS: f64 = 1.0 / 512.0;
 pub(super) struct Facet {
     /// Unit normal, pointing to the front.
     pub(super) normal: DVec3,
-    /// Two points that bound the facet. `points[0]`: the back-facing apex must be behind the plane through
-    /// this point. `points[1]`: the front-facing apex must be in front of the plane through this point. For
-    /// a triangle both are its first corner, for a cone its two apexes.
+    /// Two points that bound the facet. The apex of the back-facing cone must be behind the plane through
+    /// `points[0]` with this normal; the apex of the front-facing cone must be in front of the plane through
+    /// `points[1]`. For a triangle both points are its first corner, for a cone its two apexes.
     pub(super) points: [DVec3; 2],
     /// Approximate extent of the triangle or cluster that the plane stands for, in units of the coordinates.
     pub(super) extent: f64,
@@ -50,12 +50,14 @@ pub(super) struct Facet {
 pub(super) struct Doubt {
     /// Greatest error of a facet's unit normal, as the length of its difference from the true unit normal.
     pub(super) slack: f64,
-    /// Greatest distance of a facet's points from their true positions, in units of the coordinates.
+    /// Greatest distance of a facet's points from their true positions, in units of the coordinates: 0
+    /// unless the facets were transformed.
     pub(super) blur: f64,
 }
 
 impl Doubt {
-    /// Errors of facets made directly from triangles or cones, without a transform.
+    /// Errors of facets made directly from triangles or cones, without a transform: the least that any facets
+    /// have.
     pub(super) const LEAST: Self = Self { slack: SLACK, blur: 0.0 };
 }
 
@@ -105,8 +107,8 @@ fn is_exact_difference(x: f64, y: f64, d: f64) -> bool {
     (x - (d - z)) + (-y - z) == 0.0
 }
 
-/// A fitted cone in `f64`, before its rows are rounded to `f32`. An eye at `v` from the apex `behind` sees
-/// only backs if `rows[2] . v + |(rows[0] . v, rows[1] . v)| <= 0`.
+/// A fitted cone in `f64`, before its rows are rounded to `f32`. With `v` the vector from the apex `behind`
+/// to an eye, the eye sees only backs if `rows[2] . v + |(rows[0] . v, rows[1] . v)| <= 0`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Fit {
     /// Rows of the cone's matrix: the two half-axes of the ellipse, then its centre direction. No component
@@ -124,7 +126,7 @@ pub(super) struct Fit {
 
 /// Fits a cone to facets whose errors are at most `doubt`. `None` without facets, if the normals do not fit
 /// into a cone of 83 degrees around one axis, if the ellipse would be too wide, if no apex is found, or if
-/// `doubt` is too large or NaN. The caller then uses an open cone.
+/// `doubt` is too large or NaN. On `None` the caller uses an open cone, which culls nothing.
 ///
 /// Cost: some 0.5 microseconds a facet.
 pub(super) fn fit(facets: &[Facet], doubt: Doubt) -> Option<Fit> {
@@ -188,10 +190,10 @@ struct Ellipse {
 }
 
 impl Ellipse {
-    /// Returns a small ellipse in the gnomonic plane (see `gnomonic`) around the projected normals `points`,
-    /// whose true normals may differ by `slack`. Chooses the better of a circle around the origin and the
-    /// ellipse of least area. `None` if the ellipse is NaN or too wide for the bound of 16 on the cone's
-    /// matrix.
+    /// Returns a small ellipse in the gnomonic plane (see `gnomonic`) around the projected normals `points`.
+    /// The unit normals may differ from the true ones by `slack`. Chooses the better of a circle around the
+    /// origin and the ellipse of least area. `None` if the ellipse is NaN or too wide: a component of the
+    /// cone's matrix would exceed 16.
     fn around(points: &[DVec2], slack: f64) -> Option<Self> {
         let circle = Self { center: DVec2::ZERO, direction: DVec2::X, axes: [1.0; 2] }.grown(points, slack);
         let ellipse = Self::least(points).grown(points, slack);
@@ -201,9 +203,9 @@ impl Ellipse {
     }
 
     /// Returns an approximate ellipse of least area around `points`, except for its size: the half-axes are
-    /// those of the weighted covariance and must be scaled to contain the points. Weights of points grow with
-    /// their distance from the mean (Titterington, "Estimation of Correlation Coefficients by Ellipsoidal
-    /// Trimming", 1978).
+    /// those of the weighted covariance, and [`grown`](Self::grown) must scale them to contain the points.
+    /// Weights of points grow with their distance from the mean (Titterington, "Estimation of Correlation
+    /// Coefficients by Ellipsoidal Trimming", 1978).
     fn least(points: &[DVec2]) -> Self {
         let mut weights = alloc::vec![1.0 / points.len() as f64; points.len()];
         let mut moments = Moments::of(points, &weights);
@@ -230,12 +232,12 @@ impl Ellipse {
         Self { center: mean, direction: longer.normalize_or(DVec2::X), axes }
     }
 
-    /// Returns the ellipse scaled so that it contains the projections `points` of all normals, and of all
-    /// unit normals that differ from these by at most `slack`.
+    /// Returns the ellipse scaled so that it contains `points`, the projections of unit normals onto the
+    /// gnomonic plane, and the projections of all unit normals that differ from these by at most `slack`.
     ///
-    /// A unit normal with `c = (1 + |p|^2)^-1/2` of its length along the axis is projected to `p`. If the
-    /// normal is off by `slack`, its projection is within `slack (1 + |p|) / (c - slack)` of `p`. With `c >
-    /// 0.12` and `slack <= 1/64` this is less than `2 slack (1 + |p|^2)`.
+    /// Let a unit normal have the component `c` along the axis and the projection `p`, so that `c = (1 +
+    /// |p|^2)^-1/2`. If the normal is off by `slack`, its projection is within `slack (1 + |p|) / (c -
+    /// slack)` of `p`. With `c > 0.12` and `slack <= 1/64` this is less than `2 slack (1 + |p|^2)`.
     fn grown(mut self, points: &[DVec2], slack: f64) -> Self {
         let far = |e: &Self, p: DVec2| {
             let d = p - e.center;
@@ -252,8 +254,8 @@ impl Ellipse {
     }
 
     /// Returns a score by which ellipses are compared: it grows with the fraction of directions that the cone
-    /// culls. The score is the mean of one minus the sine of the cone's half angle over the directions of the
-    /// ellipse, divided by one plus the squared distance of the ellipse's centre from the origin.
+    /// culls. The score is the mean, over directions around the ellipse, of one minus the sine of the cone's
+    /// half angle there, divided by one plus the squared distance of the ellipse's centre from the origin.
     fn share(&self) -> f64 {
         // A quarter of the ellipse suffices, by symmetry. Cosines of odd multiples of 9 degrees.
         const COSINES: [f64; 5] = [0.9877, 0.8910, core::f64::consts::FRAC_1_SQRT_2, 0.4540, 0.1564];
@@ -309,9 +311,9 @@ struct Apex<'a> {
 
 impl Apex<'_> {
     /// Returns the distance by which the point `p` must be moved along the search direction (against the axis
-    /// for side 0, along the axis for side 1) to be on the right side of all planes with errors of at most
-    /// `doubt`. Negative if `p` may be moved the opposite way. A convex function of `p`; NaN if a plane's
-    /// height is NaN.
+    /// for side 0, along the axis for side 1) to be behind all planes (side 0) or in front of them (side 1),
+    /// with errors of at most `doubt`. Negative if `p` may be moved the opposite way. A convex function of
+    /// `p`; NaN if a plane's height is NaN.
     fn depth(&self, p: DVec3, doubt: Doubt) -> f64 {
         let sign = if self.side == 0 { 1.0 } else { -1.0 };
         let mut depth = f64::NEG_INFINITY;
@@ -325,8 +327,9 @@ impl Apex<'_> {
         depth
     }
 
-    /// Returns the point of least depth for exact facets, in a square around `center` perpendicular to the
-    /// axis with half-side `size`. Nested golden-section searches over the two coordinates in the square.
+    /// Returns a starting point for the apex: the point of least depth for exact facets, in a square around
+    /// `center` perpendicular to the axis with half-side `size`. Nested golden-section searches over the two
+    /// coordinates in the square.
     fn search(&self) -> DVec3 {
         let sign = if self.side == 0 { 1.0 } else { -1.0 };
         // Without errors, the depth is the maximum of functions that are linear in the position on the
@@ -350,8 +353,9 @@ impl Apex<'_> {
         self.center + self.sides[0] * x + self.sides[1] * y
     }
 
-    /// Returns an apex in `f32`, in the coordinates of the facets, that is proved to be on the right side of
-    /// all planes for all errors within `doubt`. `None` if the apex overflows `f32` or 64 attempts fail.
+    /// Returns an apex in `f32`, in the coordinates of the facets, that is proved to be behind all planes
+    /// (side 0) or in front of them (side 1) for all errors within `doubt`. `None` if the apex overflows
+    /// `f32` or 64 attempts fail.
     fn find(&self) -> Option<[f32; 3]> {
         let start = self.search();
         let down = if self.side == 0 { -self.axis } else { self.axis };

@@ -15,9 +15,9 @@ use glam::{DAffine3, DVec3};
 /// degrees from every common axis is open. Coordinates are those of the triangles. Size: 64 bytes.
 ///
 /// # Representation
-/// The eye `e` sees only back faces if, with `v = e - behind` and `w = rows * v`, `w.z + |(w.x, w.y)| < 0`,
-/// by a margin that covers rounding. It sees only front faces if the same holds with `v = ahead - e`. Eyes
-/// that satisfy neither are undecided.
+/// Let `v` be the eye minus the apex `behind`, and `w` the product of the matrix `rows` with `v`. The eye
+/// sees only back faces if `w.z + |(w.x, w.y)| < 0`, by a margin that covers rounding. It sees only front
+/// faces if the same holds with `v` the apex `ahead` minus the eye. Eyes that satisfy neither are undecided.
 ///
 /// ```
 /// use visibility_core::backface::{Facing, NormalCone};
@@ -35,8 +35,8 @@ pub struct NormalCone {
     pub(super) rows: [[f32; 3]; 3],
     pub(super) behind: [f32; 3],
     pub(super) ahead: [f32; 3],
-    /// Factor of the rounding margin: `32u` times the greatest element of `rows`, `u = 2^-24`; see
-    /// [`inside`]. 0 for an open cone.
+    /// Factor of the rounding margin: `32u` times the greatest element of `rows`, with `u = 2^-24`; see
+    /// [`inside`]. 0 for an open cone, which decides nothing.
     pub(super) margin: f32,
 }
 
@@ -46,8 +46,8 @@ impl Default for NormalCone {
     }
 }
 
-/// Corners of the regular polygon, 2 % wider, that replaces a cone's ellipse in
-/// [`NormalCone::transformed`].
+/// Number of corners of the regular polygon that replaces a cone's ellipse in [`NormalCone::transformed`].
+/// The polygon is 2 % wider than the ellipse.
 const CORNERS: usize = 16;
 
 impl NormalCone {
@@ -113,8 +113,8 @@ impl NormalCone {
         }
     }
 
-    /// Returns the numbers of the back-facing cone in the order of [`inside`]: rows, apex `behind`, margin.
-    /// The front apex `ahead` is left out.
+    /// Returns the numbers that decide whether an eye sees only backs, in the order of [`inside`]: rows, apex
+    /// `behind`, margin. The apex `ahead` is left out.
     pub(super) fn numbers(&self) -> [f32; NUMBERS] {
         let [[a, b, c], [d, e, f], [g, h, i]] = self.rows;
         let [x, y, z] = self.behind;

@@ -4,18 +4,18 @@ use crate::view::ViewProjection;
 use crate::{View, view::Eye};
 use glam::DVec3;
 
-/// An eye relative to the origin of the cones, each coordinate the sum of two `f32`, so that the difference
-/// of eye and apex loses no digits where coordinates are large. For a parallel view, `high + low` is the
-/// negated view direction.
+/// An eye in the coordinates of the cones. Each coordinate is the sum `high + low` of two `f32`, so that the
+/// difference of eye and apex loses no digits where coordinates are large. For a parallel view, `high + low`
+/// is the negated view direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitEye {
     high: [f32; 3],
     low: [f32; 3],
     /// Factor of the apex when it is subtracted from the eye: 1 for an eye point, 0 for a direction.
     weight: f32,
-    /// Bound for the rounding and the uncertainty of the eye, scaled to multiply a cone's `margin`: the sum
+    /// Bound for the rounding and the uncertainty of the eye, to be multiplied by a cone's `margin`: the sum
     /// of `2u` times the sum of the coordinates' magnitudes (`u = 2^-24`), `2^-100`, and `5 * 2^19` times
-    /// the greatest distance from the true eye.
+    /// the greatest distance of the true eye from this eye.
     blur: f32,
 }
 
@@ -32,7 +32,7 @@ impl SplitEye {
     }
 
     /// Returns the eye at point `p` (`weight` 1), or the parallel view with negated direction `p` (`weight`
-    /// 0). The true eye or direction lies within `radius` of `p`.
+    /// 0). The true eye or negated direction lies within `radius` of `p`.
     fn around(p: DVec3, weight: f32, radius: f64) -> Self {
         let high = p.as_vec3();
         let low = (p - high.as_dvec3()).as_vec3();
@@ -58,9 +58,9 @@ impl SplitEye {
 /// coordinates of the apex, the margin.
 pub(crate) const NUMBERS: usize = 13;
 
-/// Tests an eye against `WIDTH` cones at once. Result `i` is negative if cone `i` certainly holds the eye,
-/// otherwise zero or positive; also zero for NaN. `cones[n][i]` is number `n` of cone `i` in the order of
-/// [`NUMBERS`]. All SIMD paths give the same results.
+/// Tests an eye against `WIDTH` cones at once. Result `i` is negative if cone `i` certainly holds the eye
+/// (the eye sees only backs), otherwise zero or positive; also zero for NaN. `cones[n][i]` is number `n` of
+/// cone `i` in the order of [`NUMBERS`]. All SIMD paths give the same results.
 ///
 /// The bound on rounding: let `v` be the eye minus the apex, `w = rows * v` with the exact rows, `|(x, y)|`
 /// the Euclidean length, and `u = 2^-24`. The cone holds the eye if `w.z + |(w.x, w.y)| <= 0`. Let `s` be the

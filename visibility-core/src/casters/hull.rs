@@ -1,9 +1,9 @@
 //! The planes around the convex hull of a volume and a light, which bound all segments from points of the
 //! volume to the light.
 //!
-//! Let the volume be where all planes `A . p >= 0` (homogeneous: `A . p` stands for `normal . p + offset`;
-//! for a light at infinity, `A . L` for `normal . direction`). A plane bounds the hull of volume and light if
-//! both are on its inner side. Such planes are
+//! Let the volume be where all planes `A . p >= 0`. Here `A . p` stands for `normal . p + offset` of a plane
+//! `A`, and for a light `L` at infinity, `A . L` for `normal . direction`. A plane bounds the hull of volume
+//! and light if both are on its inner side. Such planes are
 //!
 //! - the planes of the volume with the light on the inner side, `A . L >= 0`, and
 //! - for each of these and each `B` with `B . L < 0`, the plane `C = (-B . L) A + (A . L) B`. As a sum of `A`
@@ -25,8 +25,8 @@ use crate::view::ViewPlane;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Greatest number of planes that casters are tested against: as many as four walks of the hierarchy take.
-/// Further planes are dropped, which keeps more casters.
+/// Greatest number of planes that casters are tested against: as many as four walks of the hierarchy can
+/// take. Further planes are dropped, which keeps more casters.
 pub(super) const MAX_HULL_PLANES: usize = 64;
 
 /// Planes around the hull of volume and light, relative to the scene's origin, with normals pointing inwards.
@@ -42,7 +42,8 @@ pub(super) enum Source {
     Point(DVec3),
 }
 
-/// A plane with absolute error bounds for each component of its normal and for its offset.
+/// A plane with absolute error bounds for each component of its normal and for its offset: the exact plane is
+/// within these bounds of the stored one.
 #[derive(Clone, Copy)]
 struct RoundedPlane {
     plane: Plane,
@@ -55,8 +56,8 @@ struct RoundedPlane {
 struct Facet {
     slot: u8,
     plane: RoundedPlane,
-    /// Signed distance of the light from the plane in metres as computed, `A . L` in the module's notation.
-    /// For a direction, the dot product with the plane's normal.
+    /// Signed distance of the light from the plane in metres as computed (`A . L` at the head of this
+    /// module). For a light at infinity, the dot product of its direction with the plane's normal.
     distance: f64,
     error: f64,
 }
@@ -96,7 +97,7 @@ impl Source {
     }
 }
 
-/// Slot of a view's far plane, and of the plane at infinity.
+/// Slot of a view's far plane, and of the plane at infinity. Slots number the planes of a view or box.
 const FAR: u8 = 5;
 
 impl Facet {
@@ -114,10 +115,11 @@ impl Facet {
     /// Returns the plane through the light and the common edge of two planes: `self` (`A` below), which must
     /// certainly have the light `L` on its inner side, and `other` (`B` below), which must not.
     ///
-    /// The weights are rounded so that the exact planes, taken with these very weights, have the light on the
-    /// inner side of their sum: with `a >= error(B) - B.L` and `b <= A.L - error(A)` and the exact values
-    /// `A.L >= b`, `B.L >= -a`, `a (A . L) + b (B . L) >= a b - b a = 0`. So the sum is a valid plane
-    /// whatever the errors are, and where the light is nearly on `other`, the sum is nearly that plane.
+    /// The weights `a` of `A` and `b` of `B` are rounded so that the exact planes, taken with these very
+    /// weights, have the light on the inner side of their sum. With `a >= error(B) - B.L` and `b <= A.L -
+    /// error(A)` for the computed distances, the exact distances satisfy `A.L >= b` and `B.L >= -a`, so `a (A
+    /// . L) + b (B . L) >= a b - b a = 0`. So the sum is a valid plane whatever the errors are, and where the
+    /// light is nearly on `other`, the sum is nearly `other`.
     fn toward(&self, other: &Self) -> RoundedPlane {
         let (a, b) = (other.error - other.distance, self.distance - self.error);
         let scale = a.max(b);
@@ -139,10 +141,10 @@ impl Facet {
 }
 
 impl RoundedPlane {
-    /// Returns the plane with a unit normal and all errors moved into the offset, valid for points whose
-    /// coordinates have absolute values of at most `reach`: an error `e` of the normal's x moves the plane by
-    /// at most `e * reach.x` there. `None` if the normal is (almost) zero or NaN, or if the offset or its
-    /// error overflows.
+    /// Returns the plane with a unit normal and all errors moved into the offset. It is valid for points
+    /// whose coordinates have absolute values of at most `reach`: an error `e` of the normal's x moves the
+    /// plane by at most `e * reach.x` there. `None` if the normal is (almost) zero or NaN, or if the offset
+    /// or its error overflows.
     fn settle(&self, reach: DVec3) -> Option<ViewPlane> {
         let length = self.plane.normal.length();
         // Below 1e-140, squares underflow: opposite planes of a volume without extent.
@@ -197,10 +199,10 @@ fn push(out: &mut HullPlanes, plane: &RoundedPlane, reach: DVec3) {
 /// pyramid is at most 8 % wider than the cone. `axis` may have any length, `tangent` is that of the half
 /// angle; nothing is appended if `axis` cannot be normalized.
 ///
-/// The planes go through the light and touch the cone along eight lines. For half angle `t`, axis `s` and a
-/// unit vector `e` across it, the inner normal is `s tan t - e`. Vectors are unit and orthogonal to within 8
-/// epsilon, the tangent is off by a few units in its last place: each component of the normal is within `32
-/// epsilon (1 + tan t)` of a plane that holds the cone.
+/// The planes go through the light and touch the cone along eight lines. For half angle `t`, unit axis `s`
+/// and a unit vector `e` perpendicular to it, the inner normal is `s tan t - e`. Vectors are unit and
+/// orthogonal to within 8 epsilon, the tangent is off by a few units in its last place: each component of the
+/// normal is within `32 epsilon (1 + tan t)` of a plane that holds the cone.
 pub(super) fn push_cone(out: &mut HullPlanes, light: DVec3, axis: DVec3, tangent: f64, reach: DVec3) {
     use core::f64::consts::FRAC_1_SQRT_2 as D;
     let Some(axis) = (axis / axis.abs().max_element()).try_normalize() else { return };
@@ -211,8 +213,9 @@ pub(super) fn push_cone(out: &mut HullPlanes, light: DVec3, axis: DVec3, tangent
     }
 }
 
-/// Appends the half-space whose boundary goes through `point` and whose inside is the side that `normal`
-/// points to. `normal_error` bounds the absolute error of each component of the normal.
+/// Appends to `out` the half-space whose boundary goes through `point` and whose inside is the side that
+/// `normal` points to. `normal_error` bounds the absolute error of each component of the normal. The result
+/// is valid for points whose coordinates have absolute values of at most `reach`.
 fn push_through(out: &mut HullPlanes, point: DVec3, normal: DVec3, normal_error: f64, reach: DVec3) {
     let size = normal.abs().dot(point.abs());
     // Errors of the normal turn the plane about the point. The rounding of the offset and of its products
@@ -223,8 +226,8 @@ fn push_through(out: &mut HullPlanes, point: DVec3, normal: DVec3, normal_error:
 }
 
 /// Appends the six sides of the axis-aligned box around a ball to `out`, up to its capacity. `center` is
-/// relative to the scene's origin. The error covers half an epsilon each for the rounding of the center and
-/// of the sums.
+/// relative to the scene's origin; `radius` is in metres. The error of each plane covers half an epsilon each
+/// for the rounding of the center and of the sums.
 pub(super) fn push_ball(out: &mut HullPlanes, center: DVec3, radius: f64) {
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
         for side in [axis, -axis] {

@@ -61,8 +61,8 @@ use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 pub struct CasterCuller {
     simd: Simd,
     light: Light,
-    /// Tangent of a spot light's half angle. `None` for other lights, and if the cone is not convex or
-    /// (almost) a half-space.
+    /// Tangent of a spot light's half angle. `None` for other lights, and for a half angle of pi/2 or more,
+    /// or so little less that the cone bounds nothing.
     tangent: Option<f64>,
     receivers: Option<Aabb>,
 }

@@ -67,7 +67,7 @@ pub enum CellGraphError {
         /// Greatest distance of a vertex of `portal` behind the plane of the portal `behind`, in metres.
         distance: f64,
     },
-    /// The number of given bodies differs from the number of cells.
+    /// The number of bodies (volumes of cells) given to `validate_bodies` differs from the number of cells.
     Bodies {
         /// Number of cells in the graph.
         cells: usize,

@@ -40,8 +40,8 @@ impl Aabb {
         Self::new(Vec3::from_array(min), Vec3::from_array(max))
     }
 
-    /// Returns the smallest box around `points`. The result is [`EMPTY`](Self::EMPTY) without points, and an
-    /// improper box of NaN if any coordinate is NaN, so that the object is drawn rather than lost.
+    /// Returns the smallest box around `points`. Without points the result is [`EMPTY`](Self::EMPTY). If any
+    /// coordinate is NaN, the result is an improper box of NaN, whose object is never culled.
     pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
         let mut bounds = Self::EMPTY;
         for p in points {

@@ -1,4 +1,4 @@
-//! Double-double arithmetic: numbers with 106 significant bits, for certificates and for tests of error
+//! Double-double arithmetic: numbers with about 106 significant bits, for certificates and for tests of error
 //! margins that `f64` cannot resolve.
 //!
 //! This work is based on: T. J. Dekker, "A Floating-Point Technique for Extending the Available Precision",

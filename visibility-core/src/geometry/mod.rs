@@ -22,7 +22,7 @@ pub use double_double::DoubleDouble;
 pub use plane::Plane;
 pub use side::{PolygonSide, Side, SidePlane, orientation};
 
-/// Returns the axis (0 to 2) of the greatest of three extents, the first of equal ones.
+/// Returns the index (0 to 2) of the greatest of three extents, the first of equal ones.
 pub(crate) fn longest_axis<T: PartialOrd>([x, y, z]: [T; 3]) -> usize {
     if x >= y && x >= z { 0 } else { 1 + usize::from(z > y) }
 }

@@ -92,8 +92,8 @@ impl Plane {
         self.decide(self.signed_distance(p), self.signed_distance(p), self.error_bound(p.abs()))
     }
 
-    /// Classifies a box against the half-space, by the box's corners nearest to and farthest along the
-    /// normal. A box that touches the boundary, and an improper box, are `Crossing`.
+    /// Classifies a box against the half-space, by the box's corners of least and greatest signed distance. A
+    /// box that touches the boundary, and an improper box, are `Crossing`.
     pub fn classify_aabb(&self, bounds: &Aabb) -> Containment {
         if !bounds.is_proper() {
             return Containment::Crossing;

@@ -116,8 +116,8 @@ impl OccluderMesh {
         [1, 7, 5],
     ];
 
-    /// Makes a mesh of triangles with areas, indexing welded `positions`, without a search for parts. Unused
-    /// positions are dropped. A mesh that is an axis-aligned box gets the vertex and triangle order of
+    /// Makes a mesh of triangles that index welded `positions` and have areas, without a search for parts.
+    /// Unused positions are dropped. A mesh that is an axis-aligned box gets the vertex and triangle order of
     /// [`CUBOID`](Self::CUBOID). `None` without triangles.
     pub(super) fn whole(positions: &[Vec3], triangles: Vec<[u32; 3]>) -> Option<Self> {
         if triangles.is_empty() {
@@ -263,8 +263,8 @@ impl OccluderMesh {
         self.fingerprint.with(self.two_sided.into())
     }
 
-    /// Returns the approximate projected area of the occluding faces, in square metres, for a distant eye in
-    /// `direction`, a unit vector from the mesh towards the eye in mesh coordinates. The area is exact for
+    /// Returns the approximate projected area of the occluding faces, in square metres, for a distant eye.
+    /// `direction` is a unit vector from the mesh towards the eye, in mesh coordinates. The area is exact for
     /// axis-aligned boxes and up to 1.7 times too large for other convex meshes. Faces that cover each other
     /// are counted repeatedly.
     pub fn area_towards(&self, direction: Vec3) -> f32 {

@@ -39,7 +39,7 @@ pub trait QueryDevice {
     fn draw(&mut self, _occluder: &OccluderMesh, _transform: &Affine3A) {}
 }
 
-/// Policy for query answers that refer to an earlier frame.
+/// Policy for query answers that refer to an earlier frame: whether they may hide boxes.
 ///
 /// ```
 /// use visibility_core::{occlusion::LateAnswers, Accuracy};
@@ -120,7 +120,7 @@ struct Question {
     /// Reuse count of this slot in `questions`, the upper half of the query number. Distinguishes the query
     /// from those for earlier boxes in the slot.
     serial: u32,
-    /// Whether this slot of `State::questions` is in use, so that `State::indices` maps a box to it.
+    /// Whether this slot of `State::questions` is in use: `State::indices` then maps a box to it.
     known: bool,
     /// Number of the frame of the newest query.
     asked: u64,

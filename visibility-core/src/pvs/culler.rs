@@ -104,7 +104,8 @@ impl ScenePvs {
 #[derive(Clone, Debug)]
 pub struct PvsCuller<S> {
     shared: S,
-    /// Stamp of the [`ScenePvs`] from which the culler's derived state was computed.
+    /// Stamp of the [`ScenePvs`] from which the other fields were computed. Another stamp means that they
+    /// are out of date.
     made_from: Stamp,
     /// Viewcell that contained the eye in the last frame. `None` if no viewcell did, and for parallel views.
     viewcell: Option<ViewcellId>,

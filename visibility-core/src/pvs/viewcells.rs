@@ -108,8 +108,8 @@ struct Node {
 const LEAF: usize = 4;
 
 impl Viewcells {
-    /// Builds the tree. Viewcells are numbered in the given order. A viewcell with a NaN corner, or with `min
-    /// > max` on an axis, contains no point and is never found. Time is O(n log n).
+    /// Builds the tree. Viewcells are numbered in the given order. A viewcell with a NaN corner, or whose
+    /// minimum exceeds its maximum on an axis, contains no point and is never found. Time is O(n log n).
     pub fn new(cells: impl IntoIterator<Item = Viewcell>) -> Self {
         let cells: Vec<Viewcell> = cells.into_iter().collect();
         let usable = |cell: &Viewcell| cell.min.cmple(cell.max).all();
