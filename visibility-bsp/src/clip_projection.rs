@@ -38,9 +38,9 @@ pub(crate) struct Direction {
     pub(crate) size: f64,
 }
 
-/// A plane through the eye, as a linear function `n . v` of clip-space directions `v = (x, y, w)`. Positive
-/// values are on the inner side. For an exact direction with components up to 1, the sign is certain if the
-/// magnitude of the value exceeds `slack`.
+/// A plane through the eye, seen as a line in the image: the linear function `n . v` of clip-space directions
+/// `v = (x, y, w)`. Positive values are on the inner side. For an exact direction with components up to 1,
+/// the sign is certain if the magnitude of the value exceeds `slack`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     /// Coefficients of x, y and w, the largest 1 in magnitude.
@@ -228,8 +228,8 @@ impl ClipProjection {
         value > error
     }
 
-    /// Projects a box in metres relative to `Scene::origin`. `None` if rounding leaves its directions too
-    /// uncertain to use, or the box is NaN.
+    /// Projects a box in metres relative to `Scene::origin` to the cone of its view rays. `None` if rounding
+    /// leaves its directions too uncertain to use, or the box is NaN.
     pub(crate) fn cone(&self, bounds: &Aabb) -> Option<BoxProjection> {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (q, size) = (min - self.anchor, max - min);
@@ -347,7 +347,7 @@ impl ClipProjection {
     }
 
     /// Tests whether the eye is surely in front of the plane `normal . p + offset = 0` in metres relative to
-    /// `Scene::origin`, with a unit normal. For parallel views: whether the view direction surely runs
+    /// `Scene::origin`, with a unit normal. For parallel views, tests whether the view direction surely runs
     /// against the normal. False if undecided.
     pub(crate) fn is_before(&self, normal: DVec3, offset: f64) -> bool {
         match self.eye {

@@ -41,8 +41,8 @@ pub(super) struct Group {
 /// The plane of a polygon and the side of it that the eye of the frame is on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
-    /// Back planes for an eye in front of the polygon and for one behind it. The second is used only if
-    /// `two_sided`.
+    /// Back planes (just behind all vertices of the polygon, as seen from the eye) for an eye in front of
+    /// the polygon and for one behind it. The second is used only if `two_sided`.
     front: [BackPlane; 2],
     /// Whether the polygon also hides for eyes behind its front.
     two_sided: bool,
@@ -56,8 +56,8 @@ pub(super) struct Face {
 }
 
 impl Face {
-    /// Creates the planes of a polygon. The eye's side is unknown (`before` is false) until
-    /// [`look`](Self::look) is called.
+    /// Creates the planes of a polygon. The eye's side is unknown (`usable` is false) until
+    /// [`update_eye`](Self::update_eye) is called.
     pub(super) fn new(occluder_polygon: &OccluderPolygon<'_>) -> Self {
         let front =
             BackPlane { normal: occluder_polygon.normal, offset: -occluder_polygon.extent_along_normal[0] };
@@ -67,9 +67,9 @@ impl Face {
         Self { front: [front, rear], two_sided, back: front, usable: false, from_front: true }
     }
 
-    /// Determines the side of the polygon that the eye is on and updates `back`, `before` and `from_front`.
+    /// Determines the side of the polygon that the eye is on and updates `back`, `usable` and `from_front`.
     /// `eye_error` bounds the eye's error in metres. If the plane is closer to the eye than `clear` metres,
-    /// the near plane may cut the polygon, and `before` becomes false.
+    /// the near plane may cut the polygon, and `usable` becomes false.
     pub(super) fn update_eye(&mut self, eye: &Eye, eye_error: f64, clear: f64) {
         // The eye must be in front of the back plane. It must also be in front of all vertices, so that it
         // sees an uneven polygon from one side.
@@ -94,7 +94,7 @@ impl Face {
 
 impl Edge {
     /// Creates an edge between two points, with the polygon's inside on the side of `inner`. No box is inside
-    /// its plane until [`look`](Self::look) is called.
+    /// its plane until [`update_eye`](Self::update_eye) is called.
     pub(super) fn new(ends: [DVec3; 2], inner: DVec3) -> Self {
         Self { ends, inner, normal: DVec3::ZERO, slope: f64::INFINITY, least: f64::INFINITY }
     }
@@ -149,8 +149,8 @@ impl Edge {
     }
 
     /// Tests whether a box (`min` to `max` in metres relative to `Scene::origin`) is surely on the inner side
-    /// of the plane through the eye and this edge. `eye` must be the eye passed to [`look`](Self::look).
-    /// False if undecided or NaN.
+    /// of the plane through the eye and this edge. `eye` must be the eye passed to
+    /// [`update_eye`](Self::update_eye). False if undecided or NaN.
     pub(super) fn holds(&self, eye: &Eye, min: DVec3, max: DVec3) -> bool {
         let base = self.base(eye);
         let (low, high) = (min - base, max - base);

@@ -66,8 +66,8 @@ pub(super) struct GroupMap {
     frame: u64,
     /// Cache and groups, which `test` changes.
     memory: RefCell<Memory>,
-    /// Scratch for finding shared edges: the ends of each edge as ordered bits, the number of its polygon,
-    /// and the edge's index.
+    /// Scratch for finding shared edges: for each edge, its ends as returned by [`key`], the index of its
+    /// polygon in `Groups::faces`, and the index of the edge in `Groups::edges`.
     shared: Vec<([u64; 6], usize, usize)>,
 }
 
@@ -165,7 +165,7 @@ impl Groups {
         turned
     }
 
-    /// Computes the planes through the eye and all edges, and sets `joined` of every group.
+    /// Computes the planes through the eye and all edges, and sets `usable` of every group.
     fn update_eye(&mut self, projection: &ClipProjection) {
         let (eye, error) = (projection.eye, projection.eye_error);
         for edge in &mut self.edges {

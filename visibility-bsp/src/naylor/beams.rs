@@ -213,8 +213,8 @@ impl Beams {
         self.divide((node, 1), upper, half, levels - 1);
     }
 
-    /// Appends a node with the given line and children (behind, in front). Links it as child `side` of
-    /// `parent`, or as the root for [`NO_PARENT`], and returns its index.
+    /// Appends a node with the given line and children (behind, in front). Links it into `slot`: a parent and
+    /// the side of the child (0 behind, 1 in front), or [`NO_PARENT`] for the root. Returns the node's index.
     fn push(&mut self, slot: (u32, u8), line: Line, children: [u32; 2]) -> u32 {
         let node = self.nodes.len() as u32;
         self.nodes.push(Node { line, children, parent: slot.0 });

@@ -1,5 +1,5 @@
-//! Exact culling with a BSP tree of the scene (Naylor, "Partitioning Tree ProjectedPolygon Representation and
-//! Generation from 3D Geometric Models", 1992).
+//! Exact culling with a BSP tree of the scene (Naylor, "Partitioning Tree Image Representation and Generation
+//! from 3D Geometric Models", 1992).
 //!
 //! [`NaylorCuller`] walks the scene's BSP tree front to back and clips each polygon against the nearer ones.
 //! The image area that nearer polygons cover is kept in a second, two-dimensional BSP tree, the [beam

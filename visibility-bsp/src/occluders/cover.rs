@@ -135,10 +135,10 @@ impl Grid {
     }
 }
 
-/// Joins a connected group of rectangles: calls `each` with the low corner, the high corner and the sources
-/// (ascending) of up to 64 larger rectangles within the group's area, greatest added area first. Beyond 64, a
-/// remainder of the area stays uncovered. A single rectangle, or a group whose grid has more than 16,384
-/// cells, is passed on unchanged.
+/// Joins a connected group of rectangles: calls `each` with the minimum corner, the maximum corner and the
+/// sources (ascending) of up to 64 larger rectangles within the group's area, greatest added area first.
+/// Corners are in metres along the plane's two axes. Beyond 64, a remainder of the area stays uncovered. A
+/// single rectangle, or a group whose grid has more than 16,384 cells, is passed on unchanged.
 pub(super) fn join_group(group: &[&Rectangle], mut each: impl FnMut([f64; 2], [f64; 2], Vec<u32>)) {
     let grid = if group.len() > 1 { Grid::new(group) } else { None };
     let Some(grid) = grid else {

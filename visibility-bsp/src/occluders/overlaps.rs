@@ -123,8 +123,9 @@ impl Sweep<'_> {
     }
 
     /// Unites rectangle `number` with all rectangles stored in the subtree `node` that it meets, and stores
-    /// it there. `range` is the rectangle's extent across the sweep and `span` that of the node, both as
-    /// half-open ranges of indices of the sorted lines.
+    /// it there. `range` is the rectangle's extent across the sweep and `span` that of the node. Both are
+    /// half-open ranges of indices into the sorted coordinates at which rectangles begin or end across the
+    /// sweep.
     fn insert(&mut self, node: usize, span: [usize; 2], range: [usize; 2], number: u32) {
         if range[0].max(span[0]) >= range[1].min(span[1]) {
             return;

@@ -53,9 +53,9 @@ pub(super) fn from_ordered(bits: u64) -> f64 {
     f64::from_bits(if bits >> 63 != 0 { bits & !(1 << 63) } else { !bits })
 }
 
-/// Returns the corners of a rectangle in the plane at coordinate `at` of `axis`. `low` and `high` are its
-/// minimum and maximum along the two axes after `axis`, cyclically. Corners run counter-clockwise as seen
-/// from the positive end of `axis`, or from the negative end if `down`.
+/// Returns the corners of a rectangle in the plane at coordinate `at` of `axis`, in metres relative to
+/// `Scene::origin`. `low` and `high` are its minimum and maximum along the two axes after `axis`, cyclically.
+/// Corners run counter-clockwise as seen from the positive end of `axis`, or from the negative end if `down`.
 pub(super) fn corners(axis: usize, at: f64, low: [f64; 2], high: [f64; 2], down: bool) -> Vec<DVec3> {
     let mut around = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
     if down {

@@ -53,7 +53,8 @@ const MOST_FACES: usize = 4096;
 /// Finds the boxes of which all six faces are present as rectangles of one object, facing outwards or both
 /// ways.
 pub(super) fn solids(levels: &Levels) -> Vec<SolidBox> {
-    // Faces by object, plane and sides; and the faces across x, in pairs of which boxes are found.
+    // All faces, by object, plane and sides; and the faces perpendicular to x, in which the opposite faces of
+    // boxes are looked for.
     let mut faces: BTreeSet<(u32, Level, [u64; 4])> = BTreeSet::new();
     let mut pairs: Vec<(u32, [u64; 4], u64, u8)> = Vec::new();
     for (&(axis, at, facing), rectangles) in levels {
@@ -70,8 +71,8 @@ pub(super) fn solids(levels: &Levels) -> Vec<SolidBox> {
     pairs.sort_unstable();
     let mut solids = Vec::new();
     for alike in pairs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        // For each face and those after it: the first far side, or `u64::MAX`, which no finite coordinate
-        // has, if there is none.
+        // By face perpendicular to x: x as ordered bits of the first face at or after it that looks along +x,
+        // which may be the far side of a box. `u64::MAX`, which no finite coordinate has, if there is none.
         let mut far_sides = alloc::vec![u64::MAX; alike.len()];
         let mut next_far = u64::MAX;
         for (&(_, _, x1, far), side) in alike.iter().zip(&mut far_sides).rev() {

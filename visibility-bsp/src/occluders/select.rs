@@ -35,8 +35,8 @@ pub(crate) struct Selector {
     /// The polygons chosen last: greatest bound first after `choose`, in no particular order after
     /// `keep_worthy`.
     pub(crate) chosen: Vec<Chosen>,
-    /// Scratch: upper bound on the solid angle in steradians of the polygons of each block that may be in
-    /// view, and the block's index.
+    /// Scratch: for each block that may be in view, an upper bound on the solid angle of its polygons (in
+    /// steradians; for parallel views, on their area in square metres) and the block's index.
     blocks: Vec<(f32, u32)>,
     /// Stamp of the polygons that the other fields refer to; `Stamp::NONE` before the first frame and after
     /// a reset.
@@ -115,8 +115,7 @@ impl Selector {
     }
 
     /// Replaces `chosen` by the `count` polygons with the greatest upper bound on their solid angle from
-    /// `eye`, greatest first. If `volume` is given, only
-    /// polygons that may be in front of all of them are considered; `None` considers all directions.
+    /// `eye`, greatest first. If `volume` is given, only polygons that may be inside it are considered.
     pub(crate) fn choose(
         &mut self,
         occluders: &Occluders,

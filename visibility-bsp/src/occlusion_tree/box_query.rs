@@ -3,11 +3,12 @@
 //!
 //! # Why it is sound
 //! A part of a box is represented by the corner directions of a convex cone. The cone contains every
-//! direction of the part if each corner may be moved by the part's error. A plane cuts a part at twice the
-//! slack beyond the plane on either side. So each half contains all the box's directions that are exactly on
-//! that side. Directions within rounding of the plane go to both halves; they are hidden only if both sides
-//! hide them, and one of the sides is their own. Two shadows that share an edge therefore leave no gap, and
-//! no shadow becomes wider than it is. Each cut adds four roundings to the error.
+//! direction of the part if each corner may be moved by the part's error. The slack is the sum of the
+//! rounding bounds of a plane and of a part. A plane cuts a part at twice the slack beyond the plane on
+//! either side. So each half contains all the box's directions that are exactly on that side. Directions
+//! within rounding of the plane go to both halves; they are hidden only if both sides hide them, and one of
+//! the sides is their own. Two shadows that share an edge therefore leave no gap, and no shadow becomes wider
+//! than it is. Each cut adds four roundings to the error.
 
 use super::nodes::{Child, MOST_PLANES, Nodes, OUTSIDE, VISIBLE};
 use crate::clip_projection::{BoxProjection, ClipProjection, U, dot, slack_of};

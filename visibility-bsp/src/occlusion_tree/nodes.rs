@@ -16,7 +16,7 @@ pub(crate) const VISIBLE: Child = u32::MAX;
 /// Leaf of view directions outside the image; boxes there count as hidden.
 pub(crate) const OUTSIDE: Child = u32::MAX - 1;
 /// Flag of a shadow leaf: view directions inside the shadow of at least one polygon. The other bits are an
-/// index into `Nodes::hides`, a list of back planes; points in these directions behind one of them are
+/// index into `Nodes::hiders`, a list of back planes; points in these directions behind one of them are
 /// hidden.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
@@ -82,7 +82,8 @@ pub(crate) struct Nodes {
     pub(crate) nodes: Vec<Node>,
     /// Back planes of the inserted polygons, in the order of insertion.
     pub(crate) planes: Vec<BackPlane>,
-    /// By inserted polygon: its back plane as a function of the direction, `None` for parallel views.
+    /// By inserted polygon: its back plane as a function of the view ray's direction, `None` for parallel
+    /// views.
     pub(crate) approaches: Vec<Option<Approach>>,
     /// Entries of the shadow leaves' occluder lists, linked by `Hider::under`.
     pub(crate) hiders: Vec<Hider>,
@@ -464,8 +465,8 @@ fn crossing(a: &ShadowCorner, b: &ShadowCorner, at_a: f64, at_b: f64) -> Option<
     between(a, b, at_a / (at_a - at_b))
 }
 
-/// Returns the corner at `a + t (b - a)` on a segment of points, with no edge. `None` if `t` is not from 0 to
-/// 1, or if the point has no finite direction.
+/// Returns the corner at `a + t (b - a)` on a segment of points, with `edge` none (`u8::MAX`). `None` if `t`
+/// is not from 0 to 1, or if the point has no finite direction.
 fn between(a: &ShadowCorner, b: &ShadowCorner, t: f64) -> Option<ShadowCorner> {
     let v = [0, 1, 2].map(|i| a.v[i] * a.size * (1.0 - t) + b.v[i] * b.size * t);
     let size = v[0].abs().max(v[1].abs()).max(v[2].abs());

@@ -8,7 +8,7 @@ use visibility_core::{Scene, view::Eye};
 
 /// Number of sample eyes per region: its centre, and points near four of its corners.
 const SAMPLES: usize = 5;
-/// Maximum number of candidate polygons per sample eye is half of this, which limits the cost of the bake.
+/// Twice the maximum number of candidate polygons per sample eye, which limits the cost of the bake.
 const CANDIDATES: usize = 96;
 /// Maximum number of objects whose centres are sampled to count hidden objects.
 const OBJECTS: usize = 512;
@@ -100,8 +100,9 @@ impl ShadowFrusta {
         self.regions.iter().filter(|region| matches!(region, Region::Leaf { .. })).count()
     }
 
-    /// Returns the numbers of the polygons chosen for the region that contains the eye, in metres relative to
-    /// `Scene::origin`; for an eye outside the bounds, those of the nearest region.
+    /// Returns the indices in `Occluders::polygons` of the polygons chosen for the region that contains the
+    /// eye, in metres relative to `Scene::origin`; for an eye outside the bounds, those of the nearest
+    /// region.
     pub(super) fn chosen_at(&self, eye: DVec3) -> &[u32] {
         let mut region = 0;
         loop {
@@ -177,7 +178,8 @@ impl Bake<'_> {
     }
 
     /// Returns the bitset of sampled objects whose centres a polygon hides: bit `sample * OBJECTS + object`
-    /// stands for a sample eye and an object. Not bounded for rounding, since it only guides the choice.
+    /// stands for a sample eye and an object. All zero for a polygon without area. Not bounded for rounding,
+    /// since it only guides the choice.
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
         let occluder_polygon = self.occluders.occluder_polygon(polygon);
         let mut set = [0u64; WORDS];

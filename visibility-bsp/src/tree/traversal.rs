@@ -7,8 +7,8 @@ use super::subtree::Subtree;
 use alloc::vec::Vec;
 use visibility_core::{glam::DVec4, view::Eye};
 
-/// Reusable memory of a tree walk: a stack of the nodes whose near side is being walked. A walk reserves one
-/// entry per level of the tree, so later walks of the same tree allocate nothing.
+/// Reusable memory of a tree walk: a stack of the nodes whose first visited side is being walked. A walk
+/// reserves one entry per level of the tree, so later walks of the same tree allocate nothing.
 ///
 /// ```
 /// use visibility_bsp::{BspTree, TraversalStack};
@@ -18,12 +18,13 @@ use visibility_core::{glam::DVec4, view::Eye};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct TraversalStack {
-    /// Stack of the nodes whose near side is being walked, root first. A step copies what the walk needs
-    /// later, which is cheaper than reading the node again.
+    /// Stack of the nodes whose first visited side is being walked, root first. A step copies what the walk
+    /// needs later, which is cheaper than reading the node again.
     path: Vec<Step>,
 }
 
-/// What remains to be visited of a node after the child on its near side: its fragments and the far child.
+/// What remains to be visited of a node after the child on its first visited side: the node's fragments and
+/// the other child.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     /// Index of the first fragment in the node's plane, `NONE` if there is none.
