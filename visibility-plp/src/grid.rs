@@ -59,8 +59,8 @@ impl Grid {
         local.cmpge(DVec3::ZERO).all() && local.cmplt(DVec3::splat(f64::from(STEPS))).all()
     }
 
-    /// Returns the scene-relative box of the cube of `side` steps whose minimum corner is that of voxel
-    /// `voxel`, rounded outwards to f32.
+    /// Returns the scene-relative box of the cube that is `side` voxels wide and has the minimum corner of
+    /// voxel `voxel`, rounded outwards to f32.
     #[inline]
     pub(crate) fn bounds(&self, voxel: [u32; 3], side: u32) -> Aabb {
         Aabb::from_world(self.corner(voxel), self.corner(voxel.map(|x| x + side)), DVec3::ZERO)

@@ -40,13 +40,13 @@ type Mark = [u8; 3];
 /// Facing directions of all single-triangle objects of a scene, as of the time of construction.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NormalBins {
-    /// Bin number and plane offset of each object, indexed by object index.
+    /// Bin number and plane offset (in steps) of each object, indexed by object index.
     marks: Vec<Mark>,
     /// Normal bins, indexed by bin number up to [`NO_BIN`].
     bins: Vec<NormalBin>,
     /// Plane offset along a flat bin's normal for which step 0 stands, in metres from the scene's origin.
     base: f64,
-    /// Length of an offset step in metres.
+    /// Length in metres of the steps in which plane offsets are stored.
     step: f64,
 }
 

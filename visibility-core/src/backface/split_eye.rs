@@ -73,8 +73,8 @@ pub(crate) const NUMBERS: usize = 13;
 ///   of `rows`, `2u s S` for that of `v`, and `2u^2 s E`: together less than `6.1 u s S + 2.1 u^2 s E`.
 /// - The error of `w.z + |(w.x, w.y)|` is at most `1 + 2^1/2` times that: less than `15u s S + 6u^2 s E`. The
 ///   margin is `32u s (S + 2u E)`; the rounding of the margin itself is a millionth of it.
-/// - An eye that is off by `r` changes `w.z + |(w.x, w.y)|` by less than `4.2 s r`. The blur contains `5 r /
-///   32u` for this.
+/// - An eye that is off by `r` changes `w.z + |(w.x, w.y)|` by less than `4.2 s r`. The field
+///   `SplitEye::blur` contains `5 r / 32u` for this.
 /// - Flushing of denormals changes components of `v` by up to `2^-126`, and the result by up to `2^-123 s`.
 ///   The term `2^-100` of the blur allows for `2^-119 s`. Flushing also changes products, by less than
 ///   `2^-122` without the factor `s`; the last `2^-50` allows for this, see the next item.
@@ -106,6 +106,6 @@ pub(crate) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
     found
 }
 
-/// `2^-50`, added to a depth so that only depths below `-2^-50` count: their squares are far above the
-/// denormals.
+/// `2^-50`, added by [`inside`] to the third component of `w` plus the margin, so that only values below
+/// `-2^-50` count: their squares are far above the denormals.
 const LEAST: f32 = 1.0 / 1_125_899_906_842_624.0;

@@ -74,7 +74,8 @@ pub struct OccluderDatabase {
     small: usize,
     /// Number of objects in `others` that were rejected for too many triangles.
     complex: usize,
-    /// Number of objects in `others` that were rejected because larger occluders back them.
+    /// Number of objects in `others` that were rejected because larger occluders lie close to them; see
+    /// [`OccluderCriteria::redundancy`].
     redundant: usize,
 }
 
@@ -141,7 +142,8 @@ impl OccluderDatabase {
         self.complex
     }
 
-    /// Returns the number of objects that were left out because larger occluders back them.
+    /// Returns the number of objects that were left out because larger occluders close behind or in front of
+    /// them make them redundant; see [`OccluderCriteria::redundancy`].
     pub fn redundant(&self) -> usize {
         self.redundant
     }

@@ -61,7 +61,7 @@ impl Thresholds {
         }
     }
 
-    /// Recomputes `loosest` from `fractions`.
+    /// Recomputes `loosest` (for each level, the least threshold of all finer levels) from `fractions`.
     fn find_loosest(&mut self) {
         let mut least = ONE;
         for level in 0..LEVELS {

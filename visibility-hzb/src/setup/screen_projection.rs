@@ -43,7 +43,7 @@ impl From<ClipRow> for ScreenRow {
 pub(crate) struct ScreenProjection {
     /// Width and height of the buffer in pixels, a multiple of the tile size.
     pub(crate) size: [f64; 2],
-    /// Width and height of the picture in pixels: less than a tile below `size`.
+    /// Width and height of the picture in pixels. `size` is this, rounded up to whole tiles.
     pub(crate) picture: [f64; 2],
     /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, and `n` (depth key times `w`).
     pub(crate) rows: [ScreenRow; 4],

@@ -23,7 +23,7 @@ pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> i64 {
 }
 
 /// Tests whether `p` lies strictly inside the circumsphere of the tetrahedron with corners a, b, c and d,
-/// whose [`volume`] must be positive. False on the sphere. Exact, for points on the fine grid.
+/// whose [`volume`] must be positive. False on the sphere. Exact, as points are integers from 0 to 2^17.
 pub(crate) fn is_in_sphere([a, b, c, d]: [Point; 4], p: Point) -> bool {
     let [a, b, c, d] = [a, b, c, d].map(|q| minus(q, p));
     // Squares are less than 2^36 and the determinants of three rows less than 2^54. Exact products need 128
