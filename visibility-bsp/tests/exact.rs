@@ -195,14 +195,14 @@ fn changes_count_once_they_are_taken_in() {
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view).len(), 1);
     // The wall moves away. It hides nothing at once, even while the tree still contains its old triangles.
     let away = square(20.0, 30.0);
-    scene.set_triangles(wall, away).unwrap();
     scene.set_bounds(wall, Aabb::from_points(away.iter().flatten().copied())).unwrap();
+    scene.set_triangles(wall, away).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     tree.sync(&scene).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     // The wall moves back.
-    scene.set_triangles(wall, square(4.0, 3.0)).unwrap();
     scene.set_bounds(wall, Aabb::from_points(square(4.0, 3.0).iter().flatten().copied())).unwrap();
+    scene.set_triangles(wall, square(4.0, 3.0)).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), both);
     tree.sync(&scene).unwrap();
     assert_eq!(reported(&mut NaylorCuller::new(&tree), &scene, &view), HashSet::from([wall.index() as u32]));

@@ -5,6 +5,7 @@ use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 /// Last range number handed out by [`next_range`]. Counted apart from serials, because structures may take a
 /// serial in every frame and would use up the ranges.
 static LAST_RANGE: AtomicUsize = AtomicUsize::new(0);
+static LAST_SCENE: AtomicUsize = AtomicUsize::new(0);
 static LAST_SERIAL: AtomicUsize = AtomicUsize::new(0);
 
 /// Number of bits of a counter within its range: each range holds 2^40 values.
@@ -19,6 +20,12 @@ pub(crate) fn next_range() -> u64 {
 /// Returns whether two numbers lie in the same range of 2^40 numbers, as made by [`next_range`].
 pub(crate) fn is_same_range(a: u64, b: u64) -> bool {
     a >> RANGE_BITS == b >> RANGE_BITS
+}
+
+/// Returns the generation with which a scene starts. Successive multiples of 2^32 over the golden ratio spread
+/// evenly over the 32-bit numbers: any two of `n` are at least 2^32 / (2.7 n) apart.
+pub(crate) fn next_generation() -> u32 {
+    (next(&LAST_SCENE) as u32).wrapping_mul(0x9e37_79b9)
 }
 
 /// Returns a number that no earlier call in this process returned; the first is 1. Wraps to 0 and then

@@ -168,18 +168,13 @@ fn two_sided_and_never_culled_objects_are_kept() {
     assert_eq!(seen(&mut culler, &scene), [false, false, true]);
 }
 
-/// Returns two scenes whose objects have equal ids but opposite winding, the object's id, and a view of
-/// either side.
+/// Returns a scene and its clone, whose objects have equal ids but opposite winding, the object's id, and a
+/// view of either side.
 fn opposite_scenes() -> ([Scene; 2], ObjectId, [View; 2]) {
-    let up: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    let down: Triangle = [Vec3::ZERO, Vec3::Y, Vec3::X];
-    let made = [up, down].map(|triangle| {
-        let mut scene = Scene::new();
-        let id = insert(&mut scene, triangle);
-        (scene, id)
-    });
-    let [(a, id), (b, other)] = made;
-    assert_eq!(id, other);
+    let mut a = Scene::new();
+    let id = insert(&mut a, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    let mut b = a.clone();
+    b.set_triangles(id, [[Vec3::ZERO, Vec3::Y, Vec3::X]]).unwrap();
     ([a, b], id, [5.0, -5.0].map(|z| view_from(DVec3::new(0.3, 0.2, z))))
 }
 

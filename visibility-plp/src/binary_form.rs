@@ -19,11 +19,11 @@ use visibility_core::glam::DVec3;
 /// Magic bytes and version of the binary form; a change of the layout raises the version.
 const FORMAT: Format = Format { magic: *b"plpcells", version: 5 };
 
-/// Returns a hash of the ids, bounds and triangles of all objects of a scene.
+/// Returns a hash of the indices, bounds and triangles of all objects of a scene.
 fn fingerprint(scene: &Scene) -> u64 {
     let mut hash = Fingerprint::new().with(scene.index_limit() as u32);
     for id in scene.ids() {
-        hash = hash.with(id.index() as u32).with(id.generation());
+        hash = hash.with(id.index() as u32);
         if let Ok(bounds) = scene.bounds(id) {
             let numbers = [bounds.min, bounds.max];
             hash = numbers.iter().flat_map(|p| p.to_array()).map(f32::to_bits).fold(hash, Fingerprint::with);

@@ -1,7 +1,7 @@
 //! Axis-aligned bounding boxes in `f32`.
 
 use crate::geometry::Containment;
-use glam::{DVec3, Vec3};
+use glam::{Affine3A, DVec3, Vec3, Vec3A};
 
 /// An axis-aligned bounding box with closed sides, in metres relative to the origin of its scene.
 ///
@@ -93,6 +93,55 @@ impl Aabb {
     /// NaN, the coordinate of the result is unspecified: NaN, or that of the box without NaN.
     pub fn union(&self, other: &Self) -> Self {
         Self::new(self.min.min(other.min), self.max.max(other.max))
+    }
+
+    /// Returns a box that certainly contains the image of this box under `transform`: of every point of the
+    /// box, mapped in real numbers, without rounding. Larger than the smallest such box by at most about one
+    /// step of `f32` on each side. A rotated box has the image's bounds, which are larger than the image.
+    ///
+    /// The identity returns the box unchanged. An improper box is returned unchanged. A NaN in `transform`,
+    /// or an infinite side of the box that `transform` multiplies by 0, makes an improper box. Sides beyond
+    /// the range of `f32` become infinite.
+    ///
+    /// ```
+    /// use visibility_core::{glam::{Affine3A, Vec3}, Aabb};
+    /// let moved = Affine3A::from_translation(Vec3::X);
+    /// let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]).transformed(&moved);
+    /// assert!(bounds.contains_point(Vec3::X) && bounds.contains_point(Vec3::new(2.0, 1.0, 1.0)));
+    /// ```
+    pub fn transformed(&self, transform: &Affine3A) -> Self {
+        if !self.is_proper() || *transform == Affine3A::IDENTITY {
+            return *self;
+        }
+        let as_f64 = |v: Vec3A| v.to_array().map(f64::from);
+        let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis].map(as_f64);
+        let translation = as_f64(transform.translation);
+        let (min, max) = (self.min.to_array().map(f64::from), self.max.to_array().map(f64::from));
+        let mut image = [[0.0; 3]; 2];
+        for row in 0..3 {
+            let t = translation[row];
+            let (mut low, mut high, mut size) = (t, t, t.abs());
+            for column in 0..3 {
+                // Products of two f32 are exact in f64, and no product underflows.
+                let (a, b) = (axes[column][row] * min[column], axes[column][row] * max[column]);
+                let (less, more) = if a > b { (b, a) } else { (a, b) };
+                low += less;
+                high += more;
+                size += if -less > more { -less } else { more };
+            }
+            // Each of the three additions errs by at most 2^-53 of its result, which is at most the exact
+            // sum of the magnitudes, up to 1 + 3 * 2^-53: together less than 3.1 * 2^-53 of it. `size` is
+            // that sum, or smaller by the same relative error; 4 * 2^-53 covers both, and the rounding of
+            // the subtraction is covered by the step to the neighbouring f32, which is at least 2^-25 of the
+            // result. Where the terms cancel, that step alone does not suffice.
+            let margin = 2.0 * f64::EPSILON * size;
+            image[0][row] = low - margin;
+            image[1][row] = high + margin;
+        }
+        Self::new(
+            Vec3::from_array(image[0].map(|x| (x as f32).next_down())),
+            Vec3::from_array(image[1].map(|x| (x as f32).next_up())),
+        )
     }
 
     /// Tests whether `p` lies in the box or on its boundary. Returns false if `p` or the box has a NaN.

@@ -1,5 +1,6 @@
 //! The scene: a store of objects in a hierarchy of bounding boxes, with a log of changes.
 
+mod affine;
 mod boxes64;
 mod build;
 mod changes;
@@ -7,9 +8,12 @@ mod cursor;
 mod curve;
 mod maintain;
 mod object;
+mod placement;
 mod queue;
+mod transforms;
 mod tree;
 
+pub use affine::ToAffine;
 pub use boxes64::Boxes64;
 pub(crate) use boxes64::lanes;
 pub use changes::Changes;
@@ -18,13 +22,13 @@ pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub(crate) use tree::{NONE, Tree};
 
-use crate::serial::next_range;
+use crate::serial::{next_generation, next_range};
 use crate::{Aabb, OccluderMesh, stamp::Stamp};
 use alloc::{boxed::Box, vec::Vec};
 use build::Entry;
 use changes::ChangeLog;
-use glam::{Affine3A, DVec3};
-use hashbrown::HashMap;
+use glam::DVec3;
+use placement::Placements;
 use queue::Queue;
 use tree::{Payload, Scratch, Slot};
 
@@ -63,24 +67,19 @@ pub struct Scene {
     /// Triangles of each object, in scene coordinates, indexed by object index. Shorter than the index
     /// range, and empty until an object first gets triangles.
     triangles: Vec<Box<[Triangle]>>,
-    meshes: Vec<OccluderMesh>,
-    /// Mesh and transform of each object that has an occluder mesh, keyed by object index.
-    instances: HashMap<u32, Instance>,
+    /// Occluder meshes by index, each with its id.
+    meshes: Vec<(MeshId, OccluderMesh)>,
+    placements: Placements,
+    /// Number of objects that are flagged as occluders and have no mesh.
+    meshless: usize,
+    /// Generation of the first object of each index: a number of this scene, so that ids of other scenes are
+    /// unknown here.
+    first_generation: u32,
     free: Vec<u32>,
     /// Number of objects whose layer mask is not `u32::MAX`.
     layered: usize,
     log: ChangeLog,
     layout: u64,
-}
-
-/// An occluder mesh placed in the scene by an object.
-#[derive(Clone, Copy, Debug)]
-struct Instance {
-    mesh: MeshId,
-    transform: Affine3A,
-    /// Whether the mesh was made from the object's triangles by [`Scene::prepare_occluders`], and is dropped
-    /// when the triangles change.
-    is_prepared: bool,
 }
 
 impl Clone for Scene {
@@ -96,7 +95,9 @@ impl Clone for Scene {
             never_cull: self.never_cull.clone(),
             triangles: self.triangles.clone(),
             meshes: self.meshes.clone(),
-            instances: self.instances.clone(),
+            placements: self.placements.clone(),
+            meshless: self.meshless,
+            first_generation: next_generation(),
             free: self.free.clone(),
             layered: self.layered,
             log: ChangeLog::new(),
@@ -123,7 +124,9 @@ impl Scene {
             never_cull: Vec::new(),
             triangles: Vec::new(),
             meshes: Vec::new(),
-            instances: HashMap::new(),
+            placements: Placements::default(),
+            meshless: 0,
+            first_generation: next_generation(),
             free: Vec::new(),
             layered: 0,
             log: ChangeLog::new(),
@@ -167,8 +170,8 @@ impl Scene {
         self.generations.len()
     }
 
-    /// Returns whether `id` names an object of this scene; false once the object is removed. Ids of another
-    /// scene may coincide with ids of this one.
+    /// Returns whether `id` names an object of this scene; false once the object is removed, and for ids of
+    /// another scene within the limits that [`ObjectId`] states.
     pub fn contains(&self, id: ObjectId) -> bool {
         self.slot(id).is_ok()
     }
@@ -233,7 +236,7 @@ impl Scene {
     /// stores beside the bounds. The object has no slot in the tree yet.
     fn register(&mut self, object: &Object) -> Payload {
         let index = self.free.pop().unwrap_or_else(|| {
-            self.generations.push(0);
+            self.generations.push(self.first_generation);
             self.costs.push(0);
             self.tree.slots.push(Slot::NONE);
             if self.never_cull.len() * 64 < self.generations.len() {
@@ -245,6 +248,7 @@ impl Scene {
         self.costs[id.index()] = object.cost;
         self.write_never_cull(id.index(), object.never_cull);
         self.layered += usize::from(object.layers != u32::MAX);
+        self.meshless += usize::from(object.occluder);
         Payload { id, layers: object.layers, occluder: object.occluder }
     }
 
@@ -313,7 +317,9 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn remove(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
-        self.layered -= usize::from(self.tree.payload(slot).layers != u32::MAX);
+        let payload = self.tree.payload(slot);
+        self.layered -= usize::from(payload.layers != u32::MAX);
+        self.meshless -= usize::from(payload.occluder && !self.has_mesh(id));
         self.tree.remove(slot);
         self.queue.push(slot.node());
         self.generations[id.index()] = id.generation.wrapping_add(1);
@@ -321,7 +327,7 @@ impl Scene {
         if let Some(triangles) = self.triangles.get_mut(id.index()) {
             *triangles = Box::default();
         }
-        self.instances.remove(&id.index);
+        self.placements.remove(id.index);
         self.log.push(id, self.generations.len());
         self.layout += 1;
         Ok(())
@@ -345,12 +351,17 @@ impl Scene {
     }
 
     /// Sets the bounds of an object, relative to the scene's origin, after it has moved or changed its shape.
-    /// The object's triangles and [mesh](Self::set_mesh) stay where they are and must be set separately.
+    ///
+    /// If `bounds` differ from the present bounds, the object's [mesh](Self::set_mesh) and
+    /// [triangles](Self::set_triangles) are removed, since they would hide from where the object was, and so
+    /// are its [local bounds](Self::set_local_bounds). Set them again after the bounds, or move the object by
+    /// [`set_transform`](Self::set_transform), which moves bounds and mesh together.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_bounds(&mut self, id: ObjectId, bounds: Aabb) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
+        self.forget_place(id, slot, &bounds);
         self.move_object(slot, id, &bounds);
         self.log.push(id, self.generations.len());
         Ok(())
@@ -377,6 +388,19 @@ impl Scene {
     /// # Errors
     /// [`SceneError::UnknownObject`] with the first id that is not in the scene.
     pub fn set_bounds_batch(&mut self, moved: &[(ObjectId, Aabb)]) -> Result<(), SceneError> {
+        for &(id, _) in moved {
+            self.slot(id)?;
+        }
+        if !self.placements.is_empty() || !self.triangles.is_empty() {
+            for (id, bounds) in moved {
+                self.forget_place(*id, self.tree.slots[id.index()], bounds);
+            }
+        }
+        self.move_batch(moved)
+    }
+
+    /// Sets the bounds of many objects and logs the changes.
+    fn move_batch(&mut self, moved: &[(ObjectId, Aabb)]) -> Result<(), SceneError> {
         let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
         scratch.slots.clear();
         let found = moved.iter().try_for_each(|&(id, _)| self.slot(id).map(|slot| scratch.slots.push(slot)));
@@ -444,6 +468,10 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_occluder(&mut self, id: ObjectId, occluder: bool) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
+        if !self.has_mesh(id) {
+            self.meshless -= usize::from(self.tree.payload(slot).occluder);
+            self.meshless += usize::from(occluder);
+        }
         let mask = &mut self.tree.occluders[slot.node()];
         *mask = *mask & !(1 << slot.lane()) | u64::from(occluder) << slot.lane();
         self.log.push(id, self.generations.len());
@@ -456,97 +484,11 @@ impl Scene {
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_never_cull(&mut self, id: ObjectId, never_cull: bool) -> Result<(), SceneError> {
-        let bounds = self.bounds(id)?;
+        let (slot, bounds) = (self.slot(id)?, self.bounds(id)?);
         self.write_never_cull(id.index(), never_cull);
-        self.set_bounds(id, bounds)
-    }
-
-    /// Replaces the triangles of an object, in scene coordinates, for users that need more than bounds: the
-    /// item buffer of `visibility-measure`, occluder preparation, budgets in triangles. The object's bounds
-    /// must contain the triangles; they are neither checked nor changed. An occluder mesh prepared from the
-    /// former triangles is removed.
-    ///
-    /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
-    pub fn set_triangles(
-        &mut self,
-        id: ObjectId,
-        triangles: impl Into<Box<[Triangle]>>,
-    ) -> Result<(), SceneError> {
-        self.slot(id)?;
-        if self.triangles.len() <= id.index() {
-            self.triangles.resize_with(self.generations.len(), Box::default);
-        }
-        self.triangles[id.index()] = triangles.into();
-        if self.instances.get(&id.index).is_some_and(|instance| instance.is_prepared) {
-            self.instances.remove(&id.index);
-        }
+        self.move_object(slot, id, &bounds);
         self.log.push(id, self.generations.len());
         Ok(())
-    }
-
-    /// Returns the triangles of an object in scene coordinates, or an empty slice if none were set.
-    ///
-    /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
-    pub fn triangles(&self, id: ObjectId) -> Result<&[Triangle], SceneError> {
-        self.slot(id)?;
-        Ok(self.triangles.get(id.index()).map_or(&[], |triangles| triangles))
-    }
-
-    /// Stores an occluder mesh, in coordinates of its own, and returns its id. Any number of objects can
-    /// share the mesh. A mesh cannot be removed from the scene.
-    pub fn add_mesh(&mut self, mesh: OccluderMesh) -> MeshId {
-        self.meshes.push(mesh);
-        MeshId(self.meshes.len() as u32 - 1)
-    }
-
-    /// Gives an object an occluder mesh, replacing its former one. `transform` maps mesh coordinates to scene
-    /// coordinates. The object occludes only while it is also flagged as an [occluder](Self::set_occluder):
-    /// to open and shut a door, switching that flag is enough and takes constant time. Everything that the
-    /// mesh covers must also be covered by the object as drawn, or visible objects are hidden.
-    ///
-    /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::UnknownMesh`] if `mesh` is
-    /// not, and [`SceneError::NonFiniteTransform`] if an element of `transform` is NaN or infinite.
-    pub fn set_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Affine3A) -> Result<(), SceneError> {
-        self.slot(id)?;
-        if mesh.0 as usize >= self.meshes.len() {
-            return Err(SceneError::UnknownMesh(mesh));
-        }
-        if !transform.is_finite() {
-            return Err(SceneError::NonFiniteTransform(id));
-        }
-        self.instances.insert(id.index, Instance { mesh, transform, is_prepared: false });
-        self.log.push(id, self.generations.len());
-        Ok(())
-    }
-
-    /// Gives an object an occluder mesh made from its triangles, in scene coordinates. The mesh is taken from
-    /// the object again when its triangles change.
-    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId) -> Result<(), SceneError> {
-        self.set_mesh(id, mesh, Affine3A::IDENTITY)?;
-        if let Some(instance) = self.instances.get_mut(&id.index) {
-            instance.is_prepared = true;
-        }
-        Ok(())
-    }
-
-    /// Returns whether an object has an occluder mesh, flagged as an occluder or not. False for an unknown
-    /// object.
-    pub fn has_mesh(&self, id: ObjectId) -> bool {
-        self.contains(id) && self.instances.contains_key(&id.index)
-    }
-
-    /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
-    /// object is unknown, has no mesh or is not flagged as an occluder.
-    pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
-        let slot = self.slot(id).ok()?;
-        if !self.tree.payload(slot).occluder {
-            return None;
-        }
-        let Instance { mesh, transform, .. } = self.instances.get(&id.index)?;
-        Some((&self.meshes[mesh.0 as usize], transform))
     }
 
     /// Returns a box that contains the bounds of all objects that can be culled, relative to the scene's
@@ -597,7 +539,7 @@ impl Scene {
             + size_of_val(&self.free[..])
             + self.queue.memory()
             + self.log.memory()
-            + self.instances.allocation_size()
+            + self.placements.memory()
     }
 
     pub(crate) fn tree(&self) -> &Tree {

@@ -15,6 +15,11 @@ pub type Triangle = [Vec3; 3];
 /// an index may be reused with another generation; an outdated id is therefore rejected instead of naming
 /// another object.
 ///
+/// Generations of each scene start at another number, so an id of another scene is rejected too. The starts
+/// of the first 1,000 scenes of a process are more than a million apart: an id of another scene could be
+/// taken for one of this scene only after its index was reused a million times. A clone of a scene has the
+/// objects of the original under the same ids; after that, an index that both reuse gives equal ids.
+///
 /// ```
 /// use visibility_core::{Aabb, Scene};
 /// let mut scene = Scene::new();
@@ -37,7 +42,8 @@ impl ObjectId {
         self.index as usize
     }
 
-    /// Returns how many earlier objects had the same index and were removed (modulo 2^32).
+    /// Returns the number that tells apart the objects that have the same index one after another. Differs
+    /// from scene to scene and from run to run, so nothing that is stored may depend on it.
     pub const fn generation(self) -> u32 {
         self.generation
     }
@@ -45,8 +51,7 @@ impl ObjectId {
 
 impl fmt::Display for ObjectId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.index)?;
-        if self.generation != 0 { write!(f, "#{}", self.generation) } else { Ok(()) }
+        write!(f, "{}#{:x}", self.index, self.generation)
     }
 }
 
@@ -62,7 +67,11 @@ impl fmt::Display for ObjectId {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
-pub struct MeshId(pub(crate) u32);
+pub struct MeshId {
+    pub(crate) index: u32,
+    /// Number of the scene that gave the id.
+    pub(crate) scene: u32,
+}
 
 /// The properties of an object, as given to [`Scene::insert`](crate::Scene::insert).
 ///
@@ -118,10 +127,14 @@ impl From<Aabb> for Object {
 pub enum SceneError {
     /// The scene has no object with this id: the object was removed, or the id is of another scene.
     UnknownObject(ObjectId),
-    /// The scene has no occluder mesh with this id.
+    /// The scene has no occluder mesh with this id: the id is of another scene.
     UnknownMesh(MeshId),
-    /// The transform for this object's occluder mesh has a NaN or infinite element.
+    /// The transform for this object has a NaN or infinite element.
     NonFiniteTransform(ObjectId),
+    /// The bounds of this object are given in scene coordinates, so that no transform can move them:
+    /// [`Scene::set_local_bounds`](crate::Scene::set_local_bounds) was not called, or
+    /// [`Scene::set_bounds`](crate::Scene::set_bounds) later.
+    NoLocalBounds(ObjectId),
     /// The origin for the scene has a NaN or infinite coordinate.
     NonFiniteOrigin,
 }
@@ -130,8 +143,11 @@ impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::UnknownObject(id) => write!(f, "object {id} is not, or no longer, in the scene"),
-            Self::UnknownMesh(mesh) => write!(f, "mesh {} is not in the scene", mesh.0),
+            Self::UnknownMesh(mesh) => write!(f, "mesh {} is not in the scene", mesh.index),
             Self::NonFiniteTransform(id) => write!(f, "the transform of object {id} is not finite"),
+            Self::NoLocalBounds(id) => {
+                write!(f, "object {id} has no local bounds that a transform could move")
+            }
             Self::NonFiniteOrigin => write!(f, "the origin of the scene is not finite"),
         }
     }

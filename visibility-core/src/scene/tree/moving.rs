@@ -49,7 +49,7 @@ impl Tree {
         scratch: &mut Scratch,
         queue: &mut Queue,
     ) {
-        let Scratch { slots, sorted, ends, leavers } = scratch;
+        let Scratch { slots, sorted, ends, leavers, .. } = scratch;
         ends.clear();
         ends.resize(self.node_count(), 0);
         for slot in slots.iter() {

@@ -1,11 +1,14 @@
 //! Scratch memory for moving many objects at once.
 
 use super::slot::Slot;
+use crate::{Aabb, ObjectId};
 use alloc::vec::Vec;
 
 /// Buffers for moving many objects at once, kept between frames so that frames do not allocate.
 #[derive(Clone, Debug)]
 pub(in crate::scene) struct Scratch {
+    /// Ids and new bounds of the objects of a batch of transforms, in batch order.
+    pub(in crate::scene) placed: Vec<(ObjectId, Aabb)>,
     /// Slot of each object of the batch before the first move, in batch order.
     pub(in crate::scene) slots: Vec<Slot>,
     /// The objects of the batch, sorted by leaf: the position in the batch in the upper 26 bits, the
@@ -22,11 +25,17 @@ impl Scratch {
     /// a 32-bit word.
     pub(in crate::scene) const MAX_BATCH: usize = 1 << 26;
 
-    pub(in crate::scene) const EMPTY: Self =
-        Self { slots: Vec::new(), sorted: Vec::new(), ends: Vec::new(), leavers: Vec::new() };
+    pub(in crate::scene) const EMPTY: Self = Self {
+        placed: Vec::new(),
+        slots: Vec::new(),
+        sorted: Vec::new(),
+        ends: Vec::new(),
+        leavers: Vec::new(),
+    };
 
     pub(in crate::scene) fn memory(&self) -> usize {
-        size_of_val(&self.slots[..])
+        size_of_val(&self.placed[..])
+            + size_of_val(&self.slots[..])
             + size_of_val(&self.sorted[..])
             + size_of_val(&self.ends[..])
             + size_of_val(&self.leavers[..])

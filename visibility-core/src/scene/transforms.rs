@@ -1,0 +1,300 @@
+//! Objects placed by a transform: their local boxes and occluder meshes, and what becomes of mesh and
+//! triangles when an object moves.
+//!
+//! An object hides other objects with its occluder mesh, or with its triangles in cullers that use these. Both
+//! must be where the object is. A [transform](Scene::set_transform) moves the mesh together with the bounds. A
+//! change of the [bounds](Scene::set_bounds) alone does not say how the object moved, so the mesh is taken
+//! from the object. Triangles are in scene coordinates and never move, so each change takes them away.
+
+use super::placement::PlacedMesh;
+use super::{MeshId, ObjectId, Scene, SceneError, Scratch, Slot, ToAffine, Triangle};
+use crate::{Aabb, OccluderMesh};
+use alloc::boxed::Box;
+use glam::Affine3A;
+
+impl Scene {
+    /// Sets the box of an object in local coordinates, and the object's bounds to that box
+    /// [transformed](Aabb::transformed) by the object's transform: the one of [`set_mesh`](Self::set_mesh)
+    /// or [`set_transform`](Self::set_transform), or else the identity. From then on, `set_transform` and
+    /// `set_mesh` move bounds and mesh together.
+    ///
+    /// If the object has another local box already, it has changed its shape, and its mesh is removed. If its
+    /// bounds change, its triangles are removed. An improper or infinite box makes an object that is never
+    /// culled.
+    ///
+    /// ```
+    /// use visibility_core::{glam::{Affine3A, Vec3}, Aabb, Scene};
+    /// let mut scene = Scene::new();
+    /// let local = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+    /// let id = scene.insert(local);
+    /// scene.set_local_bounds(id, local)?;
+    /// scene.set_transform(id, Affine3A::from_translation(Vec3::X * 10.0))?;
+    /// assert!(scene.bounds(id)?.contains_point(Vec3::new(11.0, 1.0, 1.0)));
+    /// # Ok::<(), visibility_core::scene::SceneError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    pub fn set_local_bounds(&mut self, id: ObjectId, local: Aabb) -> Result<(), SceneError> {
+        self.slot(id)?;
+        let placement = self.placements.get_or_insert(id.index);
+        let bounds = local.transformed(&placement.transform);
+        let former = placement.local.replace(local);
+        if former.is_some_and(|former| former != local) {
+            self.replace_mesh(id.index, None);
+        }
+        self.move_to(id, bounds);
+        Ok(())
+    }
+
+    /// Returns the box of an object in local coordinates. `None` if the bounds of the object are given in
+    /// scene coordinates, or if the object is unknown.
+    pub fn local_bounds(&self, id: ObjectId) -> Option<Aabb> {
+        self.slot(id).ok().and_then(|_| self.placements.get(id.index)?.local)
+    }
+
+    /// Returns the transform from the local coordinates of an object, those of its mesh and of its local
+    /// bounds, to scene coordinates. The identity if none was set. `None` if the object is unknown.
+    pub fn transform(&self, id: ObjectId) -> Option<Affine3A> {
+        self.slot(id).ok()?;
+        Some(self.placements.get(id.index).map_or(Affine3A::IDENTITY, |placement| placement.transform))
+    }
+
+    /// Moves an object with [local bounds](Self::set_local_bounds): its bounds and its mesh, from local to
+    /// scene coordinates. If `transform` differs from the present transform, the object's triangles are
+    /// removed, since they are in scene coordinates, and so is a mesh that was
+    /// [prepared](Self::prepare_occluders) from them.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::NoLocalBounds`] if the bounds
+    /// of the object are given in scene coordinates, and [`SceneError::NonFiniteTransform`] if an element of
+    /// `transform` is NaN or infinite.
+    pub fn set_transform(&mut self, id: ObjectId, transform: Affine3A) -> Result<(), SceneError> {
+        self.local_of(id, &transform)?;
+        let bounds = self.place(id, transform);
+        self.move_to(id, bounds);
+        Ok(())
+    }
+
+    /// Moves many objects, as [`set_transform`](Self::set_transform) does for one, or none of them on an
+    /// error. If an object is listed twice, its last transform counts. The transforms may be in the
+    /// [layout](ToAffine) of any math library.
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, Scene};
+    /// let mut scene = Scene::new();
+    /// let id = scene.insert(Aabb::EMPTY);
+    /// scene.set_local_bounds(id, Aabb::from_arrays([-1.0; 3], [1.0; 3]))?;
+    /// let columns = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 7.0, 8.0, 9.0];
+    /// scene.set_transforms_batch(&[(id, columns)])?;
+    /// assert_eq!(scene.bounds(id)?.center().to_array(), [7.0, 8.0, 9.0]);
+    /// # Ok::<(), visibility_core::scene::SceneError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Those of [`set_transform`](Self::set_transform), for the first object of `moved` that has one.
+    pub fn set_transforms_batch<T: ToAffine>(&mut self, moved: &[(ObjectId, T)]) -> Result<(), SceneError> {
+        for (id, transform) in moved {
+            self.local_of(*id, &transform.to_affine())?;
+        }
+        let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
+        scratch.placed.clear();
+        scratch
+            .placed
+            .extend(moved.iter().map(|(id, transform)| (*id, self.place(*id, transform.to_affine()))));
+        let placed = core::mem::take(&mut scratch.placed);
+        self.tree.scratch = scratch;
+        let done = self.move_batch(&placed);
+        self.tree.scratch.placed = placed;
+        done
+    }
+
+    /// Returns the error of setting the transform of an object, if there is one.
+    fn local_of(&self, id: ObjectId, transform: &Affine3A) -> Result<(), SceneError> {
+        self.slot(id)?;
+        if self.placements.get(id.index).is_none_or(|placement| placement.local.is_none()) {
+            return Err(SceneError::NoLocalBounds(id));
+        }
+        if transform.is_finite() { Ok(()) } else { Err(SceneError::NonFiniteTransform(id)) }
+    }
+
+    /// Stores the transform of an object with local bounds and removes the object's triangles if the
+    /// transform differs from the former. Returns the bounds that the object then has.
+    fn place(&mut self, id: ObjectId, transform: Affine3A) -> Aabb {
+        let placement = self.placements.get_or_insert(id.index);
+        let is_moved = core::mem::replace(&mut placement.transform, transform) != transform;
+        let local = placement.local.unwrap_or(Aabb::EMPTY);
+        let is_prepared = placement.mesh.is_some_and(|mesh| mesh.is_prepared);
+        if is_moved && (is_prepared || !self.triangles.is_empty()) {
+            self.drop_triangles(id.index);
+        }
+        local.transformed(&transform)
+    }
+
+    /// Sets the bounds of an object that follow from its local bounds, and logs the change.
+    fn move_to(&mut self, id: ObjectId, bounds: Aabb) {
+        let slot = self.tree.slots[id.index()];
+        if self.tree.bounds[slot.node()].get(slot.lane()) != bounds {
+            self.drop_triangles(id.index);
+            self.move_object(slot, id, &bounds);
+        }
+        self.log.push(id, self.generations.len());
+    }
+
+    /// Removes what places an object if `bounds` differ from its present bounds: its mesh, its triangles and
+    /// its local box.
+    pub(super) fn forget_place(&mut self, id: ObjectId, slot: Slot, bounds: &Aabb) {
+        if self.placements.get(id.index).is_none()
+            && self.triangles.get(id.index()).is_none_or(|triangles| triangles.is_empty())
+        {
+            return;
+        }
+        if self.tree.bounds[slot.node()].get(slot.lane()) != *bounds {
+            self.drop_triangles(id.index);
+            self.replace_mesh(id.index, None);
+            self.placements.remove(id.index);
+        }
+    }
+
+    /// Removes the triangles of an object, and its mesh if that was made from them.
+    fn drop_triangles(&mut self, index: u32) {
+        if let Some(triangles) = self.triangles.get_mut(index as usize) {
+            *triangles = Box::default();
+        }
+        if self
+            .placements
+            .get(index)
+            .and_then(|placement| placement.mesh)
+            .is_some_and(|mesh| mesh.is_prepared)
+        {
+            self.replace_mesh(index, None);
+        }
+    }
+
+    /// Gives an object a mesh or takes it away, and keeps the count of
+    /// [`occluders_without_mesh`](Self::occluders_without_mesh).
+    pub(super) fn replace_mesh(&mut self, index: u32, mesh: Option<PlacedMesh>) {
+        let slot = self.tree.slots[index as usize];
+        let former = match mesh {
+            Some(_) => core::mem::replace(&mut self.placements.get_or_insert(index).mesh, mesh),
+            None => self.placements.get_mut(index).and_then(|placement| placement.mesh.take()),
+        };
+        if self.tree.payload(slot).occluder {
+            self.meshless += usize::from(mesh.is_none() && former.is_some());
+            self.meshless -= usize::from(mesh.is_some() && former.is_none());
+        }
+    }
+
+    /// Replaces the triangles of an object, in scene coordinates, for users that need more than bounds: the
+    /// item buffer of `visibility-measure`, occluder preparation, budgets in triangles. The object's bounds
+    /// must contain the triangles; they are neither checked nor changed. A change of the bounds removes the
+    /// triangles, so set the bounds first. An occluder mesh prepared from the former triangles is removed.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    pub fn set_triangles(
+        &mut self,
+        id: ObjectId,
+        triangles: impl Into<Box<[Triangle]>>,
+    ) -> Result<(), SceneError> {
+        self.slot(id)?;
+        self.drop_triangles(id.index);
+        if self.triangles.len() <= id.index() {
+            self.triangles.resize_with(self.generations.len(), Box::default);
+        }
+        self.triangles[id.index()] = triangles.into();
+        self.log.push(id, self.generations.len());
+        Ok(())
+    }
+
+    /// Returns the triangles of an object in scene coordinates. Empty if none were set, or if the object has
+    /// moved since.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    pub fn triangles(&self, id: ObjectId) -> Result<&[Triangle], SceneError> {
+        self.slot(id)?;
+        Ok(self.triangles.get(id.index()).map_or(&[], |triangles| triangles))
+    }
+
+    /// Stores an occluder mesh, in coordinates of its own, and returns its id. Any number of objects can
+    /// share the mesh. A mesh cannot be removed from the scene.
+    pub fn add_mesh(&mut self, mesh: OccluderMesh) -> MeshId {
+        let id = MeshId { index: self.meshes.len() as u32, scene: self.first_generation };
+        self.meshes.push((id, mesh));
+        id
+    }
+
+    /// Gives an object an occluder mesh, replacing its former one, and the transform from mesh coordinates to
+    /// scene coordinates. If the object has [local bounds](Self::set_local_bounds), mesh coordinates are its
+    /// local coordinates, and the object is moved as by [`set_transform`](Self::set_transform). Otherwise the
+    /// mesh stays where it is until the object's bounds change, which removes it.
+    ///
+    /// The object occludes only while it is also flagged as an [occluder](Self::set_occluder): to open and
+    /// shut a door, switching that flag is enough and takes constant time. Everything that the mesh covers
+    /// must also be covered by the object as drawn, or visible objects are hidden.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::UnknownMesh`] if `mesh` is
+    /// not, and [`SceneError::NonFiniteTransform`] if an element of `transform` is NaN or infinite.
+    pub fn set_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Affine3A) -> Result<(), SceneError> {
+        self.slot(id)?;
+        self.mesh(mesh).ok_or(SceneError::UnknownMesh(mesh))?;
+        if !transform.is_finite() {
+            return Err(SceneError::NonFiniteTransform(id));
+        }
+        self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: false }));
+        if self.local_bounds(id).is_some() {
+            return self.set_transform(id, transform);
+        }
+        self.placements.get_or_insert(id.index).transform = transform;
+        self.log.push(id, self.generations.len());
+        Ok(())
+    }
+
+    fn mesh(&self, id: MeshId) -> Option<&OccluderMesh> {
+        self.meshes.get(id.index as usize).filter(|(own, _)| *own == id).map(|(_, mesh)| mesh)
+    }
+
+    /// Gives an object an occluder mesh made from its triangles, in scene coordinates. The mesh is taken from
+    /// the object again when its triangles change.
+    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId) -> Result<(), SceneError> {
+        self.slot(id)?;
+        self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: true }));
+        self.log.push(id, self.generations.len());
+        Ok(())
+    }
+
+    /// Returns whether an object has an occluder mesh, flagged as an occluder or not. False for an unknown
+    /// object.
+    pub fn has_mesh(&self, id: ObjectId) -> bool {
+        self.contains(id) && self.placements.get(id.index).is_some_and(|placement| placement.mesh.is_some())
+    }
+
+    /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
+    /// object is unknown, has no mesh or is not flagged as an occluder.
+    pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
+        let slot = self.slot(id).ok()?;
+        if !self.tree.payload(slot).occluder {
+            return None;
+        }
+        let placement = self.placements.get(id.index)?;
+        let mesh = placement.mesh?;
+        let transform = if mesh.is_prepared { &Affine3A::IDENTITY } else { &placement.transform };
+        Some((self.mesh(mesh.id)?, transform))
+    }
+
+    /// Returns the number of objects that are flagged as occluders but have no mesh, and so hide nothing from
+    /// cullers that use meshes. Counts objects whose mesh was removed because their bounds changed. Takes
+    /// constant time.
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, Object, Scene};
+    /// let mut scene = Scene::new();
+    /// scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])) });
+    /// assert_eq!(scene.occluders_without_mesh(), 1);
+    /// ```
+    pub fn occluders_without_mesh(&self) -> usize {
+        self.meshless
+    }
+}
