@@ -22,8 +22,8 @@ pub(crate) fn is_same_range(a: u64, b: u64) -> bool {
     a >> RANGE_BITS == b >> RANGE_BITS
 }
 
-/// Returns the generation with which a scene starts. Successive multiples of 2^32 over the golden ratio spread
-/// evenly over the 32-bit numbers: any two of `n` are at least 2^32 / (2.7 n) apart.
+/// Returns the generation with which a scene starts. Successive multiples of 2^32 over the golden ratio
+/// spread evenly over the 32-bit numbers: any two of `n` are at least 2^32 / (2.7 n) apart.
 pub(crate) fn next_generation() -> u32 {
     (next(&LAST_SCENE) as u32).wrapping_mul(0x9e37_79b9)
 }

@@ -12,7 +12,7 @@ use visibility_benches::check::{check, verify};
 use visibility_benches::contenders::{self, Shape, parry_aabb};
 use visibility_benches::moving::{BUDGET, DRIFT, LONG, Movers};
 use visibility_benches::workload::{FRAMES, Order, Random, Share, boxes, views};
-use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Scene, VisibleSet};
+use visibility_core::{Aabb, FrustumCuller, Pipeline, Scene, VisibleSet};
 
 /// Numbers of boxes to measure with, each with its name in tables.
 const SIZES: [(usize, &str); 2] = [(100_000, "100 thousand"), (1_000_000, "1 million")];
@@ -231,11 +231,10 @@ struct Drift {
 /// if an answer after moving is wrong.
 fn drift(count: usize, percent: usize) -> Drift {
     let boxes = boxes(count, Order::Random);
-    let mut scenes = [Scene::new(), Scene::new(), Scene::new()];
-    let mut ids: Vec<ObjectId> = Vec::new();
-    for scene in &mut scenes {
-        ids = scene.insert_batch(boxes.iter().copied());
-    }
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch(boxes.iter().copied());
+    // Clones, since ids of one scene are unknown in another.
+    let mut scenes = [scene.clone(), scene.clone(), scene];
     let leaves: Vec<_> = boxes.iter().map(parry_aabb).collect();
     let mut trees = [(); 2].map(|()| Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves));
     let mut workspace = BvhWorkspace::default();

@@ -58,9 +58,9 @@ impl Scene {
     /// Makes an occluder mesh for every object that is flagged as an occluder, has triangles and has no mesh
     /// yet. Returns the number of meshes made.
     ///
-    /// The function is meant for loading time and for static objects: code that moves such an object must
-    /// update the mesh's [transform](Scene::set_mesh) too. Replacing an object's
-    /// [triangles](Scene::set_triangles) removes the mesh until the next call.
+    /// Meant for loading time. The meshes are in scene coordinates, as the triangles are: moving an object,
+    /// or replacing its [triangles](Scene::set_triangles), removes its mesh. The next call makes a mesh from
+    /// triangles set since.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
         let mut made = 0;

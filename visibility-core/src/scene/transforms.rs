@@ -1,10 +1,11 @@
 //! Objects placed by a transform: their local boxes and occluder meshes, and what becomes of mesh and
 //! triangles when an object moves.
 //!
-//! An object hides other objects with its occluder mesh, or with its triangles in cullers that use these. Both
-//! must be where the object is. A [transform](Scene::set_transform) moves the mesh together with the bounds. A
-//! change of the [bounds](Scene::set_bounds) alone does not say how the object moved, so the mesh is taken
-//! from the object. Triangles are in scene coordinates and never move, so each change takes them away.
+//! An object hides other objects with its occluder mesh, or with its triangles in cullers that use these.
+//! Both must be where the object is. A [transform](Scene::set_transform) moves the mesh together with the
+//! bounds. A change of the [bounds](Scene::set_bounds) alone does not say how the object moved, so the mesh
+//! is taken from the object. Triangles are in scene coordinates and never move, so each change takes them
+//! away.
 
 use super::placement::PlacedMesh;
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, Slot, ToAffine, Triangle};
