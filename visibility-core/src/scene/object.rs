@@ -50,8 +50,9 @@ impl ObjectId {
 }
 
 impl fmt::Display for ObjectId {
+    /// Writes the index alone, so that what is printed is the same in every run.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}#{:x}", self.index, self.generation)
+        write!(f, "{}", self.index)
     }
 }
 
