@@ -398,7 +398,7 @@ mod tests {
         assert!(close > 100, "{close} points are close");
     }
 
-    /// Three open edges of a triangle with the vertices 0, 1 and 2.
+    /// The three edges of a triangle with the vertices 0, 1 and 2, without neighbouring triangles.
     const TRIANGLE_EDGES: [Edge; 3] = [
         Edge { vertices: [0, 1], left: 0, right: None },
         Edge { vertices: [1, 2], left: 0, right: None },

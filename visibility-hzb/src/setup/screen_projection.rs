@@ -161,9 +161,9 @@ impl ObjectProjection {
         out
     }
 
-    /// Returns the distance beyond the near plane at which geometry is cut, in units of the near row. Nothing
-    /// nearer is drawn. It is 1024 times the error bound of such distances, so the rounding of cuts does not
-    /// matter.
+    /// Returns the distance beyond the near plane at which geometry is cut, in the unit of
+    /// `ScreenProjection::near`. Nothing nearer is drawn. It is 1024 times the error bound of such distances,
+    /// so the rounding of cuts does not matter.
     #[inline(always)]
     pub(crate) fn near_limit(&self) -> f64 {
         1024.0 * self.error[4]

@@ -86,6 +86,7 @@ pub(super) struct Leaf {
 pub(super) type LeafPortal = (ConvexPolygon, [u32; 2]);
 
 /// Returns the polygon in which a plane cuts the box from `min` to `max`. Empty if the plane misses the box.
+/// Points within `lengths.merge` of a side of the box count as on it.
 pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Lengths) -> Vec<DVec3> {
     let middle = (min + max) * 0.5;
     let reach = (max - min).length();

@@ -50,8 +50,8 @@ use visibility_core::glam::DVec3;
 pub(crate) struct Edge {
     pub(crate) a: DVec3,
     pub(crate) b: DVec3,
-    /// Displacement, in world units, that moves the edge into the portal by the inset less its own defect:
-    /// the farthest that a vertex lies on its outer side.
+    /// Displacement, in world units, that moves the edge into the portal. Its length is the inset (see
+    /// [`edges_of`]) less the farthest distance of a vertex on the outer side of the edge.
     pub(crate) shift: DVec3,
     /// Whether the edge is used as a bound of the portal. `false` for an edge without length, and for an
     /// edge on whose outer side another vertex lies by more than the inset (see [`edges_of`]).
@@ -86,7 +86,8 @@ impl Opening<'_> {
 }
 
 /// Appends to `edges` the edges of a convex polygon. The vertices run counter-clockwise around the unit
-/// `normal`; each edge gets the shift that moves it inwards by `inset`.
+/// `normal`. Each edge gets the shift that moves it inwards by `inset` (world units) less the farthest
+/// distance of a vertex on its outer side.
 pub(crate) fn edges_of(
     vertices: impl Iterator<Item = DVec3> + Clone,
     normal: DVec3,
