@@ -100,8 +100,8 @@ impl ScreenProjection {
         }
     }
 
-    /// Returns a bound on the absolute NDC error of points whose clip-space `w` is at least `w`, anywhere in
-    /// the image widened by [`CLIP_WIDTH`].
+    /// Returns a bound on the absolute NDC error of points in the image widened by [`CLIP_WIDTH`] whose
+    /// clip-space w coordinate is at least the argument.
     fn error_at(&self, w: f64) -> f64 {
         (self.error * (1.0 + CLIP_WIDTH) / w).max(4.0 * f64::EPSILON)
     }

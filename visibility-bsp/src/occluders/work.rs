@@ -7,7 +7,7 @@ std::thread_local! {
     static STEPS: core::cell::Cell<u64> = const { core::cell::Cell::new(0) };
 }
 
-/// Adds one to the counter in tests of this crate; does nothing otherwise.
+/// Adds one to the counter of elementary steps in tests of this crate; does nothing otherwise.
 #[inline]
 pub(super) fn step() {
     #[cfg(test)]

@@ -36,10 +36,11 @@ const NEARLY: f32 = 0.7;
 
 /// An occlusion map in object space, exact up to rounding and independent of the image resolution.
 ///
-/// Of the added polygons, those with the greatest gain are used, up to 64 per frame unless set otherwise. The
-/// tree works best with few large convex polygons, as [`OcclusionTreeCuller`](crate::OcclusionTreeCuller)
-/// supplies them. Meshes, as [`OcclusionCuller`](visibility_core::OcclusionCuller) supplies them, are added
-/// face by face.
+/// Of the added polygons, those with the greatest gain (the part of the image, or the number of objects in
+/// it, that the polygon newly puts in shadow) are used, up to 64 per frame unless set otherwise. The tree
+/// works best with few large convex polygons, as [`OcclusionTreeCuller`](crate::OcclusionTreeCuller) supplies
+/// them. Meshes, as [`OcclusionCuller`](visibility_core::OcclusionCuller) supplies them, are added face by
+/// face.
 ///
 /// ```
 /// use visibility_bsp::OcclusionTree;
