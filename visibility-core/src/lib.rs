@@ -62,7 +62,7 @@ pub mod simd;
 pub mod stamp;
 mod test_plane;
 pub mod view;
-mod visible_set;
+pub mod visible_set;
 pub mod walk;
 
 pub use cull_stats::CullStats;

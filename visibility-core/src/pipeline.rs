@@ -148,10 +148,10 @@ impl Pipeline {
                 removals.after_stage(place, scene, visible);
             }
         }
-        if self.stages.is_empty() {
-            sum.visible = visible.count(scene) as u64;
-        }
         visible.finish(scene);
+        if self.stages.is_empty() {
+            sum.visible = visible.ids().len() as u64;
+        }
         sum
     }
 

@@ -1,7 +1,7 @@
 //! Stamps, by which a culler or a shared structure detects that the data it derived its state from has
 //! changed or was replaced by other data.
 
-use crate::serial::next_serial;
+use crate::serial::{is_same_range, next_serial};
 
 /// Identifies the content of a structure that others derive state from: a cell graph, a PVS, a set of
 /// occluders.
@@ -38,6 +38,12 @@ impl Stamp {
     /// at least 2^40 and differ from the serials that [`new`](Self::new) uses until 2^40 of these are taken.
     pub(crate) const fn from_count(count: u64) -> Self {
         Self(count)
+    }
+
+    /// Returns whether two stamps made by [`from_count`](Self::from_count) are of the same range, as the
+    /// layouts of one scene are.
+    pub(crate) fn is_of_same_range(self, other: Self) -> bool {
+        is_same_range(self.0, other.0)
     }
 }
 

@@ -1,19 +1,35 @@
 //! The set of visible objects that a frame's cullers reduce: it starts with all candidates and ends with the
 //! objects to draw.
 
+mod frame_changes;
+mod leaf_walk;
+mod result;
+
+pub use result::BitsError;
+
 use crate::scene::{NONE, Tree, lanes};
-use crate::{Aabb, CullStats, ObjectId, Scene, View, scene::SceneCursor, stamp::Stamp};
+use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
 use alloc::vec::Vec;
-use smallvec::SmallVec;
+use frame_changes::Changes;
+use leaf_walk::LeafWalk;
 
 /// The objects of a scene that a view may see.
 ///
-/// The set holds a mask for each node of the scene's hierarchy, so that cullers work on 64 objects at once
-/// and never touch hidden subtrees. The masks belong to the [layout](Scene::layout) of the scene at the time
-/// of culling. If the layout changes before the set is read, because objects were inserted, removed or moved
-/// to another leaf, the set counts as holding every object on its layers.
+/// [`Pipeline::cull`](crate::Pipeline::cull) leaves a *finished* set: the [list](Self::ids) of the visible
+/// objects. The list survives every change of the scene. Objects that are removed after culling are left out
+/// where the scene is at hand; objects that are inserted after culling are not in the set, and are drawn from
+/// the next frame on. Reading the list takes no scene, so that a render thread can hold the set, or a clone of
+/// it, while the scene changes.
 ///
-/// Objects that are never culled are always in the set if they are on the view's layers.
+/// Between the stages of a pipeline the set holds a mask for each node of the scene's hierarchy, so that
+/// cullers work on 64 objects at once and never touch hidden subtrees. The masks belong to the
+/// [layout](Scene::layout) of the scene at the time of culling. A set that was not finished, because its
+/// cullers were called without a pipeline, counts as holding every object on its layers once the layout has
+/// changed. Any set counts as that for another scene than the one it was culled for, a clone included.
+///
+/// Objects that are never culled are always in the set if they are on the view's layers. Layers are 32 bits
+/// per object and view, because each bit more would be read for every block that a frame comes to. Finer
+/// groups are a [`Culler`](crate::Culler) that [retains](Self::retain) the objects of the groups shown.
 ///
 /// ```
 /// use visibility_core::{Aabb, Pipeline, Scene, VisibleSet};
@@ -27,6 +43,12 @@ use smallvec::SmallVec;
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert!(visible.contains(&scene, id));
 /// assert_eq!(visible.newly_visible().collect::<Vec<_>>(), [id]);
+/// // The result stays what it is while the scene changes.
+/// std::thread::scope(|scope| {
+///     scope.spawn(|| visible.ids().iter().for_each(|id| println!("draw object {id}")));
+///     scene.insert(Aabb::from_arrays([7.0, 0.0, 0.0], [8.0, 1.0, 1.0]));
+/// });
+/// assert_eq!(visible.ids(), [id]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -34,51 +56,33 @@ pub struct VisibleSet {
     /// Masks indexed by node: bit i tells whether lane i is in the set (leaves) or has something in the set
     /// below it (inner nodes). Masks of nodes whose bit in the parent is 0 are stale and must not be read.
     words: Vec<u64>,
-    /// Layout of the scene that `words` and `order` belong to.
+    /// Layout of the scene that `words` belongs to.
     layout: Stamp,
     /// If true, the set holds every object on `layers` and `words` is ignored.
     everything: bool,
     layers: u32,
-    /// Objects in the order that `iter` follows, if `ordered`. Contains every object of the set, and maybe
-    /// objects that are no longer in the set.
-    order: Vec<ObjectId>,
-    ordered: bool,
+    /// Objects of the set, as far as `listing` tells.
+    ids: Vec<ObjectId>,
+    listing: Listing,
+    /// Number of object indices of the scene when `ids` was last listed.
+    index_limit: usize,
     /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
     /// node in [`keep_in_order`](Self::keep_in_order).
     scratch_masks: Vec<u64>,
     changes: Option<Changes>,
 }
 
-/// Visible objects of the last two frames. Kept as ids, which stay valid when the layout of the scene
-/// changes.
-#[derive(Clone, Debug)]
-struct Changes {
-    now: Vec<ObjectId>,
-    before: Vec<ObjectId>,
-    /// Position in the scene that `now` was noted from; [`SceneCursor::START`] before the first frame.
-    scene: SceneCursor,
-    is_other: bool,
-    /// Indexed by object index: the position of the object in `now`. Meaningful only if `now` holds an
-    /// object with that index at that position.
-    now_places: Vec<u32>,
-    before_places: Vec<u32>,
-}
-
-impl Changes {
-    const NONE: Self = Self {
-        now: Vec::new(),
-        before: Vec::new(),
-        scene: SceneCursor::START,
-        is_other: false,
-        now_places: Vec::new(),
-        before_places: Vec::new(),
-    };
-
-    /// Returns `ids`, or an empty list if the last two frames showed different scenes, whose ids must not be
-    /// compared.
-    fn same_scene<'a>(&self, ids: &'a [ObjectId]) -> &'a [ObjectId] {
-        if self.is_other { &[] } else { ids }
-    }
+/// What a set's list of ids says of its content.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Listing {
+    /// Nothing: the masks alone define the set.
+    Masks,
+    /// The list has the order that `iter` follows. It contains every object of the set, and maybe objects
+    /// that are no longer in the set.
+    Order,
+    /// The set is finished: the list is the set, each object once. While the layout stays, the masks say the
+    /// same, including those of the leaves outside the tree.
+    Finished,
 }
 
 impl Default for VisibleSet {
@@ -96,8 +100,9 @@ impl VisibleSet {
             layout: Stamp::NONE,
             everything: true,
             layers: u32::MAX,
-            order: Vec::new(),
-            ordered: false,
+            ids: Vec::new(),
+            listing: Listing::Masks,
+            index_limit: 0,
             scratch_masks: Vec::new(),
             changes: None,
         }
@@ -116,7 +121,7 @@ impl VisibleSet {
     pub fn fill(&mut self, scene: &Scene, view: &View) {
         self.layers = view.layers();
         self.everything = true;
-        self.ordered = false;
+        self.listing = Listing::Masks;
         self.layout = scene.layout();
         self.words.resize(scene.tree().node_count(), 0);
     }
@@ -126,7 +131,7 @@ impl VisibleSet {
     pub fn clear(&mut self, scene: &Scene) {
         self.layers = 0;
         self.everything = false;
-        self.ordered = false;
+        self.listing = Listing::Masks;
         self.layout = scene.layout();
         self.words.resize(scene.tree().node_count(), 0);
         if scene.tree().root != NONE {
@@ -137,10 +142,11 @@ impl VisibleSet {
     /// Adds the objects of `other`, a set of the same scene. The union of the sets of two eyes, from any
     /// pipelines, is the set to draw both eyes from: it contains everything that either eye sees.
     ///
-    /// If one of the two sets belongs to an earlier layout of the scene, it counts as holding every object on
-    /// its layers, and the union then holds these too. The union has no order. Changes are recorded only when
-    /// the caller ends the frame with [`finish`](Self::finish). Takes a few nanoseconds per block of 64
-    /// objects in the sets.
+    /// Finished sets may be older than the scene's present layout. An unfinished set of an earlier layout
+    /// counts as holding every object on its layers, and the union then holds these too. The union has no
+    /// order and is not finished: [`finish`](Self::finish), called by the caller before the scene changes,
+    /// lists it and records changes. Takes a few nanoseconds per block of 64 objects in the sets, and per
+    /// object of a finished set of an earlier layout.
     ///
     /// ```
     /// use visibility_core::{
@@ -166,27 +172,44 @@ impl VisibleSet {
     /// # Ok::<(), visibility_core::view::ViewError>(())
     /// ```
     pub fn union(&mut self, scene: &Scene, other: &Self) {
-        self.prepare(scene);
-        // Two sets that hold everything on their layers unite by their layers alone.
-        if !(self.everything && other.everything) {
-            if scene.tree().root != NONE {
-                self.union_below(scene, other, scene.tree().root as usize, true, true);
-            }
-            self.use_masks();
+        self.refresh(scene);
+        if other.is_result_of(scene) && !other.is_of_layout(scene) {
+            let mut masks = core::mem::take(&mut self.scratch_masks);
+            write_masks(&mut masks, scene, &other.ids);
+            self.add(scene, &|node| masks[node]);
+            self.scratch_masks = masks;
+        } else if !(self.everything && other.everything) {
+            self.add(scene, &|node| other.mask(scene, node));
         }
         self.layers |= other.layers;
-        self.ordered = false;
+        self.listing = Listing::Masks;
+    }
+
+    /// Unites the masks of this set, which must be of the scene's present layout, with those of another set,
+    /// which `other` gives for each node.
+    fn add(&mut self, scene: &Scene, other: &impl Fn(usize) -> u64) {
+        if scene.tree().root != NONE {
+            self.union_below(scene, other, scene.tree().root as usize, true, true);
+        }
+        self.use_masks();
     }
 
     /// Unites the masks of `node` and all nodes below it with those of `other`. `ours` and `theirs` tell
     /// whether the node's bit is set in its parent's mask in this set and in `other`: where false, that set's
     /// masks below are stale and count as empty.
-    fn union_below(&mut self, scene: &Scene, other: &Self, node: usize, ours: bool, theirs: bool) {
+    fn union_below(
+        &mut self,
+        scene: &Scene,
+        other: &impl Fn(usize) -> u64,
+        node: usize,
+        ours: bool,
+        theirs: bool,
+    ) {
         if !theirs && !self.everything {
             return;
         }
         let ours = if ours { self.mask(scene, node) } else { 0 };
-        let theirs = if theirs { other.mask(scene, node) } else { 0 };
+        let theirs = if theirs { other(node) } else { 0 };
         self.words[node] = ours | theirs;
         if scene.tree().levels[node] > 0 {
             for lane in lanes(ours | theirs) {
@@ -194,43 +217,6 @@ impl VisibleSet {
                 self.union_below(scene, other, scene.tree().child(node, lane), ours, theirs);
             }
         }
-    }
-
-    /// Ends a frame: records the visible objects for [`newly_visible`](Self::newly_visible) and
-    /// [`newly_hidden`](Self::newly_hidden), if the set was made [with changes](Self::with_changes), and does
-    /// nothing otherwise. [`Pipeline::cull`](crate::Pipeline::cull) calls this itself.
-    pub fn finish(&mut self, scene: &Scene) {
-        let Some(mut changes) = self.changes.take() else { return };
-        changes.is_other = !changes.scene.is_in(scene);
-        changes.scene = SceneCursor::at(scene);
-        core::mem::swap(&mut changes.now, &mut changes.before);
-        core::mem::swap(&mut changes.now_places, &mut changes.before_places);
-        changes.now.clear();
-        changes.now.reserve(scene.len());
-        changes.now_places.resize(scene.index_limit(), 0);
-        for id in self.iter(scene) {
-            changes.now_places[id.index()] = changes.now.len() as u32;
-            changes.now.push(id);
-        }
-        self.changes = Some(changes);
-    }
-
-    /// Iterates over the objects that are visible in the last finished frame and were not in the frame
-    /// before. Empty unless the set was made [with changes](Self::with_changes).
-    ///
-    /// In the first frame of another scene, a clone included, these are all visible objects.
-    pub fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.changes.iter().flat_map(|c| difference(&c.now, c.same_scene(&c.before), &c.before_places))
-    }
-
-    /// Iterates over the objects that were visible in the frame before the last finished one and are not
-    /// visible any more, including objects removed from the scene. Empty unless the set was made [with
-    /// changes](Self::with_changes).
-    ///
-    /// In the first frame of another scene these are all objects that were visible in the scene before, with
-    /// the ids of that scene.
-    pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.changes.iter().flat_map(|c| difference(&c.before, c.same_scene(&c.now), &c.now_places))
     }
 
     /// Returns whether the masks describe the set for the scene's present layout. If false, the set counts as
@@ -250,9 +236,24 @@ impl VisibleSet {
     pub(crate) fn prepare(&mut self, scene: &Scene) {
         if !self.is_of_layout(scene) {
             self.everything = true;
-            self.ordered = false;
+            self.listing = Listing::Masks;
             self.layout = scene.layout();
             self.words.resize(scene.tree().node_count(), 0);
+        } else if self.listing == Listing::Finished {
+            self.listing = Listing::Order;
+        }
+    }
+
+    /// Adapts the set to the present layout of the scene like [`prepare`](Self::prepare), but keeps the
+    /// content of a finished set, without objects removed since.
+    fn refresh(&mut self, scene: &Scene) {
+        if !self.is_result_of(scene) {
+            self.prepare(scene);
+        } else if !self.is_of_layout(scene) {
+            self.ids.retain(|&id| scene.contains(id));
+            write_masks(&mut self.words, scene, &self.ids);
+            self.layout = scene.layout();
+            self.index_limit = scene.index_limit();
         }
     }
 
@@ -366,23 +367,6 @@ impl VisibleSet {
         mask != 0
     }
 
-    /// Sorts the objects of the set by ascending key, objects with equal keys by index. [`iter`](Self::iter)
-    /// follows this order until the set is filled again. Allocates nothing once the set's memory has grown to
-    /// the size of the scene.
-    pub fn sort_by_key<K: Ord>(&mut self, scene: &Scene, mut key: impl FnMut(ObjectId) -> K) {
-        self.prepare(scene);
-        let mut order = core::mem::take(&mut self.order);
-        self.ordered = false;
-        order.clear();
-        // Enough for any set of this scene, so that later frames allocate nothing.
-        order.reserve(scene.len());
-        order.extend(self.iter(scene));
-        // Equal keys are ordered by id, so that the result is deterministic.
-        order.sort_unstable_by_key(|&id| (key(id), id));
-        self.order = order;
-        self.ordered = true;
-    }
-
     /// Keeps only the objects of the set that are in `ids`, and gives the set the order of `ids`, which
     /// [`iter`](Self::iter) then follows. For cullers with a budget, whose order is one of importance.
     ///
@@ -398,8 +382,9 @@ impl VisibleSet {
     /// assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [ids[2], ids[0]]);
     /// ```
     pub fn keep_in_order(&mut self, scene: &Scene, ids: &[ObjectId]) {
-        self.prepare(scene);
-        let mut order = core::mem::take(&mut self.order);
+        self.refresh(scene);
+        self.listing = Listing::Masks;
+        let mut order = core::mem::take(&mut self.ids);
         order.clear();
         order.reserve(scene.len());
         order.extend(self.unculled(scene));
@@ -426,8 +411,8 @@ impl VisibleSet {
         }
         self.everything = false;
         self.scratch_masks = core::mem::replace(&mut self.words, grown);
-        self.order = order;
-        self.ordered = true;
+        self.ids = order;
+        self.listing = Listing::Order;
     }
 
     /// Gives the set an order, which [`iter`](Self::iter) then follows: objects that are never culled first,
@@ -435,8 +420,8 @@ impl VisibleSet {
     /// nothing from the set. Ids that are not in the set are ignored, and of repeated ids the first counts.
     /// Takes time in proportion to the size of the set.
     pub fn order_first(&mut self, scene: &Scene, ids: &[ObjectId]) {
-        self.prepare(scene);
-        self.ordered = false;
+        self.refresh(scene);
+        self.listing = Listing::Masks;
         let mut taken = core::mem::take(&mut self.scratch_masks);
         taken.clear();
         taken.resize(scene.index_limit().div_ceil(64), 0);
@@ -446,25 +431,15 @@ impl VisibleSet {
             *word |= bit;
             new
         };
-        let mut order = core::mem::take(&mut self.order);
+        let mut order = core::mem::take(&mut self.ids);
         order.clear();
         order.reserve(scene.len());
         order.extend(self.unculled(scene).filter(&mut take));
         order.extend(ids.iter().copied().filter(|&id| self.contains(scene, id)).filter(&mut take));
         order.extend(self.iter(scene).filter(&mut take));
         self.scratch_masks = taken;
-        self.order = order;
-        self.ordered = true;
-    }
-
-    /// Iterates over the objects in the set: in the set's order if it has one for the scene's present layout,
-    /// otherwise in the order of the hierarchy, with objects that are never culled last.
-    pub fn iter<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
-        let ordered = self.ordered && self.is_of_layout(scene);
-        let in_order =
-            self.order.iter().copied().filter(move |_| ordered).filter(|&id| self.contains(scene, id));
-        let walk = Walk::new(self, scene, !ordered);
-        in_order.chain(walk).chain(self.unculled(scene).filter(move |_| !ordered))
+        self.ids = order;
+        self.listing = Listing::Order;
     }
 
     /// Iterates over the objects that are never culled and share a layer with the set.
@@ -485,7 +460,7 @@ impl VisibleSet {
     /// Calls `each` for the objects of the set that are flagged as occluders, in the order of the hierarchy.
     /// Objects that are never culled are left out, even if flagged.
     pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
-        let mut walk = Walk::new(self, scene, true);
+        let mut walk = LeafWalk::new(self, scene, true);
         loop {
             if scene.tree().root != NONE {
                 for lane in lanes(walk.mask & scene.tree().occluders[walk.leaf]) {
@@ -498,31 +473,24 @@ impl VisibleSet {
         }
     }
 
-    /// Returns the number of objects in the set. Takes time in proportion to the number of blocks of 64
-    /// objects that the set reaches.
-    pub fn count(&self, scene: &Scene) -> usize {
-        let mut walk = Walk::new(self, scene, true);
-        let mut count = walk.mask.count_ones() as usize;
-        while walk.next_leaf() {
-            count += walk.mask.count_ones() as usize;
-        }
-        count + self.unculled_count(scene) as usize
-    }
-
-    /// Returns whether an object is in the set. False for an id that the scene does not know. Takes time in
-    /// proportion to the height of the hierarchy.
-    #[inline]
-    pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
-        scene.leaf_of(id).is_some_and(|(leaf, lane)| self.holds(scene, leaf, lane))
-    }
-
+    /// Returns whether the object in a lane of a leaf is in the set, by the masks and layers of the set.
     #[inline]
     fn holds(&self, scene: &Scene, leaf: usize, lane: usize) -> bool {
         let tree = scene.tree();
-        if !self.is_current(scene) || tree.is_unculled_leaf(leaf) {
+        if !self.is_current(scene) || tree.is_unculled_leaf(leaf) && self.listing != Listing::Finished {
             return scene.lanes_on_layers(leaf, self.layers) >> lane & 1 != 0;
         }
         tree.path(leaf, lane).all(|(node, lane)| self.words[node] >> lane & 1 != 0)
+    }
+}
+
+/// Replaces `masks`, indexed by node, by those of a set that holds the objects `ids`, which must be in the
+/// scene.
+fn write_masks(masks: &mut Vec<u64>, scene: &Scene, ids: &[ObjectId]) {
+    masks.clear();
+    masks.resize(scene.tree().node_count(), 0);
+    for (leaf, lane) in ids.iter().filter_map(|&id| scene.leaf_of(id)) {
+        set_path_bits(masks, scene.tree(), leaf, lane);
     }
 }
 
@@ -542,107 +510,4 @@ fn set_path_bits(masks: &mut [u64], tree: &Tree, leaf: usize, lane: usize) -> bo
         }
     }
     new.unwrap_or(false)
-}
-
-/// Iterates over the ids of `of` that are not in `others`. `places`, indexed by object index, gives the
-/// position in `others` at which an object would be (a sparse set: Briggs and Torczon, "An Efficient
-/// Representation for Sparse Sets", 1993). Ids are compared with their generations, since an index may have
-/// been reused.
-fn difference<'a>(
-    of: &'a [ObjectId],
-    others: &'a [ObjectId],
-    places: &'a [u32],
-) -> impl Iterator<Item = ObjectId> + 'a {
-    of.iter().copied().filter(move |id| {
-        let other = places.get(id.index()).and_then(|&place| others.get(place as usize));
-        other != Some(id)
-    })
-}
-
-/// Traversal of the leaves that a set reaches, in hierarchy order, and iterator over the objects in them.
-/// Objects that are never culled are not visited.
-struct Walk<'a> {
-    set: &'a VisibleSet,
-    scene: &'a Scene,
-    tree: &'a Tree,
-    /// Stack of the inner nodes from the root to the present leaf, each with a mask of the lanes that are
-    /// still to be visited.
-    path: SmallVec<[(usize, u64); 8]>,
-    leaf: usize,
-    mask: u64,
-}
-
-impl<'a> Walk<'a> {
-    fn new(set: &'a VisibleSet, scene: &'a Scene, wanted: bool) -> Self {
-        let mut walk = Self { set, scene, tree: scene.tree(), path: SmallVec::new(), leaf: 0, mask: 0 };
-        if wanted && walk.tree.root != NONE {
-            walk.enter(walk.tree.root as usize);
-        }
-        walk
-    }
-
-    fn enter(&mut self, node: usize) {
-        let mask = self.set.mask(self.scene, node);
-        if self.tree.levels[node] == 0 {
-            (self.leaf, self.mask) = (node, mask);
-        } else {
-            self.path.push((node, mask));
-        }
-    }
-
-    /// Advances to the next leaf in hierarchy order and loads its mask of objects in the set, which may be 0.
-    /// Returns false after the last leaf.
-    fn next_leaf(&mut self) -> bool {
-        while let Some((node, rest)) = self.path.last_mut() {
-            if *rest == 0 {
-                self.path.pop();
-                continue;
-            }
-            let lane = rest.trailing_zeros() as usize;
-            *rest &= *rest - 1;
-            let child = self.tree.child(*node, lane);
-            self.enter(child);
-            if self.tree.levels[child] == 0 {
-                return true;
-            }
-        }
-        self.mask = 0;
-        false
-    }
-}
-
-impl Iterator for Walk<'_> {
-    type Item = ObjectId;
-
-    fn next(&mut self) -> Option<ObjectId> {
-        while self.mask == 0 {
-            if !self.next_leaf() {
-                return None;
-            }
-        }
-        let lane = self.mask.trailing_zeros() as usize;
-        self.mask &= self.mask - 1;
-        Some(self.tree.ids[self.leaf][lane])
-    }
-
-    /// Folds all remaining objects, one leaf at a time. Several times as fast as calling `next`; used by
-    /// `for_each` and `collect`.
-    fn fold<B, F: FnMut(B, ObjectId) -> B>(mut self, start: B, mut f: F) -> B {
-        let mut result = start;
-        loop {
-            if self.mask == u64::MAX {
-                result = self.tree.ids[self.leaf].iter().fold(result, |result, &id| f(result, id));
-            } else {
-                // In an empty tree the mask is 0 and no leaf is read.
-                while self.mask != 0 {
-                    let lane = self.mask.trailing_zeros() as usize;
-                    self.mask &= self.mask - 1;
-                    result = f(result, self.tree.ids[self.leaf][lane]);
-                }
-            }
-            if !self.next_leaf() {
-                return result;
-            }
-        }
-    }
 }

@@ -1,0 +1,313 @@
+//! Tests of a [`VisibleSet`] as the result of a frame: its list of ids survives changes of the scene.
+
+use std::collections::BTreeSet;
+use visibility_core::glam::DVec3;
+use visibility_core::visible_set::BitsError;
+use visibility_core::{Aabb, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_testing::Random;
+
+fn at(x: f32, y: f32, z: f32) -> Aabb {
+    Aabb::from_arrays([x, y, z], [x + 0.5, y + 0.5, z + 0.5])
+}
+
+fn random_box(rng: &mut Random) -> Aabb {
+    let p = rng.vector(100.0).as_vec3();
+    at(p.x, p.y, p.z)
+}
+
+/// Returns a perspective view from the origin of the world towards `target`, without far plane.
+fn looking_at(target: DVec3) -> View {
+    View::perspective(Pose::look_at(DVec3::ZERO, target, DVec3::Z), 0.3, 1.3, 0.1, f64::INFINITY).unwrap()
+}
+
+fn frustum() -> Pipeline {
+    Pipeline::new().with(FrustumCuller::new())
+}
+
+fn random_scene(rng: &mut Random, count: usize) -> Scene {
+    let mut scene = Scene::new();
+    scene.insert_batch((0..count).map(|_| Object {
+        layers: if rng.one_in(5) { 1 << rng.below(4) } else { u32::MAX },
+        never_cull: rng.one_in(40),
+        ..Object::new(random_box(rng))
+    }));
+    scene
+}
+
+/// Tests the tracker's case: one spawn, or one call of `maintain`, between culling and drawing.
+#[test]
+fn a_spawn_or_maintenance_between_culling_and_drawing_leaves_the_result_as_it_was() {
+    let mut rng = Random(1);
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch((0..50_000).map(|_| random_box(&mut rng)));
+    let mut visible = VisibleSet::new();
+    frustum().cull(&scene, &looking_at(DVec3::X), &mut visible);
+    let before: Vec<ObjectId> = visible.iter(&scene).collect();
+    assert!((100..5000).contains(&before.len()), "{}", before.len());
+    let spawned = scene.insert(at(5.0, 0.0, 0.0));
+    assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), before, "after a spawn");
+    assert_eq!(visible.count(&scene), before.len());
+    assert!(!visible.contains(&scene, spawned), "drawn from the next frame on");
+    for &id in &ids[..2000] {
+        scene.set_bounds(id, random_box(&mut rng)).unwrap();
+    }
+    let layout = scene.layout();
+    while scene.maintain(1000).waiting > 0 {}
+    assert_ne!(scene.layout(), layout);
+    assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), before, "after maintenance");
+    assert_eq!(visible.count(&scene), before.len());
+}
+
+/// Returns the ids of the set in its order, after asserting that all ways to read the set agree: with
+/// `expected` being the objects of the list that are still in the scene.
+fn assert_reads(scene: &Scene, visible: &VisibleSet, expected: &[ObjectId], what: &str) {
+    assert_eq!(visible.iter(scene).collect::<Vec<_>>(), expected, "{what}");
+    assert_eq!(visible.count(scene), expected.len(), "{what}");
+    let expected: BTreeSet<_> = expected.iter().copied().collect();
+    for id in scene.ids() {
+        assert_eq!(visible.contains(scene, id), expected.contains(&id), "{what}: {id}");
+    }
+}
+
+type Change = fn(&mut Scene, &mut Random);
+
+fn any(scene: &Scene, rng: &mut Random) -> ObjectId {
+    let ids: Vec<_> = scene.ids().collect();
+    ids[rng.below(ids.len())]
+}
+
+const CHANGES: [(&str, Change); 11] = [
+    ("insert", |scene, rng| {
+        scene.insert(random_box(rng));
+    }),
+    ("insert_batch", |scene, rng| {
+        scene.insert_batch((0..100).map(|_| random_box(rng)));
+    }),
+    ("insert never culled", |scene, rng| {
+        scene.insert(Object { never_cull: true, ..Object::new(random_box(rng)) });
+    }),
+    ("remove", |scene, rng| scene.remove(any(scene, rng)).unwrap()),
+    ("reuse", |scene, rng| {
+        scene.remove(any(scene, rng)).unwrap();
+        scene.insert(random_box(rng));
+    }),
+    ("teleport", |scene, rng| scene.set_bounds(any(scene, rng), at(9e5, 0.0, 0.0)).unwrap()),
+    ("unbounded", |scene, rng| scene.set_bounds(any(scene, rng), Aabb::EMPTY).unwrap()),
+    ("never cull", |scene, rng| {
+        let id = any(scene, rng);
+        let never_cull = !scene.object(id).unwrap().never_cull;
+        scene.set_never_cull(id, never_cull).unwrap();
+    }),
+    ("layers", |scene, rng| {
+        for _ in 0..50 {
+            let id = any(scene, rng);
+            scene.set_layers(id, 1 << rng.below(4)).unwrap();
+        }
+    }),
+    ("maintain", |scene, rng| {
+        for _ in 0..50 {
+            let id = any(scene, rng);
+            scene.set_bounds(id, random_box(rng)).unwrap();
+        }
+        scene.maintain(500);
+    }),
+    ("rebuild", |scene, _| scene.rebuild()),
+];
+
+/// Tests every change of a scene, by itself and in random sequences, under results in every order.
+#[test]
+fn results_survive_every_change_of_the_scene() {
+    let mut rng = Random(2);
+    let mut removed = 0;
+    for round in 0..120 {
+        let count = rng.pick(&[3, 60, 3000]);
+        let mut scene = random_scene(&mut rng, count);
+        let view = looking_at(rng.vector(1.0)).with_layers(rng.pick(&[u32::MAX, 3, 4]));
+        let (mut visible, mut pipeline) = (VisibleSet::new(), frustum());
+        if round % 5 == 0 {
+            pipeline = Pipeline::new();
+        }
+        pipeline.cull(&scene, &view, &mut visible);
+        match round % 4 {
+            0 => visible.sort_by_key(&scene, |id| id.index() % 7),
+            1 => {
+                let some: Vec<_> = scene.ids().step_by(3).collect();
+                visible.keep_in_order(&scene, &some);
+                visible.finish(&scene);
+            }
+            2 => visible.sort_by_index(&scene),
+            _ => {}
+        }
+        let list = visible.ids().to_vec();
+        assert_eq!(list.len(), list.iter().collect::<BTreeSet<_>>().len(), "each object once");
+        assert_reads(&scene, &visible, &list, "unchanged");
+        for step in 0..6 {
+            let (name, change) = if step == 0 { CHANGES[round % CHANGES.len()] } else { rng.pick(&CHANGES) };
+            change(&mut scene, &mut rng);
+            let left: Vec<_> = list.iter().copied().filter(|&id| scene.contains(id)).collect();
+            removed += list.len() - left.len();
+            assert_reads(&scene, &visible, &left, name);
+            assert_eq!(visible.ids(), list, "{name}");
+            // A copy that takes in the change holds the same, in the same order.
+            let mut copy = visible.clone();
+            copy.finish(&scene);
+            assert_reads(&scene, &copy, &left, name);
+            assert_eq!(copy.ids(), left, "{name}");
+            copy.sort_by_index(&scene);
+            let mut sorted = left.clone();
+            sorted.sort_unstable();
+            assert_eq!(copy.ids(), sorted, "{name}");
+            copy.order_first(&scene, &sorted[sorted.len() / 2..]);
+            let unculled = |id: &ObjectId| scene.object(*id).unwrap().never_cull;
+            let copied: BTreeSet<_> = copy.iter(&scene).filter(|id| !unculled(id)).collect();
+            let culled: BTreeSet<_> = left.iter().copied().filter(|id| !unculled(id)).collect();
+            assert!(copied.is_superset(&culled), "{name}");
+        }
+        // The next frame has taken in everything.
+        pipeline.cull(&scene, &view, &mut visible);
+        let mut fresh = VisibleSet::new();
+        pipeline.cull(&scene, &view, &mut fresh);
+        assert_eq!(visible.ids(), fresh.ids());
+    }
+    assert!(removed > 50, "too easy: {removed}");
+}
+
+/// Tests that unions of results older than the scene hold the objects of both, and what is never culled.
+#[test]
+fn unions_of_results_survive_changes_too() {
+    let mut rng = Random(3);
+    let mut stale = 0;
+    for round in 0..100 {
+        let count = rng.pick(&[60, 2000]);
+        let mut scene = random_scene(&mut rng, count);
+        let mut sets = [(); 2].map(|_| VisibleSet::new());
+        let mut expected = BTreeSet::new();
+        let layout = scene.layout();
+        for set in &mut sets {
+            let view = looking_at(rng.vector(1.0)).with_layers(3);
+            frustum().cull(&scene, &view, set);
+            expected.extend(set.ids().iter().copied());
+            if round % 3 > 0 {
+                // The second change, if any, comes after both sets.
+                rng.pick(&CHANGES).1(&mut scene, &mut rng);
+            }
+        }
+        expected.retain(|&id| scene.contains(id));
+        stale += usize::from(scene.layout() != layout);
+        let mut both = VisibleSet::new();
+        if round % 2 == 0 {
+            both.clear(&scene);
+            both.union(&scene, &sets[0]);
+        } else {
+            both.clone_from(&sets[0]);
+        }
+        both.union(&scene, &sets[1]);
+        both.finish(&scene);
+        let got: BTreeSet<_> = both.ids().iter().copied().collect();
+        let culled = |ids: &BTreeSet<ObjectId>| -> BTreeSet<ObjectId> {
+            let can = |id: &ObjectId| {
+                let object = scene.object(*id).unwrap();
+                !object.never_cull && object.bounds.min.is_finite() && object.bounds.max.is_finite()
+            };
+            ids.iter().copied().filter(can).collect()
+        };
+        assert_eq!(culled(&got), culled(&expected), "round {round}");
+        let always = scene.ids().filter(|&id| {
+            let object = scene.object(id).unwrap();
+            object.never_cull && object.layers & 3 != 0
+        });
+        assert!({ always }.all(|id| got.contains(&id)), "round {round}");
+        assert_reads(&scene, &both, both.ids(), "union");
+    }
+    assert!(stale > 30, "too easy: {stale}");
+}
+
+#[test]
+fn the_result_of_another_scene_hides_nothing() {
+    let mut rng = Random(4);
+    let scene = random_scene(&mut rng, 500);
+    let mut visible = VisibleSet::new();
+    frustum().cull(&scene, &looking_at(DVec3::X), &mut visible);
+    let copy = scene.clone();
+    let on_layers = scene.ids().filter(|&id| scene.object(id).unwrap().layers != 0).count();
+    assert!(visible.count(&scene) < on_layers / 2);
+    assert_eq!((visible.count(&copy), visible.iter(&copy).count()), (on_layers, on_layers));
+    assert!(copy.ids().all(|id| visible.contains(&copy, id)));
+    visible.sort_by_index(&copy);
+    assert_eq!(visible.ids().len(), on_layers, "and is then a result of that scene");
+}
+
+#[test]
+fn a_set_that_is_not_finished_has_no_list() {
+    let mut scene = Scene::new();
+    let id = scene.insert(at(5.0, 0.0, 0.0));
+    let view = looking_at(DVec3::X);
+    let mut visible = VisibleSet::new();
+    assert!(!visible.is_finished() && visible.ids().is_empty());
+    assert_eq!(visible.write_bits(&mut [0; 9]), Err(BitsError::Unfinished));
+    visible.finish(&scene);
+    assert_eq!(visible.ids(), [id]);
+    let unfinish: [fn(&mut VisibleSet, &Scene, &View); 6] = [
+        |set, scene, view| set.fill(scene, view),
+        |set, scene, _| set.clear(scene),
+        |set, scene, view| _ = visibility_core::Culler::cull(&mut FrustumCuller::new(), scene, view, set),
+        |set, scene, _| _ = set.retain(scene, |_, _| false),
+        |set, scene, _| set.keep_in_order(scene, &[]),
+        |set, scene, _| set.union(scene, &VisibleSet::new()),
+    ];
+    for unfinish in unfinish {
+        visible.finish(&scene);
+        assert!(visible.is_finished());
+        unfinish(&mut visible, &scene, &view);
+        assert!(!visible.is_finished() && visible.ids().is_empty());
+        visible.finish(&scene);
+        assert_eq!(visible.ids().len(), visible.count(&scene));
+    }
+}
+
+#[test]
+fn bits_are_those_of_the_listed_indices() {
+    let mut rng = Random(5);
+    for count in [0, 1, 31, 32, 33, 64, 2000] {
+        let mut scene = random_scene(&mut rng, count);
+        let mut visible = VisibleSet::new();
+        frustum().cull(&scene, &looking_at(DVec3::X), &mut visible);
+        let needed = count.div_ceil(32);
+        for len in 0..needed {
+            let mut bits = vec![7; len];
+            assert_eq!(visible.write_bits(&mut bits), Err(BitsError::TooShort { needed }));
+            assert!(bits.iter().all(|&word| word == 7), "unchanged");
+        }
+        // Spawns after culling ask for no more.
+        scene.insert_batch((0..100).map(|_| random_box(&mut rng)));
+        for len in [needed, needed + 3] {
+            let mut bits = vec![u32::MAX; len];
+            visible.write_bits(&mut bits).unwrap();
+            for i in 0..len * 32 {
+                let is_listed = visible.ids().iter().any(|id| id.index() == i);
+                assert_eq!(bits[i / 32] >> (i % 32) & 1 == 1, is_listed, "{i} of {count}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_render_thread_reads_results_while_the_scene_changes() {
+    fn is_send_and_sync<T: Send + Sync + 'static>() {}
+    is_send_and_sync::<VisibleSet>();
+    let mut rng = Random(6);
+    let mut scene = random_scene(&mut rng, 2000);
+    let (mut front, mut back) = (VisibleSet::new(), VisibleSet::new());
+    let mut pipeline = frustum();
+    for _ in 0..20 {
+        pipeline.cull(&scene, &looking_at(rng.vector(1.0)), &mut back);
+        core::mem::swap(&mut front, &mut back);
+        let expected: Vec<_> = front.iter(&scene).collect();
+        std::thread::scope(|scope| {
+            let render = scope.spawn(|| front.ids().to_vec());
+            scene.remove(any(&scene, &mut rng)).unwrap();
+            scene.insert(random_box(&mut rng));
+            assert_eq!(render.join().unwrap(), expected);
+        });
+    }
+}
