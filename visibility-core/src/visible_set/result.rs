@@ -71,9 +71,18 @@ impl VisibleSet {
             ids.clear();
             // Enough for any set of this scene, so that later frames allocate nothing.
             ids.reserve(scene.len());
-            let mut push = |leaf: usize, mask: u64| match mask {
-                u64::MAX => ids.extend_from_slice(&tree.ids[leaf]),
-                mask => lanes(mask).for_each(|lane| ids.push(tree.ids[leaf][lane])),
+            let mut block = [ObjectId::NONE; 64];
+            let mut push = |leaf: usize, mask: u64| {
+                let leaf = &tree.ids[leaf];
+                if mask == u64::MAX {
+                    return ids.extend_from_slice(leaf);
+                }
+                let mut count = 0;
+                for lane in lanes(mask) {
+                    block[count % 64] = leaf[lane % 64];
+                    count += 1;
+                }
+                ids.extend_from_slice(&block[..count.min(64)]);
             };
             let mut walk = LeafWalk::new(self, scene, true);
             if tree.root != NONE && walk.mask != 0 {
@@ -116,22 +125,23 @@ impl VisibleSet {
     /// Iterates over the objects in the set that are still in the scene: in the set's order if it has one,
     /// otherwise in the order of the hierarchy, with objects that are never culled last.
     pub fn iter<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
-        let is_current = self.is_of_layout(scene);
-        let is_result = self.is_result_of(scene);
-        let is_listed = is_result || self.listing == Listing::Order && is_current;
-        let listed: &[ObjectId] = if is_listed { &self.ids } else { &[] };
-        let (walked, unculled) = if is_listed {
-            (None, None)
+        let (is_current, is_result) = (self.is_of_layout(scene), self.is_result_of(scene));
+        // Three sources, of which one is not empty: the list as it is, the list without what has left the set
+        // or the scene, and the masks.
+        let (mut whole, mut part, mut walk, mut unculled): (&[ObjectId], &[ObjectId], _, _) =
+            (&[], &[], None, None);
+        if is_result && is_current {
+            whole = &self.ids;
+        } else if is_result || is_current && self.listing == Listing::Order {
+            part = &self.ids;
         } else {
-            (Some(LeafWalk::new(self, scene, true)), Some(self.unculled(scene)))
-        };
-        let stays = move |id: &ObjectId| match (is_result, is_current) {
-            (true, true) => true,
-            (true, false) => scene.contains(*id),
-            (false, _) => self.contains(scene, *id),
-        };
-        let rest = walked.into_iter().flatten().chain(unculled.into_iter().flatten());
-        listed.iter().copied().filter(stays).chain(rest)
+            walk = Some(LeafWalk::new(self, scene, true));
+            unculled = Some(self.unculled(scene));
+        }
+        let stays = move |id: &ObjectId| if is_result { scene.contains(*id) } else { self.contains(scene, *id) };
+        let part = part.iter().copied().filter(stays);
+        let masks = walk.into_iter().flatten().chain(unculled.into_iter().flatten());
+        Listed { whole: whole.iter(), rest: part.chain(masks) }
     }
 
     /// Returns the number of objects in the set that are still in the scene. Takes constant time for a
@@ -241,5 +251,38 @@ impl VisibleSet {
         for (&word, first) in self.scratch_masks.iter().zip((0..).step_by(64)) {
             self.ids.extend(lanes(word).filter_map(|bit| scene.id_at(first + bit)));
         }
+    }
+}
+
+/// Iterates over a list, and then over the rest. Faster than `Iterator::chain`, whose `fold` calls its
+/// closure for each object where the rest is a long chain itself.
+struct Listed<'a, R> {
+    whole: core::slice::Iter<'a, ObjectId>,
+    rest: R,
+}
+
+impl<R: Iterator<Item = ObjectId>> Iterator for Listed<'_, R> {
+    type Item = ObjectId;
+
+    #[inline]
+    fn next(&mut self) -> Option<ObjectId> {
+        match self.whole.next() {
+            Some(&id) => Some(id),
+            None => self.rest.next(),
+        }
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let (least, most) = self.rest.size_hint();
+        (least + self.whole.len(), most.and_then(|most| most.checked_add(self.whole.len())))
+    }
+
+    #[inline]
+    fn fold<B, F: FnMut(B, ObjectId) -> B>(self, start: B, mut f: F) -> B {
+        let mut result = start;
+        for &id in self.whole {
+            result = f(result, id);
+        }
+        self.rest.fold(result, f)
     }
 }
