@@ -11,15 +11,15 @@ use crate::scene::{NONE, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
 use alloc::vec::Vec;
 use frame_changes::Changes;
-use leaf_walk::LeafWalk;
+use leaf_walk::{LeafWalk, lanes_on_layers};
 
 /// The objects of a scene that a view may see.
 ///
 /// [`Pipeline::cull`](crate::Pipeline::cull) leaves a *finished* set: the [list](Self::ids) of the visible
 /// objects. The list survives every change of the scene. Objects that are removed after culling are left out
 /// where the scene is at hand; objects that are inserted after culling are not in the set, and are drawn from
-/// the next frame on. Reading the list takes no scene, so that a render thread can hold the set, or a clone of
-/// it, while the scene changes.
+/// the next frame on. Reading the list takes no scene, so that a render thread can hold the set, or a clone
+/// of it, while the scene changes.
 ///
 /// Between the stages of a pipeline the set holds a mask for each node of the scene's hierarchy, so that
 /// cullers work on 64 objects at once and never touch hidden subtrees. The masks belong to the
@@ -219,6 +219,24 @@ impl VisibleSet {
         }
     }
 
+    /// Iterates over the objects that are visible in the last finished frame and were not in the frame
+    /// before. Empty unless the set was made [with changes](Self::with_changes).
+    ///
+    /// In the first frame of another scene, a clone included, these are all visible objects.
+    pub fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
+        self.changes.iter().flat_map(Changes::newly_visible)
+    }
+
+    /// Iterates over the objects that were visible in the frame before the last finished one and are not
+    /// visible any more, including objects removed from the scene. Empty unless the set was made [with
+    /// changes](Self::with_changes).
+    ///
+    /// In the first frame of another scene these are all objects that were visible in the scene before, with
+    /// the ids of that scene.
+    pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
+        self.changes.iter().flat_map(Changes::newly_hidden)
+    }
+
     /// Returns whether the masks describe the set for the scene's present layout. If false, the set counts as
     /// holding every object on its layers.
     pub(crate) fn is_current(&self, scene: &Scene) -> bool {
@@ -268,13 +286,7 @@ impl VisibleSet {
     /// describe the scene's present layout. If not, the mask holds every lane on the set's layers.
     #[inline(always)]
     pub(crate) fn mask_if(&self, is_current: bool, scene: &Scene, node: usize) -> u64 {
-        if is_current {
-            self.words[node]
-        } else if scene.tree().levels[node] == 0 {
-            scene.lanes_on_layers(node, self.layers)
-        } else {
-            scene.tree().occupied[node]
-        }
+        if is_current { self.words[node] } else { lanes_on_layers(scene, node, self.layers) }
     }
 
     /// Replaces the mask of a node, bit i for lane i, during a walk that ends with
@@ -442,6 +454,11 @@ impl VisibleSet {
         self.listing = Listing::Order;
     }
 
+    /// Begins a traversal of the leaves that the set reaches by its masks.
+    fn leaves<'a>(&'a self, scene: &'a Scene) -> LeafWalk<'a> {
+        LeafWalk::new(self.is_current(scene).then_some(&self.words[..]), self.layers, scene)
+    }
+
     /// Iterates over the objects that are never culled and share a layer with the set.
     fn unculled<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
         let (tree, layers) = (scene.tree(), self.layers);
@@ -460,7 +477,7 @@ impl VisibleSet {
     /// Calls `each` for the objects of the set that are flagged as occluders, in the order of the hierarchy.
     /// Objects that are never culled are left out, even if flagged.
     pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
-        let mut walk = LeafWalk::new(self, scene, true);
+        let mut walk = self.leaves(scene);
         loop {
             if scene.tree().root != NONE {
                 for lane in lanes(walk.mask & scene.tree().occluders[walk.leaf]) {

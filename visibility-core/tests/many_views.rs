@@ -248,13 +248,16 @@ fn a_union_holds_what_either_set_holds() {
 }
 
 #[test]
-fn a_union_with_a_set_of_another_layout_holds_everything_on_the_layers_of_either() {
+fn a_union_with_an_unfinished_set_of_another_layout_holds_everything_on_the_layers_of_either() {
     let mut scene = Scene::new();
     let at = |x: f32, layers| Object { layers, ..Object::new(Aabb::from_arrays([x; 3], [x + 1.0; 3])) };
     let first = scene.insert(at(0.0, 1));
     let faces = View::cube_faces(DVec3::splat(-9.0), 0.1, 1.0).unwrap();
-    let (old, empty) = (cull(&scene, &faces[0].with_layers(1)), cull(&scene, &faces[0].with_layers(1)));
-    assert_eq!((old.count(&scene), empty.count(&scene)), (0, 0));
+    let mut old = VisibleSet::new();
+    old.fill(&scene, &faces[0].with_layers(1));
+    FrustumCuller::new().cull(&scene, &faces[0], &mut old);
+    let finished = cull(&scene, &faces[0].with_layers(1));
+    assert_eq!((old.count(&scene), finished.count(&scene)), (0, 0));
     let others = [2, 4].map(|layers| scene.insert(at(3.0, layers)));
     let new = cull(&scene, &faces[0].with_layers(2));
     assert_eq!(new.count(&scene), 0);
@@ -262,6 +265,10 @@ fn a_union_with_a_set_of_another_layout_holds_everything_on_the_layers_of_either
         both.union(&scene, other);
         assert!(both.contains(&scene, first) && !both.contains(&scene, others[1]));
     }
+    // A finished set stays what it was.
+    let mut both = finished.clone();
+    both.union(&scene, &new);
+    assert_eq!(both.count(&scene), 0);
     // A set that was never filled holds everything, so its union with another set does too.
     let mut both = VisibleSet::new();
     both.union(&scene, &new);

@@ -1,6 +1,5 @@
 //! What became visible and what became hidden between two frames.
 
-use super::VisibleSet;
 use crate::{ObjectId, Scene, scene::SceneCursor};
 use alloc::vec::Vec;
 
@@ -35,6 +34,18 @@ impl Changes {
         if self.is_other { &[] } else { ids }
     }
 
+    /// Iterates over the objects of the last frame that were not in the frame before; over all of them if the
+    /// frame before showed another scene.
+    pub(super) fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
+        difference(&self.now, self.same_scene(&self.before), &self.before_places)
+    }
+
+    /// Iterates over the objects of the frame before that are not in the last frame; over all of them if the
+    /// last frame showed another scene.
+    pub(super) fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
+        difference(&self.before, self.same_scene(&self.now), &self.now_places)
+    }
+
     /// Ends a frame in which the objects `ids` of `scene` were visible.
     pub(super) fn record(&mut self, scene: &Scene, ids: &[ObjectId]) {
         self.is_other = !self.scene.is_in(scene);
@@ -48,26 +59,6 @@ impl Changes {
         for (place, id) in (0..).zip(ids) {
             self.now_places[id.index()] = place;
         }
-    }
-}
-
-impl VisibleSet {
-    /// Iterates over the objects that are visible in the last finished frame and were not in the frame
-    /// before. Empty unless the set was made [with changes](Self::with_changes).
-    ///
-    /// In the first frame of another scene, a clone included, these are all visible objects.
-    pub fn newly_visible(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.changes.iter().flat_map(|c| difference(&c.now, c.same_scene(&c.before), &c.before_places))
-    }
-
-    /// Iterates over the objects that were visible in the frame before the last finished one and are not
-    /// visible any more, including objects removed from the scene. Empty unless the set was made [with
-    /// changes](Self::with_changes).
-    ///
-    /// In the first frame of another scene these are all objects that were visible in the scene before, with
-    /// the ids of that scene.
-    pub fn newly_hidden(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.changes.iter().flat_map(|c| difference(&c.before, c.same_scene(&c.now), &c.now_places))
     }
 }
 

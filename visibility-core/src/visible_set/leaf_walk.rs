@@ -1,6 +1,5 @@
 //! Traversal of a set's masks, leaf by leaf.
 
-use super::VisibleSet;
 use crate::scene::{NONE, Tree};
 use crate::{ObjectId, Scene};
 use smallvec::SmallVec;
@@ -8,7 +7,9 @@ use smallvec::SmallVec;
 /// Traversal of the leaves that a set reaches, in hierarchy order, and iterator over the objects in them.
 /// Objects that are never culled are not visited.
 pub(super) struct LeafWalk<'a> {
-    set: &'a VisibleSet,
+    /// Masks of the set, indexed by node; `None` if the set holds every object on `layers`.
+    masks: Option<&'a [u64]>,
+    layers: u32,
     scene: &'a Scene,
     tree: &'a Tree,
     /// Stack of the inner nodes from the root to the present leaf, each with a mask of the lanes that are
@@ -21,16 +22,21 @@ pub(super) struct LeafWalk<'a> {
 }
 
 impl<'a> LeafWalk<'a> {
-    pub(super) fn new(set: &'a VisibleSet, scene: &'a Scene, wanted: bool) -> Self {
-        let mut walk = Self { set, scene, tree: scene.tree(), path: SmallVec::new(), leaf: 0, mask: 0 };
-        if wanted && walk.tree.root != NONE {
-            walk.enter(walk.tree.root as usize);
+    /// Begins a traversal of the set with these masks, or of all objects on `layers` if `masks` is `None`.
+    pub(super) fn new(masks: Option<&'a [u64]>, layers: u32, scene: &'a Scene) -> Self {
+        let tree = scene.tree();
+        let mut walk = Self { masks, layers, scene, tree, path: SmallVec::new(), leaf: 0, mask: 0 };
+        if tree.root != NONE {
+            walk.enter(tree.root as usize);
         }
         walk
     }
 
     fn enter(&mut self, node: usize) {
-        let mask = self.set.mask(self.scene, node);
+        let mask = match self.masks {
+            Some(masks) => masks[node],
+            None => lanes_on_layers(self.scene, node, self.layers),
+        };
         if self.tree.levels[node] == 0 {
             (self.leaf, self.mask) = (node, mask);
         } else {
@@ -92,5 +98,14 @@ impl Iterator for LeafWalk<'_> {
                 return result;
             }
         }
+    }
+}
+
+/// Returns the mask of a node of the set that holds every object on `layers`, bit i for lane i: the objects on
+/// these layers (leaves) or all children (inner nodes).
+pub(super) fn lanes_on_layers(scene: &Scene, node: usize, layers: u32) -> u64 {
+    match scene.tree().levels[node] {
+        0 => scene.lanes_on_layers(node, layers),
+        _ => scene.tree().occupied[node],
     }
 }

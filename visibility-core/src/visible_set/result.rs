@@ -1,6 +1,6 @@
 //! The finished set as a frame's result: a list of ids that survives changes of the scene.
 
-use super::{LeafWalk, Listing, VisibleSet};
+use super::{Listing, VisibleSet};
 use crate::scene::{NONE, lanes};
 use crate::{ObjectId, Scene};
 use core::fmt;
@@ -33,8 +33,8 @@ impl fmt::Display for BitsError {
 impl core::error::Error for BitsError {}
 
 impl VisibleSet {
-    /// Ends a frame: lists the objects of the set, in the set's order if it has one and otherwise in the order
-    /// of the hierarchy with objects that are never culled last. If the set was made [with
+    /// Ends a frame: lists the objects of the set, in the set's order if it has one and otherwise in the
+    /// order of the hierarchy with objects that are never culled last. If the set was made [with
     /// changes](Self::with_changes), records them for [`newly_visible`](Self::newly_visible) and
     /// [`newly_hidden`](Self::newly_hidden). [`Pipeline::cull`](crate::Pipeline::cull) calls this itself;
     /// code that calls cullers without a pipeline calls it before the scene changes.
@@ -84,7 +84,7 @@ impl VisibleSet {
                 }
                 ids.extend_from_slice(&block[..count.min(64)]);
             };
-            let mut walk = LeafWalk::new(self, scene, true);
+            let mut walk = self.leaves(scene);
             if tree.root != NONE && walk.mask != 0 {
                 push(walk.leaf, walk.mask);
             }
@@ -135,10 +135,11 @@ impl VisibleSet {
         } else if is_result || is_current && self.listing == Listing::Order {
             part = &self.ids;
         } else {
-            walk = Some(LeafWalk::new(self, scene, true));
+            walk = Some(self.leaves(scene));
             unculled = Some(self.unculled(scene));
         }
-        let stays = move |id: &ObjectId| if is_result { scene.contains(*id) } else { self.contains(scene, *id) };
+        let stays =
+            move |id: &ObjectId| if is_result { scene.contains(*id) } else { self.contains(scene, *id) };
         let part = part.iter().copied().filter(stays);
         let masks = walk.into_iter().flatten().chain(unculled.into_iter().flatten());
         Listed { whole: whole.iter(), rest: part.chain(masks) }
@@ -155,7 +156,7 @@ impl VisibleSet {
                 false => self.ids.iter().filter(|&&id| scene.contains(id)).count(),
             };
         }
-        let mut walk = LeafWalk::new(self, scene, true);
+        let mut walk = self.leaves(scene);
         let mut count = walk.mask.count_ones() as usize;
         while walk.next_leaf() {
             count += walk.mask.count_ones() as usize;
