@@ -101,8 +101,8 @@ impl Iterator for LeafWalk<'_> {
     }
 }
 
-/// Returns the mask of a node of the set that holds every object on `layers`, bit i for lane i: the objects on
-/// these layers (leaves) or all children (inner nodes).
+/// Returns the mask of a node of the set that holds every object on `layers`, bit i for lane i: the objects
+/// on these layers (leaves) or all children (inner nodes).
 pub(super) fn lanes_on_layers(scene: &Scene, node: usize, layers: u32) -> u64 {
     match scene.tree().levels[node] {
         0 => scene.lanes_on_layers(node, layers),
