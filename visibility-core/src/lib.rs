@@ -34,6 +34,8 @@
 //!
 //! # Features
 //! `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary functions.
+//! `bytemuck` makes [`Aabb`], [`ObjectId`] and the [draw commands](draw_list) `Pod`, and glam's vectors and
+//! matrices too.
 #![no_std]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
@@ -49,6 +51,7 @@ pub mod casters;
 pub mod cells;
 mod cull_stats;
 mod culler;
+pub mod draw_list;
 mod float;
 pub mod frustum;
 pub mod geometry;
@@ -67,6 +70,7 @@ pub mod walk;
 
 pub use cull_stats::CullStats;
 pub use culler::{Accuracy, Culler};
+pub use draw_list::DrawList;
 pub use frustum::FrustumCuller;
 pub use geometry::Aabb;
 pub use glam;

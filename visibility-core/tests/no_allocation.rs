@@ -6,6 +6,7 @@ use visibility_core::{
     Aabb, Accuracy, FrustumCuller, ObjectId, OccluderMesh, OcclusionCuller, OcclusionMap, Pipeline, Pose,
     Scene, View, VisibleSet,
     casters::{CasterCuller, Light},
+    draw_list::{DrawIndexedIndirect, DrawList},
     geometry::Plane,
     occlusion::{Occlusion, Selection},
 };
@@ -124,6 +125,32 @@ fn frames_with_few_moves_allocate_nothing_after_a_second() {
 #[test]
 fn frames_with_teleports_allocate_nothing_once_warm() {
     check_frames(true, true, false, 1000);
+}
+
+/// Tests what is made of results: order by index, bits, groups and commands.
+#[test]
+fn results_allocate_nothing_once_warm() {
+    let mut world = World::new(20_000, 400, false);
+    let (mut visible, mut list) = (VisibleSet::new(), DrawList::new());
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+    let mut bits = vec![0; world.scene.index_limit().div_ceil(32)];
+    let (mut commands, mut before) = (Vec::new(), 0);
+    for frame in 0..400 {
+        if frame == 200 {
+            before = ALLOCATIONS.get();
+        }
+        world.frame(&mut pipeline, &mut visible, false);
+        visible.sort_by_index(&world.scene);
+        visible.write_bits(&mut bits).unwrap();
+        // Few keys and sparse keys in turns.
+        let spread = if frame % 2 == 0 { 1 } else { 1 << 20 };
+        list.group(visible.ids(), |id| id.index() as u32 % 50 * spread);
+        commands.clear();
+        commands.extend(list.commands(|_| DrawIndexedIndirect::default()));
+        world.drawn += commands.len();
+    }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert!(world.drawn > 0);
 }
 
 /// Tests two eyes, the union of their sets, and the casters of three lights with receivers, in a moving

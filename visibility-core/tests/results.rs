@@ -1,6 +1,7 @@
 //! Tests of a [`VisibleSet`] as the result of a frame: its list of ids survives changes of the scene.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use visibility_core::draw_list::{DrawGroup, DrawIndexedIndirect, DrawList};
 use visibility_core::glam::DVec3;
 use visibility_core::visible_set::BitsError;
 use visibility_core::{Aabb, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
@@ -310,4 +311,76 @@ fn a_render_thread_reads_results_while_the_scene_changes() {
             assert_eq!(render.join().unwrap(), expected);
         });
     }
+}
+
+/// Tests groups against a map of lists, with few, many, sparse and extreme keys, in one list after another.
+#[test]
+fn draw_lists_group_as_a_map_of_lists_does() {
+    let mut rng = Random(7);
+    let mut list = DrawList::new();
+    assert_eq!((list.groups(), list.instances()), (&[][..], &[][..]));
+    let mut sparse = 0;
+    for round in 0..300 {
+        let count = rng.pick(&[0, 1, 2, 50, 3000]);
+        let mut scene = Scene::new();
+        let mut ids = scene.insert_batch((0..count).map(|_| random_box(&mut rng)));
+        ids.sort_by_key(|id| id.index() * 7919 % 1013);
+        let keys = rng.pick(&[1, 2, 60, 1000, 100_000, usize::MAX]);
+        let key_of: Vec<u32> = (0..count)
+            .map(|_| {
+                if keys == usize::MAX {
+                    rng.pick(&[0, 5, u32::MAX, u32::MAX - 1])
+                } else {
+                    rng.below(keys) as u32
+                }
+            })
+            .collect();
+        sparse += usize::from(key_of.iter().any(|&key| key as usize > 8 * count + 1000));
+        list.group(&ids, |id| key_of[id.index()]);
+        let mut expected: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for id in &ids {
+            expected.entry(key_of[id.index()]).or_default().push(id.index() as u32);
+        }
+        let got = list.groups().iter().map(|group| (group.key, list.instances()[group.range()].to_vec()));
+        assert!(got.eq(expected.clone()), "round {round}");
+        assert_eq!(list.instances(), expected.values().flatten().copied().collect::<Vec<_>>());
+        let mesh = |key| DrawIndexedIndirect { index_count: key ^ 3, base_vertex: -5, ..Default::default() };
+        assert_eq!(list.commands(mesh).len(), expected.len());
+        for (command, &DrawGroup { key, first, count }) in list.commands(mesh).zip(list.groups()) {
+            let whole = DrawIndexedIndirect { first_instance: first, instance_count: count, ..mesh(key) };
+            assert_eq!(command, whole);
+        }
+    }
+    assert!(sparse > 30, "too easy: {sparse}");
+}
+
+#[test]
+fn ids_are_numbers_and_one_names_no_object() {
+    let mut scene = Scene::new();
+    for _ in 0..5 {
+        let id = scene.insert(at(0.0, 0.0, 0.0));
+        assert_eq!(id.to_bits(), u64::from(id.generation()) << 32 | id.index() as u64);
+        assert_eq!(ObjectId::from_bits(id.to_bits()), id);
+        assert!(scene.contains(id) && !scene.contains(ObjectId::PLACEHOLDER));
+        scene.remove(id).unwrap();
+    }
+    for bits in [0, u64::MAX, 0x0123_4567_89ab_cdef] {
+        assert_eq!(ObjectId::from_bits(bits).to_bits(), bits);
+    }
+}
+
+#[cfg(feature = "bytemuck")]
+#[test]
+fn ids_boxes_and_commands_are_plain_data() {
+    let command = DrawIndexedIndirect {
+        index_count: 1,
+        instance_count: 2,
+        first_index: 3,
+        base_vertex: -1,
+        first_instance: 5,
+    };
+    assert_eq!(bytemuck::cast::<_, [u32; 5]>(command), [1, 2, 3, u32::MAX, 5]);
+    assert_eq!(bytemuck::cast::<_, [u32; 3]>(DrawGroup { key: 7, first: 8, count: 9 }), [7, 8, 9]);
+    assert_eq!(bytemuck::cast::<_, [f32; 6]>(at(1.0, 2.0, 3.0)), [1.0, 2.0, 3.0, 1.5, 2.5, 3.5]);
+    assert_eq!(bytemuck::cast::<_, [u32; 2]>(ObjectId::from_bits(3 << 32 | 4)), [4, 3]);
 }

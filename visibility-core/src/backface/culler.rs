@@ -81,7 +81,7 @@ struct Entry {
 }
 
 impl Entry {
-    const NONE: Self = Self { id: ObjectId::NONE, cone: NormalCone::OPEN, changed: 0 };
+    const NONE: Self = Self { id: ObjectId::PLACEHOLDER, cone: NormalCone::OPEN, changed: 0 };
 }
 
 /// The cones of the objects in one leaf of the scene's hierarchy (64 lanes), copied from
@@ -98,7 +98,7 @@ struct Block {
 
 impl Block {
     const NONE: Self =
-        Self { cones: Cones64::OPEN, ids: [ObjectId::NONE; 64], layout: Stamp::NONE, checked: 0 };
+        Self { cones: Cones64::OPEN, ids: [ObjectId::PLACEHOLDER; 64], layout: Stamp::NONE, checked: 0 };
 }
 
 impl Default for BackfaceCuller {

@@ -16,6 +16,8 @@ use glam::{Affine3A, DVec3, Vec3, Vec3A};
 /// assert_eq!(a.union(&Aabb::EMPTY), a);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[cfg_attr(feature = "bytemuck", derive(bytemuck::Pod, bytemuck::Zeroable))]
+#[repr(C)]
 pub struct Aabb {
     /// Minimum corner: the least x, y and z of the box, inclusive.
     pub min: Vec3,

@@ -133,7 +133,7 @@ impl Tree {
     fn push_leaf(&mut self, entries: &[Entry], generations: &[u32]) {
         let node = self.node_count() as u32;
         let occupied = if entries.len() < 64 { (1 << entries.len()) - 1 } else { u64::MAX };
-        let mut ids = [ObjectId::NONE; 64];
+        let mut ids = [ObjectId::PLACEHOLDER; 64];
         let mut occluders = 0;
         for (lane, (id, entry)) in ids.iter_mut().zip(entries).enumerate() {
             id.index = entry.tagged & !Entry::OCCLUDER;

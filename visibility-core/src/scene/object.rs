@@ -27,14 +27,33 @@ pub type Triangle = [Vec3; 3];
 /// assert_eq!(id.index(), 0);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Hash)]
+#[cfg_attr(feature = "bytemuck", derive(bytemuck::Pod, bytemuck::Zeroable))]
+#[repr(C)]
 pub struct ObjectId {
     pub(crate) index: u32,
     pub(crate) generation: u32,
 }
 
 impl ObjectId {
-    /// The id of no object, for free lanes.
-    pub(crate) const NONE: Self = Self { index: u32::MAX, generation: 0 };
+    /// The id of no object in any scene, for fields that are set later.
+    pub const PLACEHOLDER: Self = Self { index: u32::MAX, generation: 0 };
+
+    /// Returns the id as a number for engines and files that store numbers: the index in the lower half, the
+    /// generation in the upper.
+    ///
+    /// ```
+    /// use visibility_core::ObjectId;
+    /// assert_eq!(ObjectId::from_bits(ObjectId::PLACEHOLDER.to_bits()), ObjectId::PLACEHOLDER);
+    /// ```
+    pub const fn to_bits(self) -> u64 {
+        (self.generation as u64) << 32 | self.index as u64
+    }
+
+    /// Returns the id that [`to_bits`](Self::to_bits) made `bits` of. Any other number gives an id that a
+    /// scene may not know, or may know as another object.
+    pub const fn from_bits(bits: u64) -> Self {
+        Self { index: bits as u32, generation: (bits >> 32) as u32 }
+    }
 
     /// Returns the object's index, which is below [`Scene::index_limit`](crate::Scene::index_limit), for
     /// arrays indexed by object.

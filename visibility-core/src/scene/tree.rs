@@ -45,7 +45,7 @@ pub(crate) struct Tree {
     /// Mask of the lanes that hold an object or a child node, for each node; bit i stands for lane i.
     pub(crate) occupied: Vec<u64>,
     /// For leaves, the object in each lane. For inner nodes, the child in each lane: `index` is the child's
-    /// node number. [`ObjectId::NONE`] in free lanes.
+    /// node number. [`ObjectId::PLACEHOLDER`] in free lanes.
     pub(crate) ids: Vec<[ObjectId; 64]>,
     /// For leaves, the layer mask of the object in each lane. Free lanes, and all lanes of
     /// inner nodes, have all bits set, so that they do not affect the AND over a leaf.
@@ -130,7 +130,7 @@ impl Tree {
             self.levels[node as usize] = level;
             return node;
         }
-        self.push_node(Boxes64::EMPTY, 0, [ObjectId::NONE; 64], [u32::MAX; 64], 0, level)
+        self.push_node(Boxes64::EMPTY, 0, [ObjectId::PLACEHOLDER; 64], [u32::MAX; 64], 0, level)
     }
 
     /// Appends a node without a parent to all arrays and returns its number.
@@ -190,7 +190,7 @@ impl Tree {
         self.bounds[slot.node()].set(slot.lane(), &Aabb::EMPTY);
         self.occupied[slot.node()] &= !(1 << slot.lane());
         self.occluders[slot.node()] &= !(1 << slot.lane());
-        self.ids[slot.node()][slot.lane()] = ObjectId::NONE;
+        self.ids[slot.node()][slot.lane()] = ObjectId::PLACEHOLDER;
         self.layers[slot.node()][slot.lane()] = u32::MAX;
     }
 

@@ -71,7 +71,7 @@ impl VisibleSet {
             ids.clear();
             // Enough for any set of this scene, so that later frames allocate nothing.
             ids.reserve(scene.len());
-            let mut block = [ObjectId::NONE; 64];
+            let mut block = [ObjectId::PLACEHOLDER; 64];
             let mut push = |leaf: usize, mask: u64| {
                 let leaf = &tree.ids[leaf];
                 if mask == u64::MAX {

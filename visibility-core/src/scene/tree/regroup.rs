@@ -144,7 +144,7 @@ impl Tree {
 
         // Copies of the old contents, since nodes are overwritten before all have been read.
         let level = self.levels[nodes[0] as usize];
-        let mut ids = [[ObjectId::NONE; 64]; GROUP];
+        let mut ids = [[ObjectId::PLACEHOLDER; 64]; GROUP];
         let mut layers = [[0; 64]; GROUP];
         let mut occluders = [0; GROUP];
         for (member, &node) in nodes.iter().enumerate() {
@@ -162,7 +162,7 @@ impl Tree {
             free &= !(1 << member);
             let node = nodes[member] as usize;
             let mut new_boxes = Boxes64::EMPTY;
-            let mut new_ids = [ObjectId::NONE; 64];
+            let mut new_ids = [ObjectId::PLACEHOLDER; 64];
             let mut new_layers = [u32::MAX; 64];
             let mut new_occluders = 0;
             for (lane, &word) in order[start..end].iter().enumerate() {
@@ -186,7 +186,7 @@ impl Tree {
         for member in lanes(free.into()) {
             let node = nodes[member] as usize;
             self.bounds[node] = Boxes64::EMPTY;
-            self.ids[node] = [ObjectId::NONE; 64];
+            self.ids[node] = [ObjectId::PLACEHOLDER; 64];
             self.layers[node] = [u32::MAX; 64];
             self.occluders[node] = 0;
             self.occupied[node] = 0;

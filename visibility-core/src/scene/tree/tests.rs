@@ -102,7 +102,7 @@ fn check(scene: &Scene, seen: &mut Seen) {
 
 fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
     assert_eq!(tree.bounds[node].get(lane), Aabb::EMPTY, "free lane {lane} of node {node} bounds nothing");
-    assert_eq!(tree.ids[node][lane], ObjectId::NONE);
+    assert_eq!(tree.ids[node][lane], ObjectId::PLACEHOLDER);
     assert_eq!(tree.layers[node][lane], u32::MAX, "free lane {lane} of node {node} is on all layers");
     assert_eq!(tree.occluders[node] >> lane & 1, 0);
 }
