@@ -62,9 +62,10 @@ impl Culler for FrustumCuller {
     }
 }
 
-/// A convex volume, the intersection of at most [`MAX_PLANES`] half-spaces, prepared for testing blocks of 64
-/// boxes. Planes and boxes are in the same coordinates, usually relative to the scene's origin. Planes are
-/// numbered from 0 in the order given to [`new`](Self::new).
+/// A convex volume, the intersection of at most [`MAX_PLANES`] half-spaces on the positive side of their
+/// planes (the side that the normal points to), prepared for testing blocks of 64 boxes. Planes and boxes are
+/// in the same coordinates, usually relative to the scene's origin. Planes are numbered from 0 in the order
+/// given to [`new`](Self::new).
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, SceneHierarchy};
@@ -84,8 +85,8 @@ impl Culler for FrustumCuller {
 pub struct ConvexVolume {
     simd: Simd,
     planes: [TestPlane; MAX_PLANES],
-    /// The planes with normals and offsets negated, in the order of `planes`. A box outside `flipped[i]` is
-    /// inside `planes[i]`.
+    /// The planes with normals and offsets negated, in the order of `planes`. A box certainly outside
+    /// `flipped[i]` is certainly inside `planes[i]`.
     flipped: [TestPlane; MAX_PLANES],
     all: u32,
 }
@@ -124,9 +125,10 @@ impl ConvexVolume {
         self.simd.any_outside(boxes, &self.planes, active)
     }
 
-    /// Returns a mask of the lanes whose box is certainly inside plane number `plane` (modulo
-    /// [`MAX_PLANES`]), so that nothing below these boxes needs a test against that plane. Bit i stands for
-    /// lane i; undecided lanes are 0, and so are all lanes for a plane that the volume does not have.
+    /// Returns a mask of the lanes whose box is certainly on the inner side of plane number `plane` (modulo
+    /// [`MAX_PLANES`]), the side that its normal points to, so that nothing below these boxes needs a test
+    /// against that plane. Bit i stands for lane i; undecided lanes are 0, and so are all lanes for a plane
+    /// that the volume does not have.
     #[inline]
     pub fn inside(&self, boxes: &Boxes64, plane: usize) -> u64 {
         self.simd.any_outside(boxes, &self.flipped, 1 << (plane % MAX_PLANES))

@@ -51,8 +51,8 @@ pub trait BoxHierarchy {
     /// `None` stands for the top of the hierarchy.
     fn for_each_child(&self, scene: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb));
 
-    /// Whether this type is [`SceneHierarchy`], whose nodes have masks in a [`VisibleSet`]. No other
-    /// implementation may set this to true.
+    /// True only for [`SceneHierarchy`], whose nodes have masks in a [`VisibleSet`]. False for every other
+    /// implementation: its dropped objects are removed from the set one by one.
     #[doc(hidden)]
     const IS_OF_SCENE: bool = false;
 

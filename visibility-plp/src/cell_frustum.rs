@@ -145,8 +145,9 @@ impl CellFrustum {
         }
     }
 
-    /// Tests whether a scene-relative box is certainly inside all planes that view rays cross before reaching
-    /// anything in view, such as the near plane. False if the box touches such a plane and for NaN.
+    /// Tests whether a scene-relative box is certainly on the inner side (the side that the normal points to)
+    /// of all planes that view rays cross before reaching anything in view, such as the near plane. False if
+    /// the box touches such a plane and for NaN.
     pub(crate) fn is_beyond_near(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
@@ -156,8 +157,9 @@ impl CellFrustum {
     }
 
     /// Tests whether one of the selected view planes certainly has all corners of all triangles on its outer
-    /// side. Bit i of `planes` selects plane i of this frustum. Triangles are scene-relative. False for NaN
-    /// coordinates and if no plane is selected; without triangles, true if any plane is selected.
+    /// side, away from which its normal points. Bit i of `planes` selects plane i of this frustum. Triangles
+    /// are scene-relative. False for NaN coordinates and if no plane is selected; without triangles, true if
+    /// any plane is selected.
     #[inline]
     pub(crate) fn is_outside<'a>(
         &self,

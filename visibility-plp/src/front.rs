@@ -1,8 +1,8 @@
 //! The front: a priority queue of the cells that are candidates for projection, least solidity first.
 //!
 //! A heap with four children per node that stores the heap index of each cell, so that a cell whose solidity
-//! changes is moved in index. A binary heap with lazy deletion, which inserts such a cell a second time, took
-//! twice the time for the same operations.
+//! changes is moved within the heap. A binary heap with lazy deletion, which inserts such a cell a second
+//! time, took twice the time for the same operations.
 
 use alloc::vec::Vec;
 
@@ -22,7 +22,9 @@ pub(crate) struct Front {
     heap: Vec<(u64, u32)>,
     /// Index in `heap` of each cell, by cell number; [`NOT_QUEUED`] for cells not in the front.
     heap_indices: Vec<u32>,
-    /// Number of pushes since the last clear, wrapping: the low 32 bits of the next key.
+    /// Number of pushes since the last [`clear`](Self::clear), wrapping at 2^32. Each push uses the number
+    /// as the low 32 bits of the cell's key in `heap`, so that among cells of equal solidity the one
+    /// pushed first has the least key.
     tickets: u32,
 }
 

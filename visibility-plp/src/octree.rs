@@ -77,16 +77,16 @@ pub struct OctreeTessellation {
     pub(crate) leaf_positions: Vec<[u16; 4]>,
     /// Adjacency of the leaves: for each leaf its neighbours across faces, encoded by [`encode_neighbour`].
     pub(crate) neighbours: IndexLists,
-    /// Leaves with a face on the surface of the cube.
+    /// Numbers of the leaves with a face on the surface of the cube.
     pub(crate) boundary: Vec<u32>,
-    /// Objects in each leaf.
+    /// Lists of the objects in each leaf.
     pub(crate) content: Content,
 }
 
 /// Node of the octree, needed while objects are assigned to leaves.
 #[derive(Clone, Copy)]
 enum Node {
-    /// Index of the first of eight consecutive children, in Morton order.
+    /// Index in the array of nodes of the first of eight consecutive children, in Morton order.
     Inner(u32),
     /// Number of a leaf, which is a cell of the tessellation.
     Leaf(u32),

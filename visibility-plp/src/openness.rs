@@ -26,12 +26,13 @@ const LINES_PER_TRIANGLE: f64 = 3.0;
 /// fraction of the scene's radius. Longer distances count as 1 too.
 const FAR: f32 = 0.5;
 
-/// Minimum cosine between a triangle's normal and a line direction for which the triangle's free distance is
-/// measured.
+/// Least cosine between a triangle's normal and the direction of sampling lines for which those lines count
+/// in the triangle's openness. Lines that meet the triangle at a flatter angle (more than 78 degrees off its
+/// normal) are left out of the mean, since their free distance says little about the surface.
 const MIN_MEASURED_COSINE: f32 = 0.2;
 
-/// Minimum cosine between a triangle's normal and a line direction for which the triangle blocks lines of
-/// that direction.
+/// Least cosine between a triangle's normal and the direction of sampling lines for which the triangle blocks
+/// those lines. A triangle seen closer to edge-on (by 0.06 degrees or less) is taken as absent.
 const MIN_BLOCKING_COSINE: f32 = 1e-3;
 
 /// Distance from a triangle, in units of the spacing of the sampling lines, up to which another surface
@@ -131,7 +132,8 @@ struct Slope {
     y: f32,
     /// Absolute cosine between the triangle's normal and the lines, 0 to 1.
     cosine: f32,
-    /// Whether the triangle's front faces towards greater z.
+    /// True if the triangle's front faces towards greater z (along the lines), false if it faces towards
+    /// lesser z.
     up: bool,
 }
 

@@ -3,20 +3,23 @@
 use visibility_core::glam::DVec3;
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
-/// One triangle of an object, or the box of an object without triangles. In metres relative to the scene's
-/// origin, unless [`map`](Self::map) changed the coordinates.
+/// One triangle of an object, or the solid box that stands for an object without triangles. Coordinates are
+/// in metres relative to the scene's origin, unless [`map`](Self::map) changed them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shape {
-    /// Corners of a triangle, anticlockwise seen from its front.
+    /// Corners of a triangle, anticlockwise seen from its front. Metres relative to `Scene::origin`, unless
+    /// mapped.
     Triangle([DVec3; 3]),
-    /// Solid box, given by its minimum and maximum corner.
+    /// Minimum and maximum corner of a solid box. Metres relative to `Scene::origin`, unless mapped.
     Solid(DVec3, DVec3),
 }
 
-/// Corners of a shape: three of a triangle or eight of a box.
+/// Corners of a [`Shape`], in the coordinates of the shape (metres relative to `Scene::origin`, unless
+/// mapped): three of a triangle or eight of a box.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corners {
-    /// Corner points; only the first `count` are valid.
+    /// Corner points in the coordinates of the shape (metres relative to `Scene::origin`, unless mapped).
+    /// Only the first `count` are valid.
     points: [DVec3; 8],
     /// Number of valid `points`, 3 or 8.
     count: usize,

@@ -52,7 +52,7 @@ const HALF_PRIORITY_ANGLE: f32 = 1e-5;
 pub(crate) struct SourceCell {
     /// Number of the cell.
     pub(crate) cell: u32,
-    /// Unit direction from the eye to the cell's centre.
+    /// Unit direction from the eye to the cell's centre, in scene axes.
     pub(crate) direction: DVec3,
     /// The cell's transmittance (share of view rays that reach the cell, 0 to 1); its solidity with
     /// [`Solidity::Count`].
@@ -110,7 +110,7 @@ pub(crate) fn visibility_chance(transmittance: f32) -> f32 {
 /// facing that side appears larger than a surface of mean orientation. Side i is twice the axis, plus one
 /// towards negative coordinates. `direction` is the unit direction from the eye to the surface. All factors
 /// are 1 if `is_around` (the eye is in or near the cell). With `one_sided`, sides that face away from the eye
-/// get small factors.
+/// get small factors; without, a side counts alike whether its front or back is seen.
 pub(crate) fn side_factors(direction: Vec3, is_around: bool, one_sided: bool) -> [f32; 7] {
     let mut factors = [1.0; 7];
     if is_around {

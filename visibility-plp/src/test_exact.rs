@@ -4,10 +4,11 @@
 use visibility_core::glam::DVec3;
 pub(crate) use visibility_testing::Random;
 
-/// Vector of integers.
+/// Vector of exact integer coordinates x, y and z, in whatever unit a test chooses.
 pub(crate) type IntVector = [i64; 3];
 
-/// Random numbers that f64 and i64 represent exactly.
+/// Extends the tests' random number generator by numbers that i64 or f64 represents exactly, for tests of
+/// rounding margins against exact integer arithmetic.
 pub(crate) trait RandomExact {
     /// Returns a random integer from `-below` (inclusive) to `below` (exclusive).
     fn whole(&mut self, below: i64) -> i64;

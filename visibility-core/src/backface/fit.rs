@@ -31,11 +31,12 @@ const LEAST_COSINE: f64 = 0.12;
 /// the half-axis.
 const LEAST_AXIS: f64 = 1.0 / 512.0;
 
-/// A plane in the fit of a cone. An eye sees only backs if it is behind the planes of all facets, and only
-/// fronts if it is in front of the planes of all facets.
+/// A plane in the fit of a cone, in the coordinates of the triangles from which the cone is made. An eye sees
+/// only backs if it is behind the planes of all facets, and only fronts if it is in front of the planes of
+/// all facets.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Facet {
-    /// Unit normal, pointing to the front.
+    /// Unit normal, pointing to the side from which the front of the triangle is seen.
     pub(super) normal: DVec3,
     /// Two points that bound the facet. The apex of the back-facing cone must be behind the plane through
     /// `points[0]` with this normal; the apex of the front-facing cone must be in front of the plane through
@@ -107,8 +108,9 @@ fn is_exact_difference(x: f64, y: f64, d: f64) -> bool {
     (x - (d - z)) + (-y - z) == 0.0
 }
 
-/// A fitted cone in `f64`, before its rows are rounded to `f32`. With `v` the vector from the apex `behind`
-/// to an eye, the eye sees only backs if `rows[2] . v + |(rows[0] . v, rows[1] . v)| <= 0`.
+/// A fitted cone in `f64`, in the coordinates of the facets from which it was fitted, before its rows are
+/// rounded to `f32`. With `v` the vector from the apex `behind` to an eye, the eye sees only backs if
+/// `rows[2] . v + |(rows[0] . v, rows[1] . v)| <= 0`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Fit {
     /// Rows of the cone's matrix: the two half-axes of the ellipse, then its centre direction. No component
@@ -184,7 +186,8 @@ fn gnomonic(facets: &[Facet], axis: DVec3, x: DVec3, y: DVec3) -> Vec<DVec2> {
 #[derive(Clone, Copy, Debug)]
 struct Ellipse {
     center: DVec2,
-    /// Unit vector along the first half-axis of the ellipse. The second half-axis is perpendicular.
+    /// Unit vector along the first half-axis of the ellipse, in coordinates of the gnomonic plane (the plane
+    /// at distance 1 along the cone's axis). The second half-axis is perpendicular.
     direction: DVec2,
     axes: [f64; 2],
 }

@@ -11,7 +11,8 @@ use glam::DVec3;
 pub(crate) struct SplitEye {
     high: [f32; 3],
     low: [f32; 3],
-    /// Factor of the apex when it is subtracted from the eye: 1 for an eye point, 0 for a direction.
+    /// Factor by which the apex is multiplied before it is subtracted from the eye: 1 for an eye point, 0
+    /// for a direction (parallel view).
     weight: f32,
     /// Bound for the rounding and the uncertainty of the eye, to be multiplied by a cone's `margin`: the sum
     /// of `2u` times the sum of the coordinates' magnitudes (`u = 2^-24`), `2^-100`, and `5 * 2^19` times

@@ -51,13 +51,15 @@ struct RoundedPlane {
     offset_error: f64,
 }
 
-/// A plane of the volume, with the signed distance of the light from the plane.
+/// A plane of the volume or the plane at infinity, with the signed distance of the light from the plane:
+/// positive on the inner side, to which the plane's normal points.
 #[derive(Clone, Copy)]
 struct Facet {
     slot: u8,
     plane: RoundedPlane,
-    /// Signed distance of the light from the plane in metres as computed (`A . L` at the head of this
-    /// module). For a light at infinity, the dot product of its direction with the plane's normal.
+    /// Signed distance of the light from the plane in metres as computed, positive on the inner side (`A .
+    /// L` at the head of this module). For a light at infinity, the dot product of its direction with
+    /// the plane's normal.
     distance: f64,
     error: f64,
 }
@@ -97,11 +99,13 @@ impl Source {
     }
 }
 
-/// Slot of a view's far plane, and of the plane at infinity. Slots number the planes of a view or box.
+/// Slot number of a view's far plane, and of the plane at infinity. Slots number the planes of a view or box
+/// from 0; slots that differ only in bit 0 are opposite planes.
 const FAR: u8 = 5;
 
 impl Facet {
-    /// Tests whether the light is certainly on the inner side of the plane. False if undecided.
+    /// Tests whether the light is certainly on the inner side of the plane, the side that its normal points
+    /// to. False if undecided.
     fn faces_light(&self) -> bool {
         self.distance > self.error
     }
@@ -115,11 +119,13 @@ impl Facet {
     /// Returns the plane through the light and the common edge of two planes: `self` (`A` below), which must
     /// certainly have the light `L` on its inner side, and `other` (`B` below), which must not.
     ///
-    /// The weights `a` of `A` and `b` of `B` are rounded so that the exact planes, taken with these very
-    /// weights, have the light on the inner side of their sum. With `a >= error(B) - B.L` and `b <= A.L -
-    /// error(A)` for the computed distances, the exact distances satisfy `A.L >= b` and `B.L >= -a`, so `a (A
-    /// . L) + b (B . L) >= a b - b a = 0`. So the sum is a valid plane whatever the errors are, and where the
-    /// light is nearly on `other`, the sum is nearly `other`.
+    /// The result is `a A + b B`. Here `A.L` and `B.L` are the signed distances of the light from the planes,
+    /// and `error(A)` and `error(B)` bound the absolute errors of their computed values. The weights `a` and
+    /// `b` are rounded so that the exact planes, taken with these very weights, have the light on the inner
+    /// side of their sum. With `a >= error(B) - B.L` and `b <= A.L - error(A)` for the computed distances,
+    /// the exact distances satisfy `A.L >= b` and `B.L >= -a`, so `a (A . L) + b (B . L) >= a b - b a = 0`.
+    /// So the sum is a valid plane whatever the errors are, and where the light is nearly on `other`, the sum
+    /// is nearly `other`.
     fn toward(&self, other: &Self) -> RoundedPlane {
         let (a, b) = (other.error - other.distance, self.distance - self.error);
         let scale = a.max(b);

@@ -54,17 +54,20 @@ pub enum CellGraphError {
         /// Number of cells in the graph, numbered from 0.
         cells: usize,
     },
-    /// A portal of a cell reaches behind the plane of another portal of the cell, so the two cannot both be
-    /// on the boundary of a convex body: the cell is not convex, a portal is not on its boundary, or a normal
-    /// points the wrong way.
+    /// A portal of a cell reaches to the outer side of another portal's plane, the side of that plane away
+    /// from the cell. Two such portals cannot both be on the boundary of a convex body: the cell is not
+    /// convex, a portal is not on its boundary, or a normal points the wrong way.
     NotOnBoundary {
         /// Cell to which both portals belong.
         cell: CellId,
-        /// Portal that reaches behind the plane of the portal `behind`.
+        /// Portal of `cell` that has a vertex on the outer side of the plane of the portal `behind`, the
+        /// side away from `cell`.
         portal: PortalId,
-        /// Portal whose plane has a vertex of `portal` on its outer side.
+        /// Portal of `cell` whose plane the other portal, `portal`, crosses: a vertex of `portal` lies on
+        /// the side of this plane away from `cell`.
         behind: PortalId,
-        /// Greatest distance of a vertex of `portal` behind the plane of the portal `behind`, in metres.
+        /// Greatest distance in metres of a vertex of `portal` from the plane of the portal `behind`, on the
+        /// side of that plane away from `cell`.
         distance: f64,
     },
     /// The number of bodies (volumes of cells) given to `validate_bodies` differs from the number of cells.

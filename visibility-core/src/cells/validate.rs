@@ -6,9 +6,9 @@ use glam::DVec3;
 
 impl CellGraph {
     /// Checks that the portals of each cell can lie on the boundary of one convex body: no vertex of one
-    /// portal may be more than `tolerance` metres behind the plane of another. For coordinates read from text
-    /// with d decimals, `tolerance` should be about 10^-d times the extent of the map divided by that of its
-    /// smallest portal.
+    /// portal may be more than `tolerance` metres beyond the plane of another, on the side of that plane away
+    /// from the cell. For coordinates read from text with d decimals, `tolerance` should be about 10^-d times
+    /// the extent of the map divided by that of its smallest portal.
     ///
     /// Visibility through portals is conservative whether or not this check succeeds. The check helps the
     /// tools that make the cells to find mistakes. Time is proportional to the sum over all cells of the

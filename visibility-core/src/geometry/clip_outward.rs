@@ -8,8 +8,9 @@ use smallvec::SmallVec;
 /// an edge, also count as a polygon. Up to 16 corners are stored inline without allocation.
 pub(crate) type Corners = SmallVec<[DVec3; 16]>;
 
-/// Clips a convex polygon by the half-space of `plane` after its boundary was moved by `margin` metres
-/// against the unit normal, and returns the corners of the remaining part in order.
+/// Clips a convex polygon by the half-space on the side that the normal of `plane` points to, after its
+/// boundary was moved by `margin` metres against the unit normal, and returns the corners of the remaining
+/// part in order.
 ///
 /// A positive margin enlarges the half-space, a negative margin shrinks it. Corners on the moved boundary are
 /// kept. The result is empty if all corners are outside.

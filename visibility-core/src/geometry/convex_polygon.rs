@@ -45,7 +45,8 @@ pub enum PolygonError {
     },
     /// The boundary has a reflex corner or winds around more than once.
     NotConvex {
-        /// Index of a vertex that lies on the outer side of an edge.
+        /// Index of a vertex that lies more than the tolerance outside of an edge: on the side of the edge's
+        /// line away from the polygon's interior.
         vertex: usize,
     },
 }
@@ -69,8 +70,9 @@ impl fmt::Display for PolygonError {
 impl core::error::Error for PolygonError {}
 
 impl ConvexPolygon {
-    /// Greatest allowed distance of a vertex from the polygon's plane, and from the inner side of any edge,
-    /// as a fraction of the polygon's size (its greatest extent from the first vertex along an axis).
+    /// Greatest allowed distance of a vertex from the polygon's plane, and from the inner side of any edge
+    /// (the side of the polygon's interior), as a fraction of the polygon's size (its greatest extent from
+    /// the first vertex along an axis).
     pub const TOLERANCE: f64 = 1e-6;
 
     /// Makes a polygon of vertices in order around the boundary, clockwise or counter-clockwise. Collinear
@@ -161,9 +163,9 @@ impl ConvexPolygon {
         Some(Plane::through(center, normal))
     }
 
-    /// Writes the part of the polygon inside the half-space to `out`, replacing its vertices and reusing its
-    /// memory. Returns the classification of the whole polygon. `out` is empty if the polygon is `Outside`,
-    /// or if fewer than three vertices remain.
+    /// Writes the part of the polygon inside the half-space of `plane` (the side that its normal points to)
+    /// to `out`, replacing its vertices and reusing its memory. Returns the classification of the whole
+    /// polygon. `out` is empty if the polygon is `Outside`, or if fewer than three vertices remain.
     ///
     /// Vertices within the rounding error of the plane are kept unchanged, so that a cut along an existing
     /// edge adds no vertices.

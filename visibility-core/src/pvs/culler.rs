@@ -119,12 +119,15 @@ pub struct PvsCuller<S> {
     /// `t`.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
-    /// For each object index, whether the object cannot be seen from any viewcell of `entered`.
+    /// For each object index, true if the object cannot be seen from any viewcell of `entered`. False if the
+    /// object may be seen, or is never hidden.
     hidden: Vec<bool>,
-    /// For each object index, whether the object has changed since the [`ScenePvs`] was made.
+    /// For each object index, true if the object has changed since the [`ScenePvs`] was made, so that the
+    /// PVS no longer says anything about the object. False if the PVS still holds for the object.
     changed: Vec<bool>,
-    /// Whether it is unknown which objects changed since the [`ScenePvs`] was made: the scene is another
-    /// one, or its change log overflowed. Every object then counts as visible.
+    /// True if it is unknown which objects changed since the [`ScenePvs`] was made: the scene is another
+    /// one, or its change log overflowed. Every object then counts as visible. False if `changed` names
+    /// exactly the changed objects.
     lost: bool,
     cursor: SceneCursor,
 }

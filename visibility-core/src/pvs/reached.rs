@@ -17,12 +17,13 @@ const MOST_PIECES: u32 = 2000;
 /// Margin for rounding, in units of the sum of the greatest absolute coordinates of the anchor (`a`) and of
 /// the polygon (`r`).
 ///
-/// Let `u = EPSILON / 2`. A plane within reach has an offset of at most `|n . a| + 2 r`. Normalizing the
-/// plane and moving it to the anchor rounds the offset and `n . a` by `9u` of their magnitudes: `18u |a| +
-/// 18u r` together, where the length `|a|` is up to `3^1/2` times the greatest coordinate. The height of a
-/// corner is rounded by `4u` of reach and offset, `12u r`. Each cut puts its corners up to `4u r` off the
-/// edge. So `32u` of the anchor and `30u` of the reach are needed, and `4u` more for each cut. The margin is
-/// `64u` of both.
+/// Let `u = EPSILON / 2`, `a` the anchor, `r` the greatest absolute coordinate of the polygon relative to the
+/// anchor, and `n` the unit normal of a viewcell's plane. A plane within reach has an offset of at most `|n .
+/// a| + 2 r`. Normalizing the plane and moving it to the anchor rounds the offset and `n . a` by `9u` of
+/// their magnitudes: `18u |a| + 18u r` together, where the length `|a|` is up to `3^1/2` times the greatest
+/// coordinate. The height of a corner is rounded by `4u` of reach and offset, `12u r`. Each cut puts its
+/// corners up to `4u r` off the edge. So `32u` of the anchor and `30u` of the reach are needed, and `4u` more
+/// for each cut. The margin is `64u` of both.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 impl Viewcells {

@@ -34,7 +34,8 @@ pub(crate) struct PlpSettings {
     pub(crate) budget: Budget,
     /// Estimate of how likely a cell is hidden, which orders the queue of cells.
     pub(crate) solidity: Solidity,
-    /// Whether objects whose triangles all certainly face away from the eye are dropped.
+    /// Whether objects whose triangles all certainly face away from the eye are dropped. If false, all
+    /// objects count as facing the eye.
     pub(crate) one_sided: bool,
 }
 
@@ -91,8 +92,9 @@ pub(crate) enum Projected {
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub(super) struct CellState {
-    /// One bit for each plane of [`CellFrustum`], set unless the cell is certainly on the plane's inner
-    /// side. All bits for the eye's cell if that cell is outside of the view.
+    /// Bit i stands for plane i of [`CellFrustum`] and is set unless the cell is certainly on the inner side
+    /// of that plane, the side that its normal points to. All bits for the eye's cell if that cell is
+    /// outside of the view.
     pub(super) crossed: u16,
     /// With [`Solidity::Coverage`], the transmittance: estimated share of view rays to the cell that no
     /// earlier cell stops, 0 to 1. With [`Solidity::Count`], the cell's solidity. NaN until the cell is
@@ -168,7 +170,7 @@ pub(super) struct Candidate {
     pub(super) index: u32,
     /// Side of the object's triangle on which the eye lies; `Front` if back faces are not culled.
     pub(super) eye_side: EyeSide,
-    /// View planes crossed by the cell in which the object was found, one bit per plane of `CellFrustum`.
+    /// View planes that the cell of the object may cross: bit i stands for plane i of `CellFrustum`.
     pub(super) crossed: u16,
 }
 

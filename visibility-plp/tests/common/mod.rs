@@ -95,15 +95,17 @@ impl OcclusionMap for Blank {
     }
 }
 
-/// Occlusion map of walls perpendicular to x: boxes beyond the nearest flushed wall are hidden. Exact for
-/// views along x in the scenes of [`rooms`].
+/// Occlusion map of walls perpendicular to x, in scene-relative metres: boxes beyond the nearest flushed wall
+/// are hidden. Exact for views along x in the scenes of [`rooms`].
 #[derive(Default)]
 pub(crate) struct Walls {
-    /// x coordinate of the eye.
+    /// x coordinate of the eye, in scene-relative metres.
     eye: f64,
-    /// Greatest x of the nearest wall added; infinite without walls.
+    /// Greatest x, in scene-relative metres, of the nearest wall added in this frame; infinite without
+    /// walls.
     added: f64,
-    /// Greatest x of the nearest wall flushed, which counts in tests.
+    /// Greatest x, in scene-relative metres, of the nearest wall flushed: boxes beyond it are hidden.
+    /// Infinite without walls.
     nearest: f64,
 }
 
