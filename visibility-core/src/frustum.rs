@@ -144,7 +144,7 @@ impl ConvexVolume {
 
     /// Tests the children of `node` (`None`: the root) against the planes in the mask `active` (bit i for
     /// plane i), since all other planes are known to contain the node, and recurses into undecided children.
-    /// Returns whether any candidate is left below the node.
+    /// Returns whether any candidate (object of the visible set) is left below the node.
     fn visit(&self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, active: u32) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let mut mask = candidates & !self.outside(block.boxes(), active);

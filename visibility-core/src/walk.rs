@@ -197,7 +197,8 @@ fn first_lanes(count: usize) -> u64 {
     u64::MAX.checked_shr(64 - count.min(64) as u32).unwrap_or(0)
 }
 
-/// A walk in progress over one hierarchy, removing objects from one [`VisibleSet`]. The walk ends with
+/// A walk in progress over one hierarchy, removing objects from one [`VisibleSet`]. Candidates are the
+/// objects that are still in the set, and the nodes that may contain such objects. The walk ends with
 /// [`finish`](Self::finish).
 ///
 /// ```
@@ -230,8 +231,9 @@ pub struct Walk<'a, H> {
     scene: &'a Scene,
     hierarchy: &'a H,
     visible: &'a mut VisibleSet,
-    /// Whether the set has masks for the scene's present layout; if not, every object on the set's layers is
-    /// a candidate.
+    /// True if the set has masks for the scene's present layout; the candidates are then the objects of
+    /// these masks. False if the layout has changed since the set was filled; then every object on the
+    /// set's layers is a candidate.
     is_current: bool,
     /// Work counters so far. [`visit`](Self::visit) and [`accept`](Self::accept) count nodes, accepted
     /// subtrees and kept objects; the culler itself adds to `tests`.

@@ -18,7 +18,8 @@ pub(crate) fn on_screen(rows: [DVec4; 3], p: [f64; 3], [width, height]: [f64; 2]
 
 /// Returns the exact values of the five rows of `projection` at the point `p` of an object, which `transform`
 /// maps to the scene: `x` and `y` (pixel coordinates times `w`), `w`, `n` (depth key times `w`), and the
-/// distance beyond the near plane. The coefficients of the rows are taken as exact.
+/// distance beyond the near plane (positive beyond, in the unit of clip space). The coefficients of the rows
+/// are taken as exact.
 pub(crate) fn exact_values(
     projection: &ScreenProjection,
     transform: &Affine3A,

@@ -100,8 +100,8 @@ pub struct Hzb {
     /// Upper bound on the depth keys (greater is nearer) of all drawn occluders. Negative infinity before
     /// the first.
     pub(crate) nearest: f32,
-    /// Clip planes of the current view, relative to the scene's origin. An occluder is drawn only if it lies
-    /// certainly on the positive side of all.
+    /// Clip planes of the current view, relative to the scene's origin, with normals towards the side that
+    /// is drawn. An occluder is drawn only if it lies certainly on that side of all clip planes.
     clip_planes: ViewPlanes,
 }
 

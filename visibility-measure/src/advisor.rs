@@ -141,11 +141,11 @@ pub struct Advisor<'a> {
     scene: &'a Scene,
     /// Views that the candidates cull.
     views: &'a [View],
-    /// Cost of drawing in the engine at hand.
+    /// Cost of drawing in the engine at hand, in microseconds per object and per triangle.
     draw: DrawCost,
     /// Facts about the scene, found by drawing its views in software.
     facts: SceneFacts,
-    /// Item buffer of each view: the reference for the candidates.
+    /// Item buffer of each view, by which the objects that a candidate culler reports are judged.
     references: Vec<ItemBuffer>,
 }
 

@@ -37,11 +37,12 @@ pub(crate) struct ImageProjection {
     /// Coefficients of the depth key of a clip-space point: (`x` times the clip z plus the constant `y`)
     /// over the clip w.
     depth_key: DVec2,
-    /// Whether the view is parallel (w is constant).
+    /// True if the view is parallel (the clip w is the same for all points), false if it is perspective.
     parallel: bool,
     /// Half the image's width and height in pixels.
     half_size: DVec2,
-    /// Clip planes of the view, in metres relative to the origin of the triangles.
+    /// Clip planes of the view, in metres relative to the origin of the triangles. The side that a plane's
+    /// normal points to is drawn.
     clip_planes: SmallVec<[Plane; 1]>,
 }
 

@@ -62,7 +62,7 @@ impl Corner {
 pub(crate) struct TieClaim {
     /// Index of the pixel: `row * width + column`.
     pub(crate) pixel: u32,
-    /// Number of the triangle.
+    /// Number of the triangle that ties with the shown one, counted through all objects in the order drawn.
     pub(crate) item: u32,
     /// Depth key of the triangle at the pixel's centre; greater is nearer.
     depth_key: f64,
@@ -87,8 +87,8 @@ pub(crate) struct Image {
     /// Includes claims that triangles drawn later have hidden, until
     /// [`drop_hidden_claims`](Self::drop_hidden_claims).
     pub(crate) claims: Vec<TieClaim>,
-    /// Whether new claims are discarded, since about [`MAX_CLAIMS`] per pixel are held already, as where
-    /// thousands of objects coincide.
+    /// If true, new claims are discarded, since about [`MAX_CLAIMS`] per pixel are held already, as where
+    /// thousands of objects coincide. If false, new claims are recorded.
     claims_full: bool,
     /// Number of the first triangle of the object that is being drawn. Two triangles of one object never
     /// claim a pixel from each other, however near they are.
@@ -266,7 +266,7 @@ fn sorted([mut a, mut b, mut c]: [Corner; 3]) -> [Corner; 3] {
     [a, b, c]
 }
 
-/// Edge of a triangle from its upper to its lower end, in image coordinates.
+/// Edge of a triangle from its upper to its lower end, in columns and rows of the image.
 struct Edge {
     upper: Corner,
     lower: Corner,

@@ -83,7 +83,7 @@ pub struct SampledVisibility {
 struct Tie {
     /// Index of the pixel, row by row.
     pixel: u32,
-    /// Whether the image shows another object of the tie in the pixel.
+    /// False for the object that the image shows in the pixel, true for the other objects of the tie.
     is_challenger: bool,
     /// Index of the object, in the order drawn.
     object: u32,

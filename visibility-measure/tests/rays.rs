@@ -13,7 +13,7 @@ use visibility_testing::Random;
 
 /// Camera from which both the rays and the clip matrices of a picture are made.
 struct Camera {
-    /// Position and axes of the camera.
+    /// Position (in metres) and axes of the camera in world space.
     pose: Pose,
     /// Window at distance 1 along the viewing direction (perspective) or in metres (parallel).
     window: Window,
@@ -21,7 +21,7 @@ struct Camera {
     near: f64,
     /// Distance of the far plane along the viewing direction, in metres; may be infinite.
     far: f64,
-    /// Whether the camera is orthographic.
+    /// True if the camera is orthographic, false if it is perspective.
     parallel: bool,
 }
 
@@ -84,7 +84,7 @@ impl Camera {
 
 /// Intersection of a ray with the plane of a triangle.
 struct Hit {
-    /// Distance along the viewing direction.
+    /// Distance of the intersection from the eye along the viewing direction, in metres.
     distance: f64,
     /// Least barycentric coordinate of the point: not negative inside the triangle, relative to the
     /// triangle's size.

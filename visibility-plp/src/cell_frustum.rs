@@ -58,15 +58,15 @@ pub(crate) enum CellPlace {
 /// Planes of a view. The planes that have the eye on their inner side come first.
 #[derive(Clone, Debug)]
 pub(crate) struct CellFrustum {
-    /// Eye point, or viewing direction of a parallel view, relative to the scene's origin.
+    /// Eye point in metres, or viewing direction of a parallel view, relative to the scene's origin.
     pub(crate) eye: Eye,
     /// View planes; only the first `count` are valid.
     planes: [BoundedPlane; MAX_PLANES],
     /// Number of valid `planes`.
     count: usize,
-    /// Number of leading `planes` that have the eye on their inner side. No view ray to anything in view
-    /// passes through a box outside of one of these planes. View rays cross each remaining plane (the near
-    /// plane, portals, mirrors) before reaching anything in view.
+    /// Number of leading `planes` that have the eye on their inner side, to which their normals point. No
+    /// view ray to anything in view passes through a box outside of one of these planes. View rays cross
+    /// each remaining plane (the near plane, portals, mirrors) before reaching anything in view.
     side_count: usize,
     /// Least signed distance, along a face's outward normal, of the face's plane from the eye at which view
     /// rays may leave a cell through the face. Slightly negative, to cover rounding. In metres; for a
@@ -135,8 +135,8 @@ impl CellFrustum {
 
     /// Tests whether view rays may leave a cell through a face. `point` is a scene-relative point of the
     /// face's plane, and `normal` the outward unit normal. False only if the eye is certainly on the outer
-    /// side of the plane (for a parallel view: the rays certainly enter through the face). True for an eye in
-    /// the plane; false for NaN.
+    /// side of the plane, to which `normal` points (for a parallel view: the rays certainly enter through the
+    /// face). True for an eye in the plane; false for NaN.
     #[inline]
     pub(crate) fn may_exit_through(&self, point: DVec3, normal: DVec3) -> bool {
         match self.eye {

@@ -264,8 +264,9 @@ impl BackfaceCuller {
         (block.layout, block.checked) = (scene.layout(), self.clock);
     }
 
-    /// Removes back-facing candidates from the visible set, in the scene hierarchy below `node` (`None`: in
-    /// the whole hierarchy). Returns whether any candidate is left there.
+    /// Removes the objects that the eye certainly sees only from behind from the visible set, in the scene
+    /// hierarchy below `node` (`None`: in the whole hierarchy). Returns true if any object of the set is left
+    /// there, false if none is.
     fn visit(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, eye: &SplitEye) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let mut mask = candidates;

@@ -106,13 +106,14 @@ impl SidePlane {
     /// Returns a plane with a margin valid for points whose coordinates have absolute values of at most
     /// `magnitude` on each axis. For points beyond `magnitude` a side may be wrong.
     ///
-    /// With `E` the [bound](Plane::error_bound) on the error of a signed distance at that magnitude, the
-    /// margin is `8 E`:
+    /// With `u = 2^-53` and `E` the [bound](Plane::error_bound) on the error of a signed distance at that
+    /// magnitude, the margin is `8 E`:
     /// - A signed distance is computed with an error of at most `E`.
-    /// - A cut point is `a + (b - a) t` with `t = da / (da - db)`. Errors of `E` in `da` and `db` move the
-    ///   point by at most `2 E` along the normal. The rounding of the quotient, the product and the sum moves
-    ///   each coordinate by at most `6 u` of its magnitude, which is `E` once more. So a cut point is found
-    ///   within `4 E` of the plane that it was cut by.
+    /// - A cut point is `a + (b - a) t` with `t = da / (da - db)`, where `da` and `db` are the signed
+    ///   distances of `a` and `b`. Errors of `E` in `da` and `db` move the point by at most `2 E` along the
+    ///   normal. The rounding of the quotient, the product and the sum moves each coordinate by at most `6 u`
+    ///   of its magnitude, which is `E` once more. So a cut point is found within `4 E` of the plane that it
+    ///   was cut by.
     /// - The remaining `4 E` is for a second plane through the same polygon, computed from other vertices of
     ///   the polygon.
     pub fn new(plane: Plane, magnitude: DVec3) -> Self {
@@ -166,10 +167,10 @@ impl SidePlane {
 ///
 /// The determinant of the differences to `p` is a sum of six products of three factors. Each difference is
 /// rounded once, each product of two differences once, the difference of two such products once, the product
-/// with the third factor once, and the two sums once each: 3 + 1 + 1 + 1 + 2 roundings, so the absolute error
-/// is at most `8u` times the sum of the terms' magnitudes. The factor used is `10u`, which covers
-/// second-order terms and the rounding of the bound itself. Underflow of a product loses at most the least
-/// normal number, times the differences that the product is multiplied by.
+/// with the third factor once, and the two sums once each: 3 + 1 + 1 + 1 + 2 roundings, so with `u = 2^-53`
+/// the absolute error is at most `8u` times the sum of the terms' magnitudes. The factor used is `10u`, which
+/// covers second-order terms and the rounding of the bound itself. Underflow of a product loses at most the
+/// least normal number, times the differences that the product is multiplied by.
 pub fn orientation(a: DVec3, b: DVec3, c: DVec3, p: DVec3) -> Side {
     let (a, b, c) = (a - p, b - p, c - p);
     let minors = [(b.y * c.z, b.z * c.y), (b.z * c.x, b.x * c.z), (b.x * c.y, b.y * c.x)];

@@ -11,11 +11,13 @@ pub(crate) const STEPS: [f32; WIDTH] =
 /// stored twice, so that the masks of two tiles are made at once, which fills the vector lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RowSpans {
-    /// Column at which the span of each row of pixels begins, in pixels of the buffer, plus 0.5 for
-    /// rounding. Elements 8 to 15 repeat elements 0 to 7.
+    /// Column at which the span of each row of pixels begins, in pixels of the buffer, plus 0.5, so that
+    /// rounding to the nearest integer gives the first column that lies wholly in the span. Elements 8 to 15
+    /// repeat elements 0 to 7.
     low: [f32; 2 * SIDE],
-    /// Column at which the span of each row of pixels ends, in pixels of the buffer, less 0.5. Elements 8 to
-    /// 15 repeat elements 0 to 7.
+    /// Column at which the span of each row of pixels ends, in pixels of the buffer, less 0.5, so that
+    /// rounding to the nearest integer gives the end (exclusive) of the columns that lie wholly in the span.
+    /// Elements 8 to 15 repeat elements 0 to 7.
     high: [f32; 2 * SIDE],
     /// Pixel masks of [`WIDTH`] tiles, one byte for each row of pixels, bit i for column i of the tile.
     /// Masks that [`make_masks`](Self::make_masks) has not written for the current spans are stale.

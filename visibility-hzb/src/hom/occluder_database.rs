@@ -240,8 +240,8 @@ fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<Ob
     found
 }
 
-/// A test line parallel to one of the axes, in scene coordinates, limited to the extent of a box on that
-/// axis.
+/// A test line parallel to one of the axes, in metres in scene coordinates, limited to the extent of a box on
+/// that axis.
 struct Line<'a> {
     /// Axis indices: the two axes across the line, then the axis along the line.
     axes: [usize; 3],

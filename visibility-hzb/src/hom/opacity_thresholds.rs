@@ -96,10 +96,10 @@ impl Thresholds {
         ((u64::from(area) * fractions).div_ceil(u64::from(ONE)) as u32).max(1)
     }
 
-    /// Returns whether a region of `part` pixels within a texel of `covered` covered pixels certainly is not
-    /// opaque on any finer level. If it were, it would consist of pixels and texels of finer levels, each
-    /// covered at least to the loosest threshold of those levels, which together have at most `covered`
-    /// covered pixels. False means undecided.
+    /// Returns whether, within a texel of level `level`, a region of `part` pixels certainly is not opaque on
+    /// any finer level. `covered` is the number of covered pixels of the texel. If it were, it would consist
+    /// of pixels and texels of finer levels, each covered at least to the loosest threshold of those levels,
+    /// which together have at most `covered` covered pixels. False means undecided.
     #[inline(always)]
     pub(crate) fn rules_out(&self, level: usize, covered: u32, part: u32) -> bool {
         u64::from(covered) * u64::from(ONE)

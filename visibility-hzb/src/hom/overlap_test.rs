@@ -17,10 +17,11 @@ pub(crate) struct Overlap<'a> {
     opacity: &'a OpacityPyramid,
     /// The tested rectangle, in pixels of the picture.
     rectangle: &'a Rectangle,
-    /// Tiles that the rectangle meets.
+    /// Inclusive range of the tiles that the rectangle meets.
     region: TileRange,
-    /// Whether to end the test with "not opaque" at a texel that has too few covered pixels for its part of
-    /// the rectangle (predictive rejection). Changes speed, never the answer.
+    /// If true, the test ends with "not opaque" at a texel that has too few covered pixels for its part of
+    /// the rectangle (predictive rejection). If false, the test descends below such a texel. Changes speed,
+    /// never the answer.
     predictive: bool,
 }
 

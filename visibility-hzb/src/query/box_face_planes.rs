@@ -61,7 +61,8 @@ pub(crate) struct FacePlaneSetup {
 /// `slope[0][i] x + slope[1][i] y + constant[i]` of pixel coordinates `x` and `y` is an upper bound on the
 /// depth key if `upper[i]` is 0, the negative of a lower bound if `lower[i]` is 0, and else unused.
 pub(crate) struct BoxFacePlanes {
-    /// Change of the bound for each pixel to the right and for each pixel downwards.
+    /// Change of the bound (a depth key or its negative) for each pixel to the right and for each pixel
+    /// downwards.
     slope: [[f64; LANES]; 2],
     /// Value of the linear bound at the upper left corner of the picture, raised by the bound on its error.
     constant: [f64; LANES],

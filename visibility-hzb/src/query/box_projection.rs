@@ -27,12 +27,12 @@ const MARGIN: f32 = 8.0 * f32::EPSILON;
 /// A [`ScreenRow`] in `f32`: a linear function of points relative to the anchor.
 #[derive(Clone, Copy, Debug, Default)]
 struct ScreenRow32 {
-    /// Change of the value for each metre along x, y and z.
+    /// Change of the function's value for each metre along the scene's x, y and z axis.
     linear: [f32; 3],
-    /// Value of the linear function at the anchor.
+    /// Value of the linear function for a point at the anchor.
     constant: f32,
-    /// Upper bound on the part of the absolute error that does not grow with the point: the error of the
-    /// constant, and losses to flushed denormals.
+    /// Absolute upper bound on the part of the value's error that does not grow with the point: the error of
+    /// the constant, and losses to flushed denormals.
     constant_error: f32,
 }
 
@@ -62,13 +62,14 @@ pub(crate) struct ScreenProjection32 {
     /// Difference between the exact anchor and `high`, in metres, rounded to `f32`.
     low: [f32; 3],
     /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, `n` (depth key times `w`) and the distance
-    /// beyond the near plane.
+    /// beyond the near plane (positive beyond, in the unit of clip space).
     rows: [ScreenRow32; 5],
     /// Rows of `width * w - x` and `height * w - y`: negative to the right of the picture and below it.
     right_bottom: [ScreenRow32; 2],
     /// Width and height of the picture in pixels.
     picture: [f32; 2],
-    /// Whether the view is perspective, so that depth keys are `1 / w`.
+    /// True if the view is perspective, so that depth keys are `1 / w`. False if it is parallel: depth keys
+    /// are then `n / w`, clip depth signed so that nearer is greater.
     perspective: bool,
 }
 
@@ -110,9 +111,10 @@ pub(crate) struct ProjectedBoxes<const N: usize> {
     /// Whether each box is certainly out of view: beyond a side of the picture, or, for a box at or behind
     /// the plane of the eye, beyond a side or nearer than the near plane. False means undecided.
     pub(crate) outside: [bool; N],
-    /// Whether each box lies certainly in front of the plane of the eye, so that its other bounds are valid.
+    /// True if the box lies certainly in front of the plane of the eye, so that its other bounds are valid.
+    /// False if it reaches that plane or rounding leaves this open; its other bounds are then meaningless.
     pub(crate) known: [bool; N],
-    /// Whether each box lies certainly within the picture and beyond the near plane.
+    /// True if the box lies certainly within the picture and beyond the near plane. False means undecided.
     pub(crate) inside: [bool; N],
 }
 

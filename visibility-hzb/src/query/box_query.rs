@@ -13,7 +13,8 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, bits};
 use visibility_core::occlusion::Occlusion64;
 
-/// Least x, y, z and greatest x, y, z of 64 boxes, in scene coordinates.
+/// Least x, y, z and greatest x, y, z of 64 boxes, in scene coordinates (metres relative to the scene's
+/// origin).
 pub(crate) type Boxes = [[f32; 64]; 6];
 
 /// State of a z-buffer that a test of boxes reads.

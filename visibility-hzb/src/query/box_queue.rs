@@ -15,7 +15,8 @@ pub(crate) struct BoxQueue {
     pub(crate) bounds: [Aabb; WIDTH],
     /// Transform of each box from its own coordinates to the scene.
     pub(crate) transforms: [Affine3A; WIDTH],
-    /// Whether the inner sides of each box's faces hide too.
+    /// For each box, true if the inner sides of its faces hide objects too (an eye inside the box sees
+    /// them), false if only the outer sides do.
     pub(crate) two_sided: [bool; WIDTH],
     /// Axis-aligned bounds of each transformed box in scene coordinates: least x, y, z, then greatest x, y,
     /// z.

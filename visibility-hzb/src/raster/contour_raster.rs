@@ -35,7 +35,7 @@ struct ContourTile {
     /// Least depth key of the drawn triangles that may meet each quarter of the tile, in the order of
     /// [`QUARTERS`]. Infinity if no triangle does.
     least: [f32; 4],
-    /// Whether an element of `steps` is not zero or was changed since the tile was last emptied.
+    /// True if an element of `steps` may differ from zero. False if all elements are zero.
     stepped: bool,
     /// Changes of the contour's winding number, modulo 256: `steps[x][y]` is the change from the centre of
     /// the pixel at column `x - 1` to that of the pixel at column `x`, in row `y` of the tile. A winding
@@ -82,8 +82,8 @@ pub(crate) struct ContourRaster<'a> {
     columns: usize,
     /// Width and height of the buffer in pixels.
     size: [f64; 2],
-    /// Upper bound on the error of screen coordinates, in pixels. Pixels within this distance of a contour
-    /// edge are not covered.
+    /// Upper bound on the error of the coordinates of contour vertices on the screen, in pixels. Pixels
+    /// within this distance of a contour edge are not covered.
     slack: f64,
     /// First column, last column, first row, last row of the tiles that a contour touched, inclusive. First
     /// exceeds last before the first contour.
@@ -198,7 +198,8 @@ impl<'a> ContourRaster<'a> {
 
     /// Draws a contour edge from `a` to `b` with multiplicity `times`, negative for the opposite direction.
     /// The edge changes the winding numbers of the pixels to its right. If `marked`, pixels whose distance
-    /// from the edge is within `self.slack` (in pixels) are not covered.
+    /// from the edge is within `self.slack` (in pixels) are not covered. If not, the winding number at their
+    /// centres alone decides.
     ///
     /// The column at which the edge meets a row is clamped to the ends of the edge, and otherwise off by at
     /// most 11 units of round-off of the greatest coordinate. `self.slack` is several times as large.
@@ -315,7 +316,7 @@ fn add_bytes(a: u64, b: u64) -> u64 {
     ((a & LOW) + (b & LOW)) ^ ((a ^ b) & !LOW)
 }
 
-/// Sides of a convex polygon of up to four corners on the screen.
+/// Sides of a convex polygon of up to four corners on the screen, in pixels of the buffer.
 struct Sides {
     /// Sides of the polygon. The first `count` are valid.
     sides: [Side; 4],

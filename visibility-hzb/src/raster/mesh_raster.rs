@@ -23,7 +23,6 @@
 //! greatest coordinate are part of it. A point of a segment is off by no more than the ends of the segment,
 //! so contours are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a
 //! pixel are not drawn.
-//! `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a pixel are not drawn.
 //!
 //! Twice the area of a triangle on the screen is a product of differences, each off by the slack at most. So
 //! the doubled area is off by twice the slack times the sum of the magnitudes of these differences, roundings
@@ -47,9 +46,10 @@ use visibility_core::glam::Vec3;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeshScratch {
     /// Homogeneous screen coordinates of each vertex: `x` and `y` (pixel coordinates times `w`), `w`, `n`
-    /// (depth key times `w`), and the distance beyond the near plane.
+    /// (depth key times `w`), and the distance beyond the near plane (positive beyond, in the unit of clip
+    /// space).
     corners: Vec<[f64; 5]>,
-    /// Screen position of each vertex. Meaningless for a vertex nearer than
+    /// Screen position of each vertex in pixels, with its depth key. Meaningless for a vertex nearer than
     /// [`ObjectProjection::near_limit`], the distance at which geometry is cut.
     screen: Vec<ScreenVertex>,
     /// Side of each triangle that is drawn: 1 for the front, -1 for the back, 0 if the triangle is not

@@ -20,11 +20,13 @@ use alloc::vec::Vec;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConvexScratch {
     /// Homogeneous screen coordinates of each vertex: `x` and `y` (pixel coordinates times `w`), `w`, `n`
-    /// (depth key times `w`), and the distance beyond the near plane.
+    /// (depth key times `w`), and the distance beyond the near plane (positive beyond, in the unit of clip
+    /// space).
     corners: Vec<[f64; 5]>,
     /// Column and row in pixels and depth key of each vertex, without error bounds.
     screen: Vec<[f64; 3]>,
-    /// Whether each triangle is drawn.
+    /// For each triangle, true if the triangle is drawn: it certainly faces the eye and is not wholly nearer
+    /// than the near limit. False for all other triangles.
     drawn: Vec<bool>,
 }
 

@@ -13,7 +13,7 @@ pub(crate) struct OccluderTriangles<'a> {
     /// Edges, each with its two vertices as indices into `positions` and the triangles on its two sides as
     /// indices into `triangles`.
     pub(crate) edges: &'a [Edge],
-    /// Whether the backs of the triangles hide too.
+    /// True if the backs of the triangles hide objects too, false if only the fronts do.
     pub(crate) two_sided: bool,
 }
 

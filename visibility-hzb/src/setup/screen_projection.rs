@@ -23,9 +23,9 @@ pub(crate) const U: f64 = f64::EPSILON / 2.0;
 /// in an array, as loops over lanes need them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenRow {
-    /// Change of the value for each metre along x, y and z.
+    /// Change of the function's value for each metre along the scene's x, y and z axis.
     pub(crate) linear: [f64; 3],
-    /// Value of the linear function at the anchor.
+    /// Value of the linear function for a point at the anchor.
     pub(crate) constant: f64,
     /// Upper bound on the absolute error of `constant`, the effect of rounding the anchor included.
     pub(crate) error: f64,
@@ -54,7 +54,8 @@ pub(crate) struct ScreenProjection {
     /// Sign (1 or -1) of the determinant of the `x`, `y`, `w` of three corners that run counter-clockwise as
     /// seen from the eye. 0 if rounding leaves the sign open: then nothing is drawn.
     pub(crate) facing: f64,
-    /// Whether the view is perspective, so that `n` is always 1.
+    /// True if the view is perspective, so that `n` is always 1. False if it is parallel, so that `w` is the
+    /// same for all points and `n` carries the depth.
     pub(crate) perspective: bool,
     /// Projection for the identity transform, with error bounds for points at the scene's origin.
     untransformed: ObjectProjection,
@@ -132,7 +133,8 @@ impl ScreenProjection {
 }
 
 /// Linear functions of points in the coordinates of one object, with error bounds: the rows of `x` and `y`
-/// (pixel coordinates times `w`), `w`, `n` (depth key times `w`), and the distance beyond the near plane.
+/// (pixel coordinates times `w`), `w`, `n` (depth key times `w`), and the distance beyond the near plane
+/// (positive beyond, in the unit of clip space).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ObjectProjection {
     /// Change of the five values `x`, `y`, `w`, `n` and near distance for each unit along the object's x, y
@@ -140,8 +142,8 @@ pub(crate) struct ObjectProjection {
     pub(crate) linear: [[f64; 5]; 3],
     /// The five values `x`, `y`, `w`, `n` and near distance at the object's own origin.
     pub(crate) constant: [f64; 5],
-    /// Upper bound on the magnitude of each of the five values, and on the sum of the magnitudes of its
-    /// terms.
+    /// Upper bound on the magnitude of each of the five values `x`, `y`, `w`, `n` and near distance, and on
+    /// the sum of the magnitudes of its terms.
     pub(crate) size: [f64; 5],
     /// Upper bound on the absolute rounding error of each of the five values `x`, `y`, `w`, `n` and near
     /// distance.
@@ -169,8 +171,8 @@ impl ObjectProjection {
         1024.0 * self.error[4]
     }
 
-    /// Returns an upper bound on the absolute error of the determinant of three points (`x`, `y`, `w`), or of
-    /// a point and two differences of points.
+    /// Returns an upper bound on the absolute error of the determinant of three points (`x`, `y`, `w`) of the
+    /// object within its reach, or of a point and two differences of points.
     ///
     /// Let `e` be the error bounds (`error`) and `S` the bounds on magnitudes (`size`) of the points' values,
     /// and `u` the unit round-off 2^-53. The determinant is a sum of six products of three values each.

@@ -62,7 +62,7 @@ pub(crate) const MAX_PLANES: usize = 16;
 pub(crate) struct ScreenShape {
     /// Left bounds on the columns in each row of pixels. The first `lefts` are valid.
     pub(crate) left: [RowBound; MAX_EDGES],
-    /// Row bounds on the right. The first `rights` are valid.
+    /// Right bounds on the columns in each row of pixels. The first `rights` are valid.
     pub(crate) right: [RowBound; MAX_EDGES],
     /// Number of row bounds on the left, at most [`MAX_EDGES`].
     pub(crate) lefts: usize,
@@ -76,7 +76,7 @@ pub(crate) struct ScreenShape {
     pub(crate) plane_count: usize,
     /// Lower bound on the depth keys (greater is nearer) of the whole shape.
     pub(crate) floor: f32,
-    /// Upper bound on the depth keys of the whole shape.
+    /// Upper bound on the depth keys (greater is nearer) of the whole shape.
     pub(crate) ceiling: f32,
     /// Column range in pixels of the buffer, half-open.
     pub(crate) columns: [f32; 2],
@@ -129,8 +129,9 @@ impl ScreenShape {
     ///
     /// The bound on the points of a row is `x >= s y + t`, where `s` is `-b / a` and `t` is `-c / a`. The
     /// worst point of the row is at its top or bottom. In `f32`, `s`, `t`, the product and the sum are each
-    /// rounded once, so the result is off by at most `4u (|s| H + |t|)`. The offset is moved by `8u` of that,
-    /// and by another `16u (W + 2)` for the error of rounding to whole pixels.
+    /// rounded once, so the result is off by at most `4u (|s| H + |t|)`, with `u = 2^-24` and `W` and `H` the
+    /// width and height of the buffer. The offset is moved by `8u` of that, and by another `16u (W + 2)` for
+    /// the error of rounding to whole pixels.
     #[inline(always)]
     pub(crate) fn add_edge(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
         if a == 0.0 {
@@ -193,9 +194,10 @@ impl ScreenShape {
 /// plane `a x + b y + c` (pixel coordinates) in the tile. `size` is the width and height of the buffer in
 /// pixels.
 ///
-/// In `f32`, three coefficients, two products and two sums are rounded: `4u` of the sum of magnitudes at
-/// most, and `8u` are taken off. A plane that might overflow in the buffer, or has a NaN coefficient, becomes
-/// negative infinity everywhere. So no value is NaN, and a minimum over planes needs no regard for NaN.
+/// In `f32`, with `u = 2^-24`, three coefficients, two products and two sums are rounded: `4u` of the sum of
+/// magnitudes at most, and `8u` are taken off. A plane that might overflow in the buffer, or has a NaN
+/// coefficient, becomes negative infinity everywhere. So no value is NaN, and a minimum over planes needs no
+/// regard for NaN.
 #[inline(always)]
 fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     let side = SIDE as f64;

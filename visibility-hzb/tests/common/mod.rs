@@ -252,7 +252,7 @@ pub fn convention(view: &View, which: usize) -> View {
 pub struct Face {
     /// Corners in world coordinates, counter-clockwise as seen from the front.
     pub corners: [DVec3; 3],
-    /// Whether only the front hides objects.
+    /// True if only the front hides objects, false if the back does too.
     pub one_sided: bool,
 }
 
@@ -289,7 +289,7 @@ pub struct Ray {
     matrix: DMat4,
     /// Depth convention of the view.
     depth: Depth,
-    /// Whether the view is perspective.
+    /// True if the view is perspective, false if it is parallel.
     perspective: bool,
 }
 
