@@ -58,6 +58,7 @@ pub mod geometry;
 pub mod occlusion;
 pub mod pipeline;
 pub mod pvs;
+pub mod queries;
 mod region_culler;
 pub mod scene;
 mod serial;

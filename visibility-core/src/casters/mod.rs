@@ -11,8 +11,10 @@
 
 mod hull;
 mod light;
+mod lit;
 
 pub use light::{Light, LightError};
+pub use lit::lights_in_view;
 
 use crate::frustum::ConvexVolume;
 use crate::view::{MAX_PLANES, ViewPlane};
@@ -104,12 +106,7 @@ impl CasterCuller {
     pub fn set_light(&mut self, light: Light) -> Result<(), LightError> {
         light.check()?;
         self.light = light;
-        self.tangent = match light {
-            // Just below pi/2 the tangent is finite but so large that it bounds nothing.
-            Light::Spot { half_angle, .. } => Some(float::tan(half_angle))
-                .filter(|&tangent| half_angle < core::f64::consts::FRAC_PI_2 && tangent < 1e9),
-            _ => None,
-        };
+        self.tangent = cone_tangent(&light);
         Ok(())
     }
 
@@ -174,6 +171,14 @@ impl Culler for CasterCuller {
         }
         stats
     }
+}
+
+/// Returns the tangent of a spot light's half angle. `None` for other lights, and if the cone is not convex or
+/// (almost) a half-space.
+fn cone_tangent(light: &Light) -> Option<f64> {
+    let Light::Spot { half_angle, .. } = *light else { return None };
+    // Just below pi/2 the tangent is finite but so large that it bounds nothing.
+    Some(float::tan(half_angle)).filter(|&tangent| half_angle < core::f64::consts::FRAC_PI_2 && tangent < 1e9)
 }
 
 /// Returns the greatest absolute coordinate, on each axis, of all objects that can be culled, relative to the

@@ -14,6 +14,7 @@ mod convex_polygon;
 mod double_double;
 mod plane;
 mod side;
+mod sphere;
 
 pub use aabb::Aabb;
 pub(crate) use clip_outward::{Corners, clip_outward};
@@ -21,6 +22,7 @@ pub use convex_polygon::{ConvexPolygon, PolygonError};
 pub use double_double::DoubleDouble;
 pub use plane::Plane;
 pub use side::{PolygonSide, Side, SidePlane, orientation};
+pub use sphere::Sphere;
 
 /// Returns the index (0 to 2) of the greatest of three extents, the first of equal ones.
 pub(crate) fn longest_axis<T: PartialOrd>([x, y, z]: [T; 3]) -> usize {
