@@ -156,6 +156,12 @@ fn queries_find_what_plain_loops_find_under_random_changes() {
         }
         assert!(hits.is_sorted());
         assert_eq!(query.first_hit(&ray), hits.first().copied());
+        // Along an axis many objects are hit at equal distances.
+        for axis in [Vec3::X, Vec3::NEG_Y, Vec3::Z] {
+            let ray = Ray::new(rng.vector(40.0).round().as_vec3(), axis, f32::INFINITY).unwrap();
+            query.all_hits(&ray, &mut hits);
+            assert_eq!(query.first_hit(&ray), hits.first().copied());
+        }
         counts[3] += hits.len();
 
         let count = rng.pick(&[0, 1, 7, 100, 5000]);
@@ -264,8 +270,8 @@ fn rays_through_edges_hit_at_every_scale() {
     assert!(missed > 1000, "{missed}");
 }
 
-/// Returns the nearest `f32` number at or above (`up`) or at or below `x + rest`, where `rest` is less than the
-/// rounding error of `x`.
+/// Returns the nearest `f32` number at or above (`up`) or at or below `x + rest`, where `rest` is less than
+/// the rounding error of `x`.
 fn next(x: f64, rest: f64, up: bool) -> f32 {
     let near = x as f32;
     let over = f64::from(near) - x;
@@ -343,7 +349,7 @@ fn lights_reach_what_sampled_points_reach() {
     scene.set_origin(DVec3::new(1e5, -2e5, 30.0)).unwrap();
     scene.insert_batch((0..2000).map(|_| random_object(&mut rng)).collect::<Vec<_>>());
     let (mut lit, mut in_view, mut reached, mut seen) = (Vec::new(), Vec::new(), 0, [0; 2]);
-    let mut missed = 0;
+    let (mut missed, mut ends) = (0, 0);
     for _ in 0..200 {
         let position = scene.origin() + rng.vector(60.0);
         let range = rng.range(1.0, 50.0);
@@ -389,9 +395,19 @@ fn lights_reach_what_sampled_points_reach() {
         });
         assert!(!shines || in_view == [0], "{light:?} shines into view");
         seen[in_view.len()] += 1;
+        // A view that begins at the very end of the light's reach and looks away from the light.
+        let axis = (direction.normalize() * rng.range(0.0, 3.0) + rng.direction()).normalize();
+        let end = position + axis * range.min(1e3) * (1.0 - 1e-7);
+        let pose = Pose::look_at(end - axis * 0.1, end + axis, DVec3::new(0.1, 0.2, 1.0));
+        let view = View::perspective(pose, 0.8, 1.3, 0.1 * (1.0 - 1e-5), 200.0).unwrap();
+        if lights_point(end) && view.planes(position).contains(end - position) {
+            lights_in_view(&[light], &view, &mut in_view);
+            assert_eq!(in_view, [0], "{light:?} shines to {end}");
+            ends += 1;
+        }
     }
     assert!(
-        missed > 100 * scene.len() && reached > 2000 && seen[0] > 20 && seen[1] > 20,
+        ends > 50 && missed > 100 * scene.len() && reached > 2000 && seen[0] > 20 && seen[1] > 20,
         "{reached} {seen:?}"
     );
     let broken = Light::Point { position: DVec3::NAN, range: 1.0 };
@@ -430,4 +446,24 @@ fn queries_allocate_nothing_once_warm() {
         }
     }
     assert!(sum > 0 && before > 0);
+}
+
+#[test]
+fn of_objects_hit_at_the_same_distance_the_least_id_is_first() {
+    let mut rng = Random(21);
+    let mut scene = Scene::new();
+    // A wall of tiles that overlap, in random order.
+    let tile = |rng: &mut Random| {
+        let min = Vec3::new(rng.below(3) as f32, rng.below(60) as f32, rng.below(60) as f32);
+        Aabb::new(min, min + 2.0)
+    };
+    scene.insert_batch((0..4000).map(|_| tile(&mut rng)).collect::<Vec<_>>());
+    let mut hits = Vec::new();
+    for _ in 0..2000 {
+        let origin = Vec3::new(-9.0, rng.below(60) as f32, rng.below(60) as f32);
+        let ray = Ray::new(origin, Vec3::X, f32::INFINITY).unwrap();
+        let query = SceneQuery::new(&scene);
+        query.all_hits(&ray, &mut hits);
+        assert_eq!(query.first_hit(&ray), hits.first().copied());
+    }
 }

@@ -23,7 +23,8 @@ impl SceneQuery<'_> {
     /// ```
     /// use visibility_core::{casters::Light, glam::DVec3, queries::SceneQuery, Aabb, Scene};
     /// let mut scene = Scene::new();
-    /// let ids = scene.insert_batch([1.0, 9.0].map(|x| Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0])));
+    /// let boxes = [1.0, 9.0].map(|x| Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0]));
+    /// let ids = scene.insert_batch(boxes);
     /// let lamp = Light::Point { position: DVec3::ZERO, range: 5.0 };
     /// let mut lit = Vec::new();
     /// SceneQuery::new(&scene).lit_by(&lamp, &mut lit)?;

@@ -41,8 +41,8 @@ impl PartialEq for Neighbor {
 impl Eq for Neighbor {}
 
 impl SceneQuery<'_> {
-    /// Replaces the content of `nearest` with the `count` objects whose bounds are nearest to `point`, nearest
-    /// first; all objects if there are fewer. `point` is relative to the scene's origin. Of objects at equal
+    /// Replaces the content of `nearest` with the `count` objects whose bounds are nearest to `point`,
+    /// nearest first; all objects if there are fewer. `point` is relative to the scene's origin. Of objects at equal
     /// computed distances, those with the least ids are taken. A NaN coordinate of `point` is at distance 0
     /// from everything.
     ///

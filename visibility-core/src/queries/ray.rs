@@ -26,8 +26,8 @@ use glam::Vec3;
 /// times `1 + 8u`, so `enter` is never later and `exit` never earlier than in exact arithmetic: no hit is
 /// missed. In detail:
 ///
-/// - 2^-125 is taken from the difference for `enter` and added for `exit`: differences, and coordinates, below
-///   2^-126 may be flushed to zero.
+/// - 2^-125 is taken from the difference for `enter` and added for `exit`: differences, and coordinates,
+///   below 2^-126 may be flushed to zero.
 /// - An inverse beyond the range of `f32` is the greatest number for `enter` and infinite for `exit`.
 /// - On an axis with `d = 0` coordinates are compared, which is exact. At least one axis has `|d| = 1`.
 /// - The product of 0 and infinity is NaN. It bounds nothing, since comparisons with NaN are false.
@@ -56,8 +56,8 @@ const LEAST: f32 = 2.0 * f32::MIN_POSITIVE;
 
 impl Ray {
     /// Makes the ray from `origin`, relative to the scene's origin, along `direction`, of any finite length
-    /// but zero, up to `max_distance` metres from `origin`. An infinite `max_distance` is allowed; 0 tests the
-    /// origin alone.
+    /// but zero, up to `max_distance` metres from `origin`. An infinite `max_distance` is allowed; 0 tests
+    /// the origin alone.
     ///
     /// # Errors
     /// [`RayError`] if `origin` or `direction` is not finite, `direction` is zero, or `max_distance` is
@@ -126,8 +126,8 @@ impl Ray {
 pub struct RayHit {
     /// The object.
     pub id: ObjectId,
-    /// Distance in metres from the ray's origin to the point where the ray enters the object's bounds, rounded
-    /// down by at most 2^-20 of itself. 0 if the origin is in the bounds, and for improper bounds.
+    /// Distance in metres from the ray's origin to the point where the ray enters the object's bounds,
+    /// rounded down by at most 2^-20 of itself. 0 if the origin is in the bounds, and for improper bounds.
     pub distance: f32,
 }
 
