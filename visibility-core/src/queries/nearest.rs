@@ -11,6 +11,15 @@ use glam::Vec3;
 
 /// An object and its squared distance from a point. Neighbours are ordered by distance, neighbours at equal
 /// distances by id.
+///
+/// ```
+/// use visibility_core::{glam::Vec3, queries::SceneQuery, Aabb, Scene};
+/// let mut scene = Scene::new();
+/// scene.insert(Aabb::from_arrays([3.0, 0.0, 0.0], [4.0, 1.0, 1.0]));
+/// let mut nearest = Vec::new();
+/// SceneQuery::new(&scene).nearest(Vec3::ZERO, 1, &mut nearest);
+/// assert_eq!(nearest[0].distance_squared, 9.0);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Neighbor {
     /// The object.
@@ -42,9 +51,9 @@ impl Eq for Neighbor {}
 
 impl SceneQuery<'_> {
     /// Replaces the content of `nearest` with the `count` objects whose bounds are nearest to `point`,
-    /// nearest first; all objects if there are fewer. `point` is relative to the scene's origin. Of objects at equal
-    /// computed distances, those with the least ids are taken. A NaN coordinate of `point` is at distance 0
-    /// from everything.
+    /// nearest first; all objects if there are fewer. `point` is relative to the scene's origin. Of objects
+    /// at equal computed distances, those with the least ids are taken. A NaN coordinate of `point` is at
+    /// distance 0 from everything.
     ///
     /// Takes time in proportion to the nodes nearer than the last object found, and `log count` per object
     /// tested there.

@@ -122,6 +122,17 @@ impl Ray {
 }
 
 /// An object whose bounds a ray hits. Hits are ordered by distance, hits at equal distances by id.
+///
+/// ```
+/// use visibility_core::{glam::Vec3, queries::{Ray, SceneQuery}, Aabb, Scene};
+/// let mut scene = Scene::new();
+/// let wall = scene.insert(Aabb::from_arrays([3.0, -1.0, -1.0], [4.0, 1.0, 1.0]));
+/// let mut hits = Vec::new();
+/// SceneQuery::new(&scene).all_hits(&Ray::new(Vec3::ZERO, Vec3::X, 9.0)?, &mut hits);
+/// assert_eq!(hits[0].id, wall);
+/// assert!((2.99..=3.0).contains(&hits[0].distance));
+/// # Ok::<(), visibility_core::queries::RayError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct RayHit {
     /// The object.
