@@ -49,6 +49,7 @@ pub mod bake;
 pub mod binary_format;
 pub mod casters;
 pub mod cells;
+pub mod clusters;
 mod cull_stats;
 mod culler;
 pub mod draw_list;

@@ -1,7 +1,9 @@
 //! Tests that frames allocate nothing once warm, and how many bytes an object takes. Allocations are counted
 //! by a global allocator of this file.
 
-use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::backface::NormalCone;
+use visibility_core::clusters::{ClusterInstance, ClusterMesh, ClusterView};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
     Aabb, Accuracy, FrustumCuller, ObjectId, OccluderMesh, OcclusionCuller, OcclusionMap, Pipeline, Pose,
     Scene, View, VisibleSet,
@@ -274,4 +276,36 @@ fn an_object_takes_at_most_64_bytes() {
     }
     drop(scene);
     assert_eq!(LIVE.get(), before, "all is given back");
+}
+
+#[test]
+fn warm_lists_of_clusters_allocate_nothing() {
+    let mut rng = Random(9);
+    let floor = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+    let mesh = ClusterMesh::new((0..5000).map(|_| (random_box(&mut rng), floor)));
+    let mut scene = Scene::new();
+    scene.insert_batch((0..300).map(|_| random_box(&mut rng)));
+    let (mut visible, mut list) = (VisibleSet::new(), Vec::new());
+    let mut map = Curtain { nearest: 60.0 };
+    let mut run = || {
+        let mut listed = 0;
+        for frame in 0..40 {
+            let view = view(frame);
+            visible.fill(&scene, &view);
+            map.begin(&view, DVec3::ZERO);
+            list.clear();
+            let instance = |id: ObjectId| {
+                let place = Vec3::splat(id.index() as f32 - 150.0);
+                Some(ClusterInstance::new(&mesh, Affine3A::from_translation(place)))
+            };
+            ClusterView::new(&scene, &view).with_map(&map).cull(&visible, instance, &mut list);
+            listed += list.len();
+        }
+        listed
+    };
+    let listed = run();
+    let before = ALLOCATIONS.get();
+    assert_eq!(run(), listed);
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert!(listed > 100_000, "{listed}");
 }

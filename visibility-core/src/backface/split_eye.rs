@@ -34,7 +34,7 @@ impl SplitEye {
 
     /// Returns the eye at point `p` (`weight` 1), or the parallel view with negated direction `p` (`weight`
     /// 0). The true eye or negated direction lies within `radius` of `p`.
-    fn around(p: DVec3, weight: f32, radius: f64) -> Self {
+    pub(crate) fn around(p: DVec3, weight: f32, radius: f64) -> Self {
         let high = p.as_vec3();
         let low = (p - high.as_dvec3()).as_vec3();
         let blur =

@@ -35,6 +35,51 @@ use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 /// the cone are removed, where the cone is approximated by a pyramid with eight sides. With
 /// [receivers](Self::with_receivers), objects that cast no shadow on the receivers' box are removed.
 ///
+/// # Occlusion from the light
+/// A caster that the light cannot see adds nothing to a shadow map: whatever hides it is nearer to the light.
+/// An [`OcclusionCuller`](crate::OcclusionCuller) with the light's own view removes such casters. The caster
+/// culler takes the camera's view, all other stages that of the light, so they are called one after another:
+///
+/// ```
+/// # use visibility_core::{
+/// #     casters::{CasterCuller, Light}, glam::{Affine3A, DVec3}, occlusion::Occlusion, view::Window, Aabb,
+/// #     Accuracy, Culler, FrustumCuller, OccluderMesh, OcclusionCuller, OcclusionMap, Pose, Scene, View,
+/// #     VisibleSet,
+/// # };
+/// # struct Blank;
+/// # impl OcclusionMap for Blank {
+/// #     fn name(&self) -> &str { "blank" }
+/// #     fn accuracy(&self) -> Accuracy { Accuracy::Conservative }
+/// #     fn begin(&mut self, _: &View, _: DVec3) {}
+/// #     fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {}
+/// #     fn flush(&mut self) {}
+/// #     fn test(&self, _: &Aabb) -> Occlusion { Occlusion::Partial }
+/// # }
+/// # let (map, scene, toward_light) = (Blank, Scene::new(), DVec3::new(0.3, 0.2, 1.0));
+/// # const CASTERS: u32 = 1;
+/// # let camera = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)?;
+/// let mut casters = CasterCuller::new(Light::Directional { toward_light })?;
+/// let mut occlusion = OcclusionCuller::new(map);
+/// let mut set = VisibleSet::new();
+/// // Each frame: the view that the shadow map is drawn from, with the layers of casters only.
+/// let pose = Pose::look_at(toward_light * 200.0, DVec3::ZERO, DVec3::Y);
+/// let light = View::orthographic(pose, Window::centered(100.0, 100.0), 0.0, 400.0)?.with_layers(CASTERS);
+/// set.fill(&scene, &light);
+/// casters.cull(&scene, &camera, &mut set);
+/// FrustumCuller::new().cull(&scene, &light, &mut set);
+/// occlusion.cull(&scene, &light, &mut set);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// No shadow is lost, because occluders are chosen from the set: each is drawn into the map itself, or is
+/// hidden by others that are. This asks for
+/// - one set for each shadow map: each cascade, each face of a cube;
+/// - a set without objects that cast no shadow, hence the light's view with the layers of casters;
+/// - a light's view that begins before all casters. Casters before its near plane are removed, also where
+///   the engine would clamp their depth;
+/// - a map of the surfaces nearest to the light. One drawn from back faces alone loses shadows within solid
+///   occluders.
+///
 /// # Cost
 /// A walk of the hierarchy like that of the [`FrustumCuller`](crate::FrustumCuller), against 8 to 12 planes
 /// instead of 6; a second walk over the remaining objects for spot lights and for receivers; 5 ns for each

@@ -18,6 +18,7 @@ pub use boxes64::Boxes64;
 pub(crate) use boxes64::lanes;
 pub use changes::Changes;
 pub use cursor::SceneCursor;
+pub(crate) use curve::Curve;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub(crate) use tree::{NONE, Tree};
