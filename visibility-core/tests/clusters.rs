@@ -250,7 +250,7 @@ fn sphere(rings: usize, sectors: usize) -> Vec<Vec<[Vec3; 3]>> {
             std::f64::consts::TAU * sector as f64 / (2 * sectors) as f64,
         );
         // At the poles, triangles have exactly no area.
-        let radius = if ring % (2 * rings) == 0 { 0.0 } else { up.sin() };
+        let radius = if ring.is_multiple_of(2 * rings) { 0.0 } else { up.sin() };
         DVec3::new(radius * around.cos(), radius * around.sin(), up.cos()).as_vec3()
     };
     let quad = |ring, sector| {

@@ -1,6 +1,6 @@
-//! Tests of shadow views with occlusion from the light: what a caster culler for the camera's view, and then a
-//! frustum and an occlusion culler for the light's view leave, throws every shadow that all casters throw.
-//! The oracle shoots segments from points in view to the light.
+//! Tests of shadow views with occlusion from the light. A caster culler for the camera's view, then a frustum
+//! culler and an occlusion culler for the light's view leave casters that throw every shadow that all casters
+//! throw. The oracle shoots segments from points in view to the light.
 
 use visibility_core::casters::{CasterCuller, Light};
 use visibility_core::glam::{Affine3A, DVec3};

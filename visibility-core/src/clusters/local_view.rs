@@ -1,7 +1,7 @@
 //! Planes and eye of a view in the coordinates of an instance's mesh, with bounds on their rounding.
 //!
-//! An instance maps a point `p` of its mesh to `A p + t`, where `A` has the columns `a`, `b`, `c`. The numbers
-//! of the transform are exact: they are what the engine draws with. With `u = 2^-53`:
+//! An instance maps a point `p` of its mesh to `A p + t`, where `A` has the columns `a`, `b`, `c`. The
+//! numbers of the transform are exact: they are what the engine draws with. With `u = 2^-53`:
 //!
 //! # Planes
 //! The plane `n . q + d >= 0` is `(n . a, n . b, n . c) . p + (n . t + d) >= 0` in mesh coordinates, also for

@@ -138,9 +138,8 @@ fn add_levels(boxes: &mut Vec<Boxes64>) -> Vec<usize> {
         let next = level.end;
         for first in level.clone().step_by(64) {
             let mut block = Boxes64::EMPTY;
-            for child in first..level.end.min(first + 64) {
-                block.set(child - first, &boxes[child].hull());
-            }
+            let children = &boxes[first..level.end.min(first + 64)];
+            children.iter().enumerate().for_each(|(lane, child)| block.set(lane, &child.hull()));
             boxes.push(block);
         }
         level = next..boxes.len();
