@@ -47,13 +47,14 @@ pub struct BspOrderCuller<S> {
     stack: TraversalStack,
     /// Maximum number of BSP nodes visited per frame.
     most: u64,
-    /// By object index: rank in the front-to-back order from 0, [`NOT_MET`] for a candidate not reached yet,
-    /// [`NONE`] for other objects.
+    /// By object index: rank in the front-to-back order from 0, [`NOT_MET`] for an object to be ranked that
+    /// the walk has not reached, [`NONE`] for an object that gets no rank.
     ranks: Vec<u32>,
 }
 
-/// Rank value of a candidate object that the walk has not reached; the object is removed unless the walk was
-/// cut short.
+/// Rank value of an object to be ranked (in the incoming visible set, all its triangles in the tree and up to
+/// date) that the walk has not reached. The object is removed unless the walk was cut short by the node
+/// limit.
 const NOT_MET: u32 = u32::MAX;
 /// Rank value of an object that is not in the incoming visible set, or whose triangles in the tree are
 /// missing or out of date. Such objects are sorted last.
@@ -122,9 +123,9 @@ struct Frame<'a> {
     volume: ViewVolume,
     /// By object index: rank in the front-to-back order from 0, [`NOT_MET`] or [`NONE`].
     ranks: &'a mut [u32],
-    /// Number of objects ranked so far, which is also the next rank.
+    /// Number of objects ranked so far in this frame, which is also the next rank.
     met: u32,
-    /// Number of candidate objects not ranked yet; the walk ends at 0.
+    /// Number of objects still at [`NOT_MET`]; the walk ends at 0.
     left: u32,
     /// Maximum number of BSP nodes to visit.
     most: u64,
@@ -132,8 +133,9 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// Tests whether the object with index `owner` is a candidate that has no rank yet. False for an index
-    /// that the scene no longer uses, which the tree may still contain.
+    /// Tests whether the object with index `owner` is at [`NOT_MET`], so that its next fragment gives it a
+    /// rank. False for an object that is ranked or gets no rank, and for an index that the scene no longer
+    /// uses, which the tree may still contain.
     #[inline]
     fn is_wanted(&self, owner: u32) -> bool {
         self.ranks.get(owner as usize) == Some(&NOT_MET)
@@ -148,9 +150,9 @@ impl Frame<'_> {
 }
 
 impl Walk for Frame<'_> {
-    /// Returns the mask of view planes that the whole subtree is inside of (bit i stands for plane i), given
-    /// the parent's mask `inside`. `None` skips the subtree: it is outside the view, its only owner needs no
-    /// rank or gets one here, or the node limit is reached.
+    /// Returns a mask of the view planes that the whole subtree is inside of, given the parent's mask
+    /// `inside`. Bit i stands for plane i of the view volume. `None` skips the subtree: it is outside the
+    /// view, its only owner needs no rank or gets its rank here, or the node limit is reached.
     fn enter(&mut self, subtree: &Subtree, inside: u32) -> Option<u32> {
         if self.left == 0 || self.stats.nodes > self.most {
             return None;

@@ -22,8 +22,8 @@ use visibility_core::{Aabb, View, view::Eye};
 /// Unit round-off of `f64`: 2^-53, half of `f64::EPSILON`.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// Maximum error of a usable direction or plane, as a fraction of its largest component: 2^-24. Less certain
-/// ones are treated as unknown.
+/// Maximum absolute error of a component of a direction or plane whose largest component is 1. A direction or
+/// plane with a larger error is not used: the function that would make it returns `None`.
 const MAX_RELATIVE_ERROR: f64 = 1.0 / (1u64 << 24) as f64;
 
 /// The view ray through a point as homogeneous clip-space `(x, y, w)`, scaled so that the largest component
@@ -39,24 +39,25 @@ pub(crate) struct Direction {
 }
 
 /// A plane through the eye, seen as a line in the image: the linear function `n . v` of clip-space directions
-/// `v = (x, y, w)`. Positive values are on the inner side. For an exact direction with components up to 1,
-/// the sign is certain if the magnitude of the value exceeds `slack`.
+/// `v = (x, y, w)`. The inner side of the plane is the side on which `n . v` is positive. For an exact
+/// direction with components up to 1, the sign is certain if the magnitude of the value exceeds `slack`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     /// Coefficients of x, y and w, the largest 1 in magnitude.
     pub(crate) n: [f64; 3],
-    /// Bound on the absolute error of `n . v` for an exact direction `v` with components up to 1.
+    /// Bound on the absolute error of `n . v` (no unit) for an exact direction `v` with components up to 1.
     pub(crate) slack: f64,
 }
 
-/// Returns a bound on the absolute error that is added to `n . v` by a direction whose components are each
-/// off by up to `error`. Three components with coefficients of at most 1 give `3 error`. The remaining eighth
-/// covers the rounding of `error` and its product with the error of the line.
+/// Returns a bound on the absolute error of `n . v` for a direction `v` whose components are each off by up
+/// to `error`, and line coefficients `n` of at most 1 in magnitude.
 pub(crate) fn slack_of(error: f64) -> f64 {
+    // Three components with coefficients of at most 1 give `3 error`. The remaining eighth covers the
+    // rounding of `error` and its product with the error of the line.
     3.125 * error
 }
 
-/// Returns the dot product, with one rounding per operation.
+/// Returns the dot product of `a` and `b`, each product and sum rounded on its own.
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -109,8 +110,8 @@ pub(crate) struct BoxProjection {
 }
 
 impl BoxProjection {
-    /// Returns the least and the greatest value of `n . v` over the corners of the projected box. Each is off
-    /// by at most `slack`, plus the slack of the line with coefficients `n`.
+    /// Returns the least and the greatest value of `n . v` over the corners `v` of the projected box, for the
+    /// coefficients `n` of a line. Each is off by at most `slack` of this box plus `slack` of the line.
     #[inline]
     pub(crate) fn span(&self, n: [f64; 3]) -> (f64, f64) {
         let base = dot(n, self.base);
@@ -148,11 +149,14 @@ pub(crate) struct ClipProjection {
     /// Bound on the distance in metres of the exact eye from `eye`. For a parallel view, bound on the length
     /// of the error of the unit direction.
     pub(crate) eye_error: f64,
-    /// Matrix from clip-space `(x, y, w)` to directions along the scene's axes. Zero for parallel views.
+    /// Matrix from a clip-space direction `(x, y, w)` to a direction along the scene's axes, in metres: the
+    /// inverse of the linear parts of `rows`. Zero for parallel views.
     back: DMat3,
-    /// Bound on the magnitude of each component of `back * v`, for directions `v` with components up to 1.
+    /// Bound on the magnitude of each component of `back * v` in metres, for directions `v` with components
+    /// up to 1.
     back_size: f64,
-    /// Bound on the absolute error of each component of `back * v`, for exact `v` with components up to 1.
+    /// Bound in metres on the absolute error of each component of `back * v`, for exact `v` with components
+    /// up to 1.
     back_error: f64,
     /// 1 or -1: sign of the determinant of the clip-space directions of three points whose triangle normal
     /// points away from the eye; -1 is a mirrored camera. 0 if rounding leaves it unknown.
@@ -265,9 +269,9 @@ impl ClipProjection {
         })
     }
 
-    /// Returns an upper bound in metres on the distance from the eye of any point inside the image that is in
-    /// front of the near plane. Infinite for parallel views, and if the near plane is not surely in front of
-    /// the eye.
+    /// Returns an upper bound in metres on the distance from the eye to any point inside the image that is
+    /// not beyond the near plane. Infinite for parallel views, and if the near plane is not surely in front
+    /// of the eye.
     pub(crate) fn clearance(&self) -> f64 {
         let Eye::Point(eye) = self.eye else { return f64::INFINITY };
         // The distance is greatest at a corner of the image. The added tenth far exceeds the rounding errors.
@@ -304,9 +308,9 @@ impl ClipProjection {
         self.back * DVec3::from_array(v)
     }
 
-    /// Returns a plane (`normal . p + offset = 0` in metres relative to `Scene::origin`, unit normal) as a
-    /// function of clip-space directions: the eye's height above the plane, and the speed at which each
-    /// direction approaches the plane. `None` for parallel views.
+    /// Returns the height of the eye above a plane, and the linear function that gives each view ray's rate
+    /// of descent to the plane; see [`Approach`]. The plane is `normal . p + offset = 0` for `p` in metres
+    /// relative to `Scene::origin`, with a unit normal. `None` for parallel views.
     pub(crate) fn approach(&self, normal: DVec3, offset: f64) -> Option<Approach> {
         let Eye::Point(eye) = self.eye else { return None };
         let [x, y, z] = [self.back.x_axis, self.back.y_axis, self.back.z_axis];
@@ -317,15 +321,9 @@ impl ClipProjection {
     }
 
     /// Tests whether, along every view ray of a convex cone, the plane `first` is surely met before the plane
-    /// `second`. `part` lists the corner directions of the cone, and `error` bounds the absolute error of
-    /// their components. False if undecided, or if the eye is not surely in front of both planes.
-    ///
-    /// A ray with direction `v` meets a plane after `height / (speed . v)`. The first plane is met earlier if
-    /// `height' (speed . v) > height (speed' . v)`, where the prime marks the second plane. This inequality
-    /// is linear in `v`, so testing the corners suffices. Every ray of a box enters it through the second
-    /// plane from the front, so `speed' . v > 0`, and then `speed . v > 0` as well. Errors: heights are off
-    /// by at most `height_error`. For unit normals, `speed . v` is off by at most three times the sum of the
-    /// error of `back * v` and the effect of the error of `v` on it.
+    /// `second`. `part` lists the clip-space directions `(x, y, w)` of the cone's corners, and `error` bounds
+    /// the absolute error of their components. Every ray of the cone must meet `second` from the front. False
+    /// if undecided, or if the eye is not surely in front of both planes.
     pub(crate) fn is_met_first(
         &self,
         first: &Approach,
@@ -333,6 +331,12 @@ impl ClipProjection {
         part: &[[f64; 3]],
         error: f64,
     ) -> bool {
+        // A ray with direction `v` meets a plane at the ray parameter `height / (speed . v)`. The first plane
+        // is met earlier if `height' (speed . v) > height (speed' . v)`, where the prime marks the second
+        // plane. This inequality is linear in `v`, so testing the corners suffices. Rays meet the second
+        // plane from the front, so `speed' . v > 0`, and then `speed . v > 0` as well. Heights are off by at
+        // most `height_error`. For unit normals, `speed . v` is off by at most three times the sum of the
+        // error of `back * v` and the effect of the error of `v` on it.
         if !(second.height > second.height_error && first.height > first.height_error) {
             return false;
         }
@@ -361,26 +365,30 @@ impl ClipProjection {
     }
 }
 
-/// A plane seen from the eye, as a function of the view ray's direction. The plane is met after `height /
-/// (speed . v)`, in units of the length of the unprojected direction `v`.
+/// A plane and the eye of a perspective view: the eye's signed distance `height` from the plane, and the
+/// linear function `speed . v` of a view ray's clip-space direction `v = (x, y, w)`. The ray's points are
+/// `eye + t d`, with `d` the direction `v` converted to metres along the scene's axes. The ray meets the
+/// plane at `t = height / (speed . v)`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Approach {
-    /// Signed distance of the eye from the plane in metres, positive in front.
+    /// Signed distance in metres of the eye from the plane, positive on the side that the plane's normal
+    /// points to.
     height: f64,
     /// Bound on the absolute error of `height`, in metres.
     height_error: f64,
-    /// Coefficients of `speed . v`, the rate at which a ray with clip-space direction `v` approaches the
-    /// plane.
+    /// Coefficients of `speed . v = -normal . d`: metres by which a ray with clip-space direction `v` sinks
+    /// towards the plane per unit of `t`. Positive if the ray runs against the plane's normal.
     speed: [f64; 3],
 }
 
-/// Bounds the error of a numerically inverted matrix: `back` is the computed inverse of `forth`. For
-/// directions with components up to 1, returns a bound on the magnitude of each component of `back` times the
-/// direction, and a bound on each component's absolute error (infinite if `back` is not a usable inverse).
-///
-/// `back . forth` equals `1 + R` with a residue `R`, so the computed product is off by at most `R` times the
-/// exact one. `R` is computed from three products, their sums and one difference, whose rounding is added.
+/// Bounds the error of a numerically inverted matrix: `back` is the computed inverse of `forth`. The bounds
+/// are for products `back * v` with vectors `v` whose components are at most 1 in magnitude. Returns a bound
+/// on the magnitude of each component of the product, and a bound on each component's absolute error. The
+/// second is infinite if `back` is not a usable inverse.
 fn inverse_error_bounds(forth: DMat3, back: DMat3) -> (f64, f64) {
+    // `back . forth` equals the identity plus a residue matrix `R`, so the computed product is off by at most
+    // `|R|` times the exact one. `R` is computed from three products, their sums and one difference, whose
+    // rounding is added.
     let (mut size, mut residue) = (0.0f64, 0.0f64);
     for row in 0..3 {
         let b = back.row(row).abs();

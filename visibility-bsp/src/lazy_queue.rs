@@ -7,7 +7,8 @@ use core::cmp::Ordering;
 /// lower number.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Candidate {
-    /// Gain of choosing the candidate; an upper bound once further candidates have been chosen.
+    /// Gain of choosing the candidate, in the caller's unit; an upper bound once further candidates have
+    /// been chosen.
     pub(crate) gain: f64,
     /// Rank among candidates of equal gain; the greater comes first.
     pub(crate) tie_break: f64,

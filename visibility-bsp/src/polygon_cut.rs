@@ -6,10 +6,10 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// Replaces `front` and `back` by the parts of a convex polygon in front of and behind a plane. A vertex
-/// within the plane's margin goes to both parts, so a part may have fewer than three vertices or none. Cut
-/// points depend only on the plane and the ends of an edge, so polygons that share the edge are cut in
-/// bit-identical points.
+/// Replaces `front` and `back` by the parts of a convex polygon in front of and behind a plane, in the
+/// polygon's own space. A vertex within the plane's margin goes to both parts, so a part may have fewer than
+/// three vertices or none. Cut points depend only on the plane and the ends of an edge, so polygons that
+/// share the edge are cut in bit-identical points.
 pub(crate) fn cut(polygon: &[DVec3], plane: &SidePlane, front: &mut Vec<DVec3>, back: &mut Vec<DVec3>) {
     front.clear();
     back.clear();

@@ -131,8 +131,8 @@ pub(crate) struct StaleObjects {
     changed: Vec<u32>,
     /// Number of the present frame, from 1 on; 0 before the first.
     frame: u32,
-    /// Whether the tree belongs to another scene, or more has changed than the scene lists. No object is
-    /// then current.
+    /// True if the tree belongs to another scene, or more has changed than the scene lists. No object is
+    /// then current. False if `changed` is complete.
     lost: bool,
 }
 

@@ -104,13 +104,14 @@ pub(crate) struct OccluderPolygon<'a> {
     /// Least and greatest coordinate of the vertices along `normal`, in metres from `Scene::origin`, widened
     /// by rounding.
     pub(crate) extent_along_normal: [f64; 2],
-    /// Whether the polygon also hides for eyes behind its front.
+    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     pub(crate) two_sided: bool,
 }
 
-/// Returns three properties of a loop of vertices: the unit normal of the side from which the loop runs
-/// counter-clockwise; the least and greatest coordinate of the vertices along this normal in metres, widened
-/// by rounding; and the area in square metres. `None` if the loop has no area or a vertex is not finite.
+/// Returns three properties of a loop of vertices in metres relative to `Scene::origin`: the unit normal of
+/// the side from which the loop runs counter-clockwise; the least and greatest coordinate of the vertices
+/// along this normal in metres, widened by rounding; and the area in square metres. `None` if the loop has no
+/// area or a vertex is not finite.
 pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     let (&first, rest) = vertices.split_first()?;
     let mut sum = DVec3::ZERO;
@@ -137,7 +138,7 @@ pub(crate) fn plane_of(vertices: &[DVec3]) -> Option<(DVec3, [f64; 2], f64)> {
     ))
 }
 
-/// Returns the mean of some points; zero for none.
+/// Returns the mean of some points, in the points' own space; zero for none.
 pub(crate) fn mean_of(points: impl ExactSizeIterator<Item = DVec3>) -> DVec3 {
     let count = points.len() as f64;
     points.fold(DVec3::ZERO, |sum, p| sum + p / count)

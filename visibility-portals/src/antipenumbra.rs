@@ -8,8 +8,8 @@ use visibility_core::{
     geometry::ConvexPolygon,
 };
 
-/// Tests by separating planes whether a straight line may pass through all of `polygons`, in order and along
-/// their normals. The polygons are in world space.
+/// Tests by separating planes whether a straight line may pass through all of `polygons`, in order, each
+/// along its normal. The polygons are in world space.
 ///
 /// Each polygon is clipped to the part that can be seen from the first polygon through the polygons between,
 /// and the first polygon is likewise clipped to the part that can be seen from the far side (Seth Teller and

@@ -37,8 +37,8 @@ pub struct Outcome {
     /// Number of portal chains that only the test in Pluecker space excluded. 0 unless
     /// [`Settings::exact`](crate::Settings::exact) is `true`.
     pub rejected: u64,
-    /// Whether the search from every portal was carried out. `false` after an early finish: cells behind
-    /// unsearched portals then count as visible unless already proven hidden.
+    /// Whether the search from every portal was carried out. `false` if the bake was finished early: cells
+    /// behind unsearched portals then count as visible unless already proven hidden.
     pub complete: bool,
 }
 
@@ -68,13 +68,13 @@ pub struct CellBaker {
     portals: DirectedPortals,
     settings: Settings,
     /// Candidate matrix, a bit for each ordered pair of directed portals (`stride` words per row): in the
-    /// row of directed portal a, bit b is set while a line through a may later pass directed portal b.
-    /// See [`FlowInput::rows`].
+    /// row of directed portal a, bit b is 1 while a line through a may later pass directed portal b, and
+    /// 0 once such a line is excluded. See [`FlowInput::rows`].
     rows: Vec<u64>,
     /// Number of 64-bit words in a row of `rows`, which has one bit per directed portal.
     stride: usize,
-    /// Cells known to be seen: the bit of (a, b) is set once b counts as seen from a, with or without proof.
-    /// See [`FlowInput::seen`].
+    /// Cells known to be seen: the bit of the ordered pair of cells (a, b) is 1 once b counts as seen from
+    /// a, with or without proof, and 0 before. See [`FlowInput::seen`].
     seen: CellMatrix,
     /// Number of candidates of each directed portal, by portal index: the number of set bits in its row of
     /// `rows`.

@@ -10,17 +10,19 @@ use visibility_core::glam::DVec3;
 /// conservative.
 const MAX_CLIPPED_VERTICES: usize = 120;
 
-/// Result of clipping a polygon: empty, the whole polygon, or a part.
+/// Result of clipping a polygon, whose vertices are a range of the list `points`: nothing, the whole polygon,
+/// or a part.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Clip {
     Nothing,
     All,
-    /// A part of the polygon is left. Its vertices run from this index of `points` to the end.
+    /// A part of the polygon is left. Its vertices were appended to `points`: they run from this index of
+    /// `points` to the end.
     Part(usize),
 }
 
-/// Clips the polygon with the vertices `points[polygon]` to the inner side of `plane`; points on the plane
-/// are kept. `polygon` must not be empty.
+/// Clips the polygon with the vertices `points[polygon]` to the inner side of `plane`, the side that the
+/// plane's normal points to; points on the plane are kept. `polygon` must not be empty.
 ///
 /// A result that is smaller than the input is appended to `points`. Of its vertices, neighbours no farther
 /// apart than `merge` (in the unit of the coordinates) become one. A result of fewer than three vertices is

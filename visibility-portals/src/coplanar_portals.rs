@@ -64,9 +64,9 @@ pub(crate) fn lie_side_by_side<P: Iterator<Item = DVec3> + Clone>(
     edges(&a).into_iter().chain(edges(&b)).any(|across| overlap(across) < least)
 }
 
-/// Returns the least-squares plane through `points`, with unit normal. Distances are measured along the unit
-/// vector `along`, so the plane must not be parallel to `along`. `None` if the normal is not finite, for
-/// instance for points on one line.
+/// Returns the least-squares plane through `points`, in world space with a unit normal. Distances are
+/// measured along the unit vector `along`, so the plane must not be parallel to `along`. `None` if the normal
+/// is not finite, for instance for points on one line.
 fn fitted_plane(points: impl Iterator<Item = DVec3> + Clone, along: DVec3) -> Option<Plane> {
     let u = along.any_orthonormal_vector();
     let v = along.cross(u);

@@ -26,13 +26,15 @@ const NOISE: f64 = 8.0 * f64::EPSILON;
 pub(crate) struct Margins {
     /// Distance by which portals are shrunk on all sides, less than the clearance.
     pub(crate) inset: f64,
-    /// A point less than this distance in front of a plane counts as on the plane.
+    /// A point less than this distance in front of a plane (on the side of its normal) counts as on the
+    /// plane.
     pub(crate) side: f64,
-    /// Clipping to a plane keeps points up to this distance on the outer side of the plane.
+    /// Clipping to a plane keeps points up to this distance on the outer side of the plane, opposite to its
+    /// normal.
     pub(crate) keep: f64,
     /// Neighbouring vertices no farther apart than this become one.
     pub(crate) merge: f64,
-    /// Absolute bound on the rounding of the product of a unit vector and a position.
+    /// Absolute bound on the rounding of the dot product of a unit vector and a position.
     pub(crate) noise: f64,
     /// Distance that lines must keep from all portal edges:
     /// [`Settings::clearance`](crate::Settings::clearance).
@@ -73,7 +75,7 @@ pub(crate) struct DirectedPortal {
     /// The edges of the unshrunk polygon, a range of [`DirectedPortals::edges`]. The edges run
     /// counter-clockwise around the normal, or clockwise if `against`.
     edges: Range<u32>,
-    /// Whether the `edges` run clockwise around this portal's normal.
+    /// Whether the `edges` run clockwise around this portal's normal; if false, counter-clockwise.
     against: bool,
 }
 
@@ -173,9 +175,9 @@ impl DirectedPortals {
         self.first[cell as usize]..self.first[cell as usize + 1]
     }
 
-    /// Tests whether a line may pass portal `a` and later portal `b`. That requires that part of `b` lies in
-    /// front of the plane of `a`, that part of `a` lies behind the plane of `b`, and that the two do not lie
-    /// side by side in one plane. `false` is certain.
+    /// Tests whether a line may pass portal `a` and later portal `b`, each along its normal. That requires
+    /// that part of `b` lies in front of the plane of `a`, that part of `a` lies behind the plane of `b`, and
+    /// that the two do not lie side by side in one plane. `false` is certain, `true` is not.
     pub(crate) fn can_follow(&self, a: &DirectedPortal, b: &DirectedPortal) -> bool {
         self.reaches(b, &a.plane) && self.reaches(a, &b.plane.flipped()) && !self.lie_side_by_side(a, b)
     }
@@ -196,8 +198,8 @@ impl DirectedPortals {
         coplanar_portals::lie_side_by_side(first, second, larger.plane.normal, self.margins.clearance)
     }
 
-    /// Tests whether some shrunk vertex of `portal` is more than [`Margins::side`] on the inner side of
-    /// `plane`.
+    /// Tests whether some shrunk vertex of `portal` is more than [`Margins::side`] in front of `plane`, on
+    /// the side that its normal points to.
     fn reaches(&self, portal: &DirectedPortal, plane: &Plane) -> bool {
         let (side, middle) = (self.margins.side, plane.signed_distance(portal.center));
         // The ball decides most cases: at least one vertex is as far inside as the mean of the vertices.

@@ -12,7 +12,8 @@ use core::ops::Range;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 
-/// A portal of the current chain, with the parts of the chain's lists that belong to it.
+/// One portal of the current chain of directed portals, with the parts of the chain's lists that belong to
+/// this portal.
 #[derive(Clone, Debug)]
 pub(crate) struct ChainFrame {
     /// Index of the directed portal in `DirectedPortals::all`.
@@ -21,26 +22,28 @@ pub(crate) struct ChainFrame {
     pub(crate) source: Range<usize>,
     /// The part of this portal that lines of the chain can pass, a range of `PortalChain::points`.
     pub(crate) pass: Range<usize>,
-    /// The planes that bound everything that the lines reach beyond this portal, a range of
-    /// `PortalChain::planes`.
+    /// The planes that bound everything that the lines reach beyond this portal, on the side of their
+    /// normals: a range of `PortalChain::planes`.
     pub(crate) planes: Range<usize>,
-    /// Offset in `PortalChain::sets` of the bitset of the portals that lines through this portal can still
-    /// reach.
+    /// Offset in `PortalChain::sets` of this frame's bitset: the portals that lines through this portal can
+    /// still reach.
     pub(crate) set: usize,
-    /// Bits of the set (see `set`) that have not been inspected yet, among those of the portals of the cell
-    /// behind this portal.
+    /// Bit numbers, in this frame's bitset, of the portals that lead from the cell behind this portal, as
+    /// far as not inspected yet.
     pub(crate) children: Range<u32>,
     /// Length of `PortalChain::points` before this frame was pushed, restored when the frame is popped.
     pub(crate) points: usize,
 }
 
-/// The current chain of portals, with the polygons, planes and bitsets of its frames.
+/// The current chain of directed portals, with the polygons, planes and bitsets of its frames. In world
+/// space.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PortalChain {
     pub(crate) frames: Vec<ChainFrame>,
     pub(crate) points: Vec<DVec3>,
     pub(crate) planes: Vec<Plane>,
-    /// Stack of bitsets, one for each frame. `ChainFrame::set` is the offset of a bitset.
+    /// Stack of bitsets of portals, one for each frame. `ChainFrame::set` is the offset of a frame's bitset.
+    /// The baker decides which list the bits index.
     pub(crate) sets: Vec<u64>,
 }
 
@@ -139,8 +142,9 @@ pub(crate) fn outward(plane: &Plane, by: f64) -> Plane {
     Plane::new(plane.normal, plane.offset + by)
 }
 
-/// Tests whether all vertices of directed portal `portal` are on the outer side of one of the planes. `false`
-/// without planes. `ball` is the centre and the radius, in world space, of a ball that contains the portal.
+/// Tests whether all vertices of directed portal `portal` are on the outer side of one of the planes,
+/// opposite to the plane's normal. `false` if some vertex is inside or on each plane, and without planes.
+/// `ball` is the centre and the radius, in world space, of a ball that contains the portal.
 pub(crate) fn is_outside(
     portals: &DirectedPortals,
     planes: &[Plane],

@@ -32,9 +32,9 @@ pub(crate) struct Facing<'a> {
     pub(crate) sense: f64,
 }
 
-/// Appends to `planes` separating planes of polygons `a` and `b`. Every line that has passed `a` and then `b`
-/// stays on the inner side of each plane from `b` onwards. At most one plane for each edge of either polygon;
-/// none if a polygon has more than 128 vertices.
+/// Appends to `planes` separating planes of polygons `a` and `b`, in world space. Every line that has passed
+/// `a` and then `b` stays, from `b` onwards, on the inner side of each plane, which its normal points to. At
+/// most one plane for each edge of either polygon; none if a polygon has more than 128 vertices.
 pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, planes: &mut Vec<Plane>) {
     // Edges of A with vertices of B, which lie in the direction of the lines. A is on the negative side.
     tangents(a, b, a.sense, -1.0, margins, planes);
@@ -44,8 +44,8 @@ pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, pl
 
 /// Appends to `planes` the planes through an edge of polygon `of` and a vertex of polygon `to` that separate
 /// the two polygons. `side` is the side of the plane of `of` on which `to` lies: 1 along the normal of `of`,
-/// -1 against it. `own` is the side of each new plane on which `of` shall lie: 1 for the inner side, -1 for
-/// the outer.
+/// -1 against it. `own` is the side of each new plane on which `of` shall lie: 1 for the side that the new
+/// plane's normal points to, -1 for the opposite side.
 fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, planes: &mut Vec<Plane>) {
     let toward = of.normal * side;
     // Maximum number of vertices. Polygons with more get no separating planes, which is conservative.

@@ -12,9 +12,9 @@ fn whole(random: &mut Random, most: i64) -> i64 {
     (random.bits() % (2 * most as u64 + 1)) as i64 - most
 }
 
-/// Returns `count` triangles, quadrangles or slits, one behind the other around a random line. Their edges
-/// lie in planes parallel to the line: some at `distance` from the line, the others at 0.5 to 4. Each polygon
-/// is displaced across the line by up to `off` along each of two axes.
+/// Returns `count` convex polygons, one behind the other around a random line: triangles or quadrangles, or
+/// slits if `slits`. Their edges lie in planes parallel to the line: some at `distance` from the line, the
+/// others at 0.5 to 4. Each polygon is displaced across the line by up to `off` along each of two axes.
 fn around(count: usize, slits: bool, distance: f64, off: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
     let direction = random.direction();
     let (u, start) = (direction.any_orthonormal_vector(), random.direction() * random.fine_range(0.0, 100.0));
@@ -54,8 +54,8 @@ fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
     antipenumbra(&all.collect::<Vec<_>>(), clearance).unwrap()
 }
 
-/// Returns the least distance of the line through `from` and `to` from all edges; negative if the line is on
-/// the outer side of an edge.
+/// Returns the least distance of the line through `from` and `to` from all edges of `polygons`; negative if
+/// the line passes outside one of the polygons.
 fn clearance_of(polygons: &[Vec<DVec3>], from: DVec3, to: DVec3) -> f64 {
     let d = to - from;
     let mut least = f64::INFINITY;

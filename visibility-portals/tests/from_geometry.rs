@@ -78,8 +78,8 @@ fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
     out
 }
 
-/// Tests whether the segment from `a` to `b` meets a box enlarged by `widen` on all sides; a negative `widen`
-/// shrinks the boxes. A segment that does not is at least `widen` away from all boxes.
+/// Tests whether the segment from `a` to `b` meets one of `boxes` enlarged by `widen` on all sides; a
+/// negative `widen` shrinks the boxes. All lengths are in the boxes' space and unit.
 fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
     boxes.iter().any(|[min, max]| {
         let (mut enter, mut leave) = (0.0f64, 1.0f64);

@@ -34,7 +34,8 @@ use visibility_core::{
 pub struct LargeOccludersCuller {
     /// All occluder polygons of the scene, from which the culler chooses.
     occluders: Arc<Occluders>,
-    /// Chooses polygons, and tracks which objects have changed since the polygons were made.
+    /// Chooses polygons by solid angle from the eye, and tracks which objects have changed since the
+    /// polygons were made.
     selector: Selector,
     /// Maximum number of occluder polygons in use at a time.
     most: usize,
@@ -43,16 +44,19 @@ pub struct LargeOccludersCuller {
     /// Eye of the last choice, rounded to the grid; `None` if the polygons must be chosen again in the next
     /// frame.
     chosen_at: Option<Eye>,
-    /// Indices in `Occluders` of the polygons chosen last, whether usable in this frame or not.
+    /// Indices in `Occluders` of the polygons chosen at `chosen_at`, whether they may hide in this frame or
+    /// not.
     selected: Vec<u32>,
-    /// Indices in `Occluders` of the chosen polygons that are usable in this frame.
+    /// Indices in `Occluders` of the `selected` polygons that may hide in this frame: their objects are
+    /// unchanged and drawn in this view (see `Selector::keep_usable`).
     active: Vec<u32>,
-    /// Objects that the active polygons were made from, each once, in ascending order.
+    /// Objects that the `active` polygons were made from, each once, in ascending order.
     sources: Vec<ObjectId>,
-    /// Indices in `Occluders` of the active sections: polygons inside closed boxes, which hide only for eyes
-    /// outside these boxes.
+    /// Indices in `Occluders` of the `active` polygons that are sections: rectangles inside closed boxes,
+    /// which hide only for eyes outside these boxes.
     sections: Vec<u32>,
-    /// Whether every chosen polygon is active.
+    /// Whether every polygon of `selected` is in `active`. If false, the next frame tests again which of
+    /// them may hide.
     all_active: bool,
     /// Driver that tests the scene's hierarchy of boxes against the occlusion map.
     inner: OcclusionCuller<GroupMap>,
@@ -106,8 +110,8 @@ impl LargeOccludersCuller {
         self.inner.map().computed()
     }
 
-    /// Returns the eye rounded to a grid of `pitch` metres, so that nearby eyes choose the same polygons. The
-    /// direction of a parallel view is returned unchanged.
+    /// Returns the eye point rounded to a grid of `pitch` metres, so that nearby eyes choose the same
+    /// polygons. The direction of a parallel view is returned unchanged.
     fn rounded_eye(&self, eye: Eye) -> Eye {
         let pitch = self.pitch;
         let whole = |x: f64| {

@@ -6,21 +6,22 @@ use core::ops::Range;
 use visibility_core::glam::DVec3;
 use visibility_core::view::Eye;
 
-/// An edge of a polygon and the plane through it and the eye of the frame.
+/// An edge of a polygon and the plane through this edge and the eye of the frame. The inner side of the plane
+/// is the side that its normal points to, on which the polygon lies.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     /// Ends of the edge, in metres relative to `Scene::origin`.
     pub(super) ends: [DVec3; 2],
-    /// A point inside the polygon, in metres relative to `Scene::origin`; it determines the inner side of
-    /// the plane.
+    /// A point inside the polygon, in metres relative to `Scene::origin`. The plane's normal points to the
+    /// side of this point.
     pub(super) inner: DVec3,
-    /// Normal of the plane, to the inner side, not normalized. The plane passes through
+    /// Normal of the plane, not normalized, pointing to the side of `inner`. The plane passes through
     /// [`base`](Self::base).
     normal: DVec3,
-    /// Bound on the absolute error of `normal . q`, for a point `q` relative to the base whose largest
-    /// coordinate is `s`: `slope s + least`. Infinite if the plane is not usable.
+    /// Linear term of the bound `slope s + least` on the absolute error of `normal . q`, for a point `q`
+    /// relative to the base whose largest coordinate is `s` metres. Infinite if the plane is not usable.
     slope: f64,
-    /// Constant term of the plane's error bound; see `slope`. Infinite for a polygon seen edge on.
+    /// Constant term of the error bound; see `slope`. Infinite for a polygon seen edge on.
     least: f64,
 }
 
@@ -32,9 +33,9 @@ pub(super) struct Group {
     pub(super) edges: Range<usize>,
     /// Indices in `Groups::faces` of the two polygons; both are the same for a single polygon.
     pub(super) polygons: [usize; 2],
-    /// Whether the polygons of the group hide together. Two polygons do if the eye sees them on opposite
-    /// sides of the shared edge; if they fold over each other, they do not. False for any group that the
-    /// near plane of a parallel view may cut.
+    /// Whether the group's shadow may be used in this frame. True for a single polygon, and for two polygons
+    /// that the eye sees on opposite sides of the shared edge. False for two polygons that fold over each
+    /// other as seen from the eye, and for any group that the near plane of a parallel view may cut.
     pub(super) usable: bool,
 }
 
@@ -44,7 +45,7 @@ pub(super) struct Face {
     /// Back planes (just behind all vertices of the polygon, as seen from the eye) for an eye in front of
     /// the polygon and for one behind it. The second is used only if `two_sided`.
     front: [BackPlane; 2],
-    /// Whether the polygon also hides for eyes behind its front.
+    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     two_sided: bool,
     /// Back plane for the side of the polygon that the eye is on; a copy of one entry of `front`.
     pub(super) back: BackPlane,
@@ -100,12 +101,11 @@ impl Edge {
     }
 
     /// Computes the plane through the eye and the edge, its normal to the side of `inner`. `eye_error` bounds
-    /// the eye's error: metres for a point, absolute for a unit direction.
-    ///
-    /// The plane's value at a point is a determinant of three differences to the eye: six products of three
-    /// factors. Rounding adds at most `8u` of each product, and an eye that is off by `e` adds at most `e` in
-    /// place of each factor. The factors of 64 cover both.
+    /// the eye's error: in metres for a point, as the length of the difference for a unit direction.
     pub(super) fn update_eye(&mut self, eye: &Eye, eye_error: f64) {
+        // The plane's value at a point is a determinant of three differences to the eye: six products of
+        // three factors. Rounding adds at most `8u` of each product, and an eye that is off by `e` adds at
+        // most `e` in place of each factor. The factors of 64 cover both.
         match eye {
             Eye::Point(eye) => {
                 let (a, b) = (self.ends[0] - *eye, self.ends[1] - *eye);
@@ -142,8 +142,8 @@ impl Edge {
         }
     }
 
-    /// Returns the bound on the absolute error of `normal . q` for a point `q` relative to the base, none of
-    /// whose coordinates exceeds `size` in magnitude.
+    /// Returns the bound on the absolute error of `normal . q`, for a point `q` in metres relative to the
+    /// base, none of whose coordinates exceeds `size` in magnitude.
     fn error(&self, size: f64) -> f64 {
         self.slope * size + self.least
     }

@@ -58,11 +58,11 @@ const FORGET: u64 = 64;
 /// An occlusion map of single polygons and pairs of them, with a cache of answers.
 #[derive(Clone, Debug)]
 pub(super) struct GroupMap {
-    /// Whether answers are cached between frames.
+    /// Whether answers are cached between frames; if false, every test computes its answer.
     pub(super) coherent: bool,
     /// Projection of the present frame's view.
     projection: ClipProjection,
-    /// Number of the present frame, from 1 on; 0 before the first.
+    /// Number of the present frame, counted from 1; 0 before the first.
     frame: u64,
     /// Cache and groups, which `test` changes.
     memory: RefCell<Memory>,

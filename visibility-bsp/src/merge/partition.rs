@@ -16,7 +16,7 @@ use visibility_core::{
 /// Maximum number of levels of a merged tree. Merging recurses by level, so this bounds the stack.
 pub(super) const MOST_LEVELS: usize = 1000;
 
-/// An inner node of a solid's BSP tree.
+/// An inner node of a solid's BSP tree. The plane is in the solid's coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     /// The dividing plane, with the margin within which points count as on the plane.

@@ -37,8 +37,8 @@ pub(super) struct ImageCorner {
     pub(super) x: f64,
     /// Vertical NDC coordinate, -1 at the bottom and 1 at the top of the image.
     pub(super) y: f64,
-    /// Whether the edge from this corner to the next lies on the line of a tree node above, so that it
-    /// divides no leaf again.
+    /// Whether the edge from this corner to the next lies on the line of a tree node above, so that the edge
+    /// divides no leaf again. If false, the edge is a part of the inserted polygon's edge `edge`.
     pub(super) on_line: bool,
     /// Index of the inserted polygon's edge that the edge from this corner is a part of. Unused if
     /// `on_line`.
@@ -52,8 +52,8 @@ impl ImageCorner {
     }
 }
 
-/// A line in NDC: the points with `a x + b y + c = 0`. The normal `(a, b)` has unit length and points to the
-/// front.
+/// A line in NDC: the points `(x, y)` with `a x + b y + c = 0`. The normal `(a, b)` has unit length and
+/// points to the front side of the line.
 #[derive(Clone, Copy, Debug)]
 struct Line {
     a: f64,
@@ -114,7 +114,7 @@ pub(super) enum Visibility {
     Seen,
 }
 
-/// An inner node of the beam tree: a line that divides an image region in two.
+/// An inner node of the beam tree: a line in NDC that divides an image region in two.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     line: Line,
@@ -131,8 +131,9 @@ struct Task {
     parent: u32,
     /// Child that the part enters: 0 behind the line, 1 in front.
     side: u8,
-    /// Whether the part was within the margin of some line above. Its side was then chosen by its mean,
-    /// correct up to rounding, and it has no area to cover.
+    /// Whether the part was within the margin of some line above. If true, its side was chosen by its mean,
+    /// correct up to rounding, and the part has no area to cover. If false, the part has an area and covers
+    /// it.
     thin: bool,
     /// Index of the part's first corner in `Beams::corners`; the part extends to the end of that stack.
     begin: usize,
@@ -157,7 +158,7 @@ pub(super) struct Beams {
     nodes: Vec<Node>,
     /// Child link of the tree's root: a node index, [`OPEN`] or [`CLOSED`].
     root: u32,
-    /// Bound on the absolute error of the corners of this frame's polygons, in NDC.
+    /// Bound on the absolute error of the corners of this frame's polygons, in NDC, as passed to `begin`.
     error: f64,
     /// Stack of polygon parts that are still to be taken down the tree.
     tasks: Vec<Task>,
@@ -213,8 +214,9 @@ impl Beams {
         self.divide((node, 1), upper, half, levels - 1);
     }
 
-    /// Appends a node with the given line and children (behind, in front). Links it into `slot`: a parent and
-    /// the side of the child (0 behind, 1 in front), or [`NO_PARENT`] for the root. Returns the node's index.
+    /// Appends a node with the given line and children (behind, in front) and returns its index. Links the
+    /// node into `slot`: a parent node and the side of the child (0 behind the parent's line, 1 in front), or
+    /// [`NO_PARENT`] for the root.
     fn push(&mut self, slot: (u32, u8), line: Line, children: [u32; 2]) -> u32 {
         let node = self.nodes.len() as u32;
         self.nodes.push(Node { line, children, parent: slot.0 });

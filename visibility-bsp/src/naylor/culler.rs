@@ -57,7 +57,8 @@ pub struct NaylorCuller<S> {
     scratch: Scratch,
 }
 
-/// State of one frame's walk that outlives it: the witnesses are the result, the rest is reused memory.
+/// Memory of the culler's walk, kept between frames: the witnesses found, which are results of the last
+/// frame, and scratch memory.
 #[derive(Clone, Debug, Default)]
 struct Scratch {
     /// Beam tree of the present frame: the image area that nearer polygons cover.
@@ -79,10 +80,12 @@ enum ObjectState {
     /// The object is not in the incoming visible set, is on no layer of the view, or its triangles in the
     /// tree are missing or out of date. Its fragments are skipped.
     None,
-    /// No fragment has been surely seen so far. `occluder`: the object hides others. `glimpsed`: a fragment
-    /// too narrow to be certain has reached uncovered image area.
+    /// No fragment has been surely seen so far. `occluder`: true if the object hides others, false if it
+    /// hides nothing. `glimpsed`: true if a fragment too narrow to be certain has reached uncovered image
+    /// area, false if none has.
     Hidden { occluder: bool, glimpsed: bool },
-    /// A fragment has been seen. `occluder`: the object hides others, so its further fragments still matter.
+    /// A fragment has been seen. `occluder`: true if the object hides others, so its further fragments still
+    /// matter; false if they can be skipped.
     Seen { occluder: bool },
 }
 

@@ -51,15 +51,14 @@ const MAX_NDC_ERROR: f64 = 1e-8;
 const CLIP_WIDTH: f64 = 4.0;
 
 impl ScreenProjection {
-    /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if
-    /// NDC positions are not known to within [`MAX_NDC_ERROR`], because the coordinates are too large or
-    /// the near plane too close, or if `bounds` is infinite.
-    ///
-    /// Derivation of the error, with `u = 2^-53`: `x`, `y` and `w` are sums of four products, each sum
-    /// rounded by at most `5 u` times the sum `m` of the products' magnitudes. The matrix is rounded once,
-    /// and a vertex made by a cut by another `6 u` of its magnitude. The total is `12 u m`. So `x / w` has an
-    /// absolute error of at most `12 u m (1 + |x / w|) / w`.
+    /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if NDC
+    /// positions are not known to within [`MAX_NDC_ERROR`], because the coordinates are too large or the near
+    /// plane too close, or if `bounds` is infinite.
     pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb) -> Option<Self> {
+        // With `u = 2^-53`: clip-space `x`, `y` and `w` are sums of four products, each sum rounded by at
+        // most `5 u` times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex
+        // made by a cut by another `6 u` of its magnitude. The total is `12 u m`. So `x / w` has an absolute
+        // error of at most `12 u m (1 + |x / w|) / w`.
         let origin = scene.origin();
         let clip = view.clip_from(origin);
         let magnitude = bounds.min.abs().max(bounds.max.abs()).as_dvec3();

@@ -16,11 +16,11 @@ const MOST_CELLS: usize = 1 << 14;
 const MOST_PICKS: u32 = 64;
 
 /// A grid whose lines are the sides of a group's rectangles, with the cells that the group covers.
+/// Coordinates are in metres along the two axes of the rectangles' plane.
 struct Grid {
-    /// Coordinates in metres of the lines between columns and of the lines between rows, ascending, each
-    /// once.
+    /// Coordinates of the lines between columns (entry 0) and between rows (entry 1), ascending, each once.
     lines: [Vec<f64>; 2],
-    /// By cell, row by row: whether some rectangle of the group covers the cell.
+    /// By cell, row by row: true if some rectangle of the group covers the cell, false if none does.
     filled: Vec<bool>,
 }
 

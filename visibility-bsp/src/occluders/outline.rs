@@ -10,7 +10,7 @@ pub(crate) struct OccluderTriangle {
     pub(crate) corners: [DVec3; 3],
     /// Index of the triangle's object in the list of objects given to `Occluders::add_from`.
     pub(crate) source: u32,
-    /// Whether the triangle also hides for eyes behind its front.
+    /// Whether the triangle also hides for eyes behind its front; if false, only for eyes in front.
     pub(crate) two_sided: bool,
 }
 
@@ -24,6 +24,6 @@ pub(crate) struct Outline {
     /// For a section (a rectangle inside closed boxes): indices of these boxes in the list returned by
     /// `sections::solids`. Empty for other polygons.
     pub(crate) solids: Vec<u32>,
-    /// Whether the polygon also hides for eyes behind its front.
+    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     pub(crate) two_sided: bool,
 }

@@ -26,6 +26,7 @@ pub(super) struct Rectangle {
 const NONE: u32 = u32::MAX;
 
 /// Node of the segment tree: an interval of the axis across the sweep, and the rectangles stored in it.
+/// Coordinates are in metres along the plane's axes.
 #[derive(Clone, Copy)]
 struct Interval {
     /// Of the rectangles that span this interval but not its parent's, the one with the greatest end along
@@ -35,7 +36,8 @@ struct Interval {
     any: u32,
     /// Greatest end, along the sweep, of the rectangles in the subtree; minus infinity if there are none.
     end: f64,
-    /// Whether all rectangles in the subtree that the sweep has not passed belong to one group.
+    /// True if all rectangles in the subtree that the sweep has not passed belong to one group; false if
+    /// they belong to several or this is unknown.
     one_group: bool,
 }
 

@@ -15,13 +15,14 @@ const FLAT: f64 = 1e-6;
 /// Maximum number of vertices of a joined polygon. Each edge costs a plane through the eye in every frame.
 const MOST_VERTICES: usize = if MOST_EDGES < 10 { MOST_EDGES } else { 10 };
 
-/// A polygon under construction, with vertices as indices of welded positions.
+/// A polygon under construction, with vertices as indices of the distinct positions that [`weld`] returns.
 struct Polygon {
-    /// Indices of the vertices among the welded positions, counter-clockwise as seen from the front.
+    /// Indices of the vertices in the positions that [`weld`] returns, counter-clockwise as seen from the
+    /// front.
     vertices: Vec<u32>,
     /// Indices of the polygon's objects in the list given to `Occluders::add_from`, ascending.
     sources: Vec<u32>,
-    /// Whether the polygon also hides for eyes behind its front.
+    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     two_sided: bool,
 }
 
@@ -80,8 +81,8 @@ pub(super) fn join(triangles: &[OccluderTriangle]) -> Vec<Outline> {
         .collect()
 }
 
-/// Returns the distinct positions, equal only if bit-identical (both zeros count as one), and each triangle's
-/// corners as indices of positions.
+/// Returns the distinct corner positions in metres relative to `Scene::origin`, and each triangle's corners
+/// as indices of these positions. Positions are equal only if bit-identical; both zeros count as one.
 fn weld(triangles: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut indices: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     let mut positions = Vec::new();

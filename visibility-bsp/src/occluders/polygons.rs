@@ -41,7 +41,7 @@ pub(super) struct Polygon {
     pub(super) center: DVec3,
     /// Greatest distance of a vertex from `center`, in metres.
     pub(super) radius: f64,
-    /// Whether the polygon also hides for eyes behind its front.
+    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     pub(super) two_sided: bool,
 }
 

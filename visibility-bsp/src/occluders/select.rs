@@ -19,7 +19,8 @@ use visibility_core::{
 /// polygon.
 const MOST_ANGLE: f32 = core::f32::consts::TAU;
 
-/// A polygon chosen for the present frame. Whether it is usable is determined later.
+/// A polygon chosen by [`Selector::choose`], because the bound on its solid angle seen from the eye is among
+/// the greatest. Whether it may hide in this frame is tested later, by [`Selector::keep_usable`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chosen {
     /// Index of the polygon in `Occluders::polygons`.
@@ -32,8 +33,8 @@ pub(crate) struct Chosen {
 /// Selects polygons for one view, and tracks which objects have changed since the polygons were made.
 #[derive(Clone, Debug)]
 pub(crate) struct Selector {
-    /// The polygons chosen last: greatest bound first after `choose`, in no particular order after
-    /// `keep_worthy`.
+    /// The polygons that the last `choose` picked, less those that later `keep_` calls removed: greatest
+    /// bound first after `choose`, in no particular order after `keep_worthy`.
     pub(crate) chosen: Vec<Chosen>,
     /// Scratch: for each block that may be in view, an upper bound on the solid angle of its polygons (in
     /// steradians; for parallel views, on their area in square metres) and the block's index.
@@ -45,8 +46,8 @@ pub(crate) struct Selector {
     seen: SceneCursor,
     /// Bitset by object index: a bit is 1 if the object has changed since the polygons were made.
     stale: Vec<u64>,
-    /// Whether the polygons belong to another scene, or the scene no longer lists all changes since they
-    /// were made. No polygon is then usable.
+    /// True if the polygons belong to another scene, or the scene no longer lists all changes since they
+    /// were made. No polygon may then be used. False if `stale` is complete.
     lost: bool,
 }
 
@@ -114,8 +115,9 @@ impl Selector {
         })
     }
 
-    /// Replaces `chosen` by the `count` polygons with the greatest upper bound on their solid angle from
-    /// `eye`, greatest first. If `volume` is given, only polygons that may be inside it are considered.
+    /// Replaces `chosen` by the up to `count` polygons with the greatest upper bound on their solid angle
+    /// from `eye`, greatest first. Polygons with a bound of 0 or less are left out. If `volume` is given,
+    /// only polygons that may be inside it are considered. Chooses none if `lost`.
     pub(crate) fn choose(
         &mut self,
         occluders: &Occluders,

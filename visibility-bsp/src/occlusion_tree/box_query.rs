@@ -18,7 +18,8 @@ use visibility_core::{Aabb, occlusion::Occlusion, view::Eye};
 /// Maximum number of corners of a part. If a cut would make more, the box counts as partially visible.
 const MOST: usize = 24;
 
-/// A convex part of a box's projection, as a cone of view rays.
+/// A convex part of a box's projection: the cone of view rays that the clip-space directions `(x, y, w)` of
+/// its corners span.
 #[derive(Clone, Copy)]
 struct Part {
     /// Clip-space directions of the corners, in boundary order. Only the first `count` are valid.
@@ -101,9 +102,9 @@ struct BoxTest<'a> {
     max: DVec3,
     /// Mask of the faces turned to the eye, bit i for face i of [`FACES`]; 0 if that is uncertain.
     faces: usize,
-    /// Whether a part of the box was surely hidden in its leaf.
+    /// True once a part of the box was found surely hidden in its leaf; false so far.
     hidden: bool,
-    /// Whether a part of the box was surely visible in its leaf.
+    /// True once a part of the box was found surely visible in its leaf; false so far.
     visible: bool,
 }
 

@@ -23,7 +23,7 @@ pub(super) struct QueuedPolygon {
     /// Least and greatest coordinate of the polygon's vertices along `normal`, in metres from
     /// `Scene::origin`, widened by rounding.
     extent_along_normal: [f64; 2],
-    /// Whether the polygon also hides for eyes behind its front.
+    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
     two_sided: bool,
 }
 
@@ -70,7 +70,7 @@ pub struct OcclusionTree {
     pub(super) nodes: Nodes,
     /// Shadows cast in the present frame, whether inserted or not.
     shadows: Shadows,
-    /// Number of polygons that may still be inserted in the present frame.
+    /// Number of polygons that may still be inserted in the present frame, of the maximum `most`.
     left: usize,
     /// Maximum number of polygons inserted per frame.
     pub(super) most: usize,

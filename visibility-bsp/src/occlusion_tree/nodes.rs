@@ -33,7 +33,8 @@ pub(crate) const MOST_PLANES: usize = 16;
 /// A node: the plane through the eye and an edge of an occluder, or a side of the image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {
-    /// Plane through the eye, positive on the inner side.
+    /// Plane through the eye, positive on the inner side: towards the inside of the occluder's shadow, or of
+    /// the image.
     pub(crate) line: Line,
     /// Children outside (index 0) and inside (index 1) the plane.
     pub(crate) children: [Child; 2],
@@ -52,14 +53,15 @@ struct Task {
     /// Slot that the fragment enters: twice the parent's index, plus 1 for the inside child. `NO_PARENT` for
     /// the root.
     parent: u32,
-    /// Index in the list of corners of the fragment's first corner.
+    /// Index of the fragment's first corner in the list that holds the task's corners: `Nodes::corners` for
+    /// a task in `tasks`, `Nodes::arrived` for one in `arrivals`.
     first: u32,
     /// Number of the fragment's corners.
     count: u32,
 }
 
 impl Task {
-    /// Returns the half-open range of the fragment's corners.
+    /// Returns the half-open range of the fragment's corners in the list that holds them; see `first`.
     fn range(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
@@ -82,8 +84,8 @@ pub(crate) struct Nodes {
     pub(crate) nodes: Vec<Node>,
     /// Back planes of the inserted polygons, in the order of insertion.
     pub(crate) planes: Vec<BackPlane>,
-    /// By inserted polygon: its back plane as a function of the view ray's direction, `None` for parallel
-    /// views.
+    /// By inserted polygon, as in `planes`: its back plane in the form that compares distances along view
+    /// rays. `None` for parallel views.
     pub(crate) approaches: Vec<Option<Approach>>,
     /// Entries of the shadow leaves' occluder lists, linked by `Hider::under`.
     pub(crate) hiders: Vec<Hider>,
@@ -100,8 +102,8 @@ pub(crate) struct Nodes {
     arrivals: Vec<Task>,
     /// Corners of all fragments in `arrivals`.
     arrived: Vec<ShadowCorner>,
-    /// By shadow: the range of its fragments in `arrivals`. `None` before the first call of `descend` and
-    /// after `add`.
+    /// By index of the shadow in `Shadows::list`: the range of its fragments in `arrivals`. `None` before
+    /// the first call of `descend` and after `add`.
     arrival_ranges: Vec<Option<Range<usize>>>,
 }
 
@@ -387,14 +389,8 @@ impl Nodes {
     }
 
     /// Returns a mask of the edges (bit i for `edges[i]`) that may be left out, because without them the
-    /// leaf's directions still are in the shadow.
-    ///
-    /// Let a direction be surely inside all edges and all planes above the leaf, so that the leaf and the
-    /// shadow meet. If the leaf also reaches beyond one edge, and not beyond another, the path there from
-    /// that direction would cross the edge itself, between its ends and within the leaf. So an edge can be
-    /// left out if no point of it can be in the leaf. It can also be left out if a plane above is through the
-    /// same edge, of a neighbouring polygon or of another part of this polygon. `middle` is a direction in
-    /// the fragment, `present` the mask of edges that bound the fragment, and `parent` the leaf's slot.
+    /// leaf's directions still are in the shadow. `middle` is a clip-space direction in the fragment,
+    /// `present` the mask of edges that bound the fragment, and `parent` the leaf's slot.
     fn needless(
         &self,
         edges: &[crate::shadow::ShadowEdge],
@@ -402,6 +398,11 @@ impl Nodes {
         present: u32,
         parent: u32,
     ) -> u32 {
+        // Let a direction be surely inside all edges and all planes above the leaf, so that the leaf and the
+        // shadow meet. If the leaf also reaches beyond one edge, and not beyond another, the path there from
+        // that direction would cross the edge itself, between its ends and within the leaf. So an edge can be
+        // left out if no point of it can be in the leaf. It can also be left out if a plane above is through
+        // the same edge, of a neighbouring polygon or of another part of this polygon.
         let sure = slack_of(64.0 * U);
         if edges.iter().any(|edge| !(edge.line.at(middle) > edge.line.slack + sure)) {
             return 0;

@@ -7,7 +7,7 @@ use visibility_core::{
     glam::DVec3,
 };
 
-/// A polygon that is being inserted into the tree.
+/// A polygon that is being inserted into the tree, in the tree's coordinates.
 #[derive(Clone, Debug)]
 pub(super) struct Source {
     /// Number of the owner that the polygon belongs to.
@@ -31,7 +31,7 @@ pub(super) struct Piece {
     pub(super) bounds: Aabb,
 }
 
-/// A set of pieces that is to be sorted into one child of a node.
+/// A set of pieces that is to be sorted into one child of a node, or into the root.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Task {
     /// Index in `Builder::pieces` of the set's first piece; the set extends to the end of that stack.

@@ -21,9 +21,9 @@ impl BspTree {
         if child == SOLID { Leaf::Solid } else { Leaf::Empty }
     }
 
-    /// Calls `make` for every plane of the tree, children before parents. The second argument of `make` holds
-    /// the results for the subtrees behind and in front of the plane; an empty leaf is `u32::MAX` and a solid
-    /// leaf `u32::MAX - 1`. Returns the result for the root.
+    /// Calls `make` for every plane of the tree (in the tree's coordinates), children before parents. The
+    /// second argument of `make` holds the results for the subtrees behind and in front of the plane, in this
+    /// order; an empty leaf is `u32::MAX` and a solid leaf `u32::MAX - 1`. Returns the result for the root.
     pub(crate) fn copy_planes(&self, make: &mut dyn FnMut(&SidePlane, [u32; 2]) -> u32) -> u32 {
         let (mut open, mut made) = (Vec::from([(self.root, false)]), Vec::new());
         while let Some((child, visited)) = open.pop() {

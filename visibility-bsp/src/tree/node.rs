@@ -28,8 +28,8 @@ pub(crate) fn depth_of(root: u32, children: impl Fn(u32) -> [u32; 2]) -> usize {
     deepest
 }
 
-/// A node: its plane, the list of fragments in the plane, and the two children. Fills one cache line of 64
-/// bytes.
+/// A node of a tree: its plane in the tree's coordinates, the list of fragments in the plane, and the two
+/// children. Fills one cache line of 64 bytes.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub(super) struct Node {

@@ -24,7 +24,7 @@ pub(super) struct Record {
     pub(super) previous: u32,
     /// Index of the next fragment in the owner's list, `NONE` at the end.
     pub(super) next_of_owner: u32,
-    /// Whether the front of the polygon is the front of the node's plane.
+    /// True if the polygon's front faces the front of the node's plane, false if it faces the back.
     pub(super) same_way: bool,
 }
 

@@ -120,7 +120,8 @@ impl BspTree {
     }
 }
 
-/// Tests whether a homogeneous eye is strictly in front of a node's plane.
+/// Tests whether a homogeneous eye `(x, y, z, w)` in the tree's coordinates is strictly in front of a node's
+/// plane. False on the plane, behind it, and for NaN.
 #[inline]
 fn in_front(node: &Node, eye: DVec4) -> bool {
     let plane = &node.plane.plane;

@@ -25,12 +25,13 @@ pub enum Depth {
 }
 
 impl Depth {
-    /// Returns whether nearer points have the greater depth.
+    /// Returns whether nearer points have the greater NDC depth `z / w`. False if nearer points have the
+    /// lesser depth.
     pub const fn is_reversed(self) -> bool {
         matches!(self, Self::Reversed | Self::ReversedInfinite)
     }
 
-    /// Returns whether the convention has no far plane.
+    /// Returns whether the convention has no far plane. False if depth has a finite far plane.
     pub const fn is_infinite(self) -> bool {
         matches!(self, Self::NegativeOneToOneInfinite | Self::ZeroToOneInfinite | Self::ReversedInfinite)
     }

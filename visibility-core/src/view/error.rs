@@ -35,8 +35,8 @@ pub enum ViewError {
     Parameter {
         /// Name of the parameter, such as `"near"`.
         name: &'static str,
-        /// Value of the parameter as given; for `"width"` and `"height"`, the difference of the window's
-        /// edges.
+        /// Value of the parameter as given: radians for an angle, metres for a distance. For `"width"` and
+        /// `"height"`, the difference of the window's edges.
         value: f64,
     },
 }

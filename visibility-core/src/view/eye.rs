@@ -24,8 +24,9 @@ pub enum Eye {
     Direction(DVec3),
 }
 
-/// Returns the eye of a clip matrix, in the coordinates that the matrix maps from. `depth` tells which of its
-/// two senses the direction of a parallel view has.
+/// Returns the eye of the clip matrix `m`: a point in metres relative to the origin that `m` takes points
+/// relative to, or the unit direction of a parallel view. `depth` tells which of the direction's two senses
+/// points away from the viewer.
 pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
     // The matrix maps the eye to x = y = w = 0. The eye is the vector orthogonal to these three rows, which
     // exists for every projection, whatever its depth row holds.
@@ -43,17 +44,17 @@ pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
     Eye::Direction(if depth < 0.0 { -direction } else { direction })
 }
 
-/// Returns a bound on the error of the eye relative to `origin`, as compared with the eye of the exact matrix
-/// `m`. `eye_from_view` is [`eye_of`] the matrix, and `view_origin` the point of the world that `m` is
-/// relative to. In metres for a point; for a direction, the length of the difference of unit vectors.
-/// Infinite where rounding leaves the eye undecided. See
-/// [`ViewProjection::eye_error`](super::ViewProjection::eye_error).
+/// Returns a bound on the error of the eye of the clip matrix `m`: in metres for a point; for a direction,
+/// the length of the difference of unit vectors. Infinite where rounding leaves the eye undecided.
 ///
-/// With `u = 2^-53`, the unit round-off of `f64`: the eye is orthogonal to three rows of the matrix. With the
-/// rows scaled by powers of two, each component is a sum of six products of three numbers. Each product is
-/// rounded twice as a product and at most four times in sums, so `12u` of the sum of the products' magnitudes
-/// exceeds the error.
+/// `eye_from_view` is [`eye_of`] the matrix, `view_origin` the point of the world that `m` is relative to,
+/// and `origin` the point of the world that the caller takes the eye relative to. See
+/// [`ViewProjection::eye_error`](super::ViewProjection::eye_error).
 pub(super) fn eye_error(m: &DMat4, eye_from_view: Eye, view_origin: DVec3, origin: DVec3) -> f64 {
+    // The eye is orthogonal to three rows of the matrix. With the rows scaled by powers of two, each
+    // component is a sum of six products of three numbers. Each product is rounded twice as a product and at
+    // most four times in sums, so `12u` (`u = 2^-53`) of the sum of the products' magnitudes exceeds the
+    // error.
     let rows = [m.row(0), m.row(1), m.row(3)].map(scaled_by_power_of_two);
     let eye = orthogonal(rows, |a, b| a - b);
     let size = orthogonal(rows.map(DVec4::abs), |a, b| a + b);
@@ -84,18 +85,18 @@ pub(super) fn eye_error(m: &DMat4, eye_from_view: Eye, view_origin: DVec3, origi
     }
 }
 
-/// Divides a row of the clip matrix by the greatest power of two that does not exceed its largest magnitude.
-/// The division is exact. The eye depends only on the directions of the rows, whose magnitudes may differ by
-/// many orders.
+/// Returns a row of the clip matrix divided by the greatest power of two that does not exceed its largest
+/// magnitude. The division is exact. The rows' magnitudes may differ by many orders, and the eye does not
+/// depend on them.
 fn scaled_by_power_of_two(row: DVec4) -> DVec4 {
     let most = row.abs().max_element();
     let power = f64::from_bits(most.to_bits() & (0x7ff << 52));
     row / if power.is_normal() { power } else { most }
 }
 
-/// Returns the 4D vector orthogonal to `a`, `b` and `c`, by cofactors. With `subtract` as a difference, the
-/// result is that vector. With `subtract` as a sum and non-negative input, each component is the sum of the
-/// magnitudes of that component's terms.
+/// Returns the 4D vector orthogonal to three vectors, by cofactors, if `subtract` returns the difference of
+/// its arguments. If `subtract` returns their sum and the vectors are non-negative, each returned component
+/// is the sum of the magnitudes of that component's terms.
 fn orthogonal([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec4 {
     let minor = |i: usize, j: usize, k: usize| {
         let x = subtract(b[j] * c[k], b[k] * c[j]);

@@ -9,7 +9,8 @@ use glam::DVec3;
 /// Slot of the near plane in [`ViewPlanes`].
 const NEAR: u8 = 4;
 
-/// One plane of a view, with a bound on its rounding error.
+/// One plane of a view, for points in metres relative to the origin passed to [`View::planes`], with a bound
+/// on its rounding error.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Pose, View};
@@ -27,7 +28,8 @@ pub struct ViewPlane {
     pub error: f64,
 }
 
-/// The planes of a view, in the order left, right, bottom, top, near, far, followed by the view's [clip
+/// The planes of a view, for points in metres relative to the origin passed to [`View::planes`], with normals
+/// that point into the view. The order is left, right, bottom, top, near, far, followed by the view's [clip
 /// planes](View::with_clip_planes). An infinite far plane is left out, and so is any plane that `f64` cannot
 /// represent.
 ///
@@ -76,10 +78,10 @@ impl ViewPlanes {
         self.slots.iter().copied().zip(self.as_slice())
     }
 
-    /// Appends the half-space `normal . p + offset >= 0`, where `plane` is for points relative to the view's
-    /// own origin and the result for points relative to that origin moved by `shift`. A plane with a zero
-    /// normal, or outside the range of `f64`, is left out, which only enlarges the view. `slot` is recorded
-    /// with the plane.
+    /// Appends `plane` in slot `slot`, translated to another origin and scaled to a unit normal. `plane` is
+    /// for points in metres relative to the view's own origin. The appended plane is for points relative to
+    /// the view's origin moved by `shift` metres. A plane with a zero normal, or outside the range of `f64`,
+    /// is left out, which only enlarges the view.
     fn push(&mut self, slot: u8, plane: Plane, shift: DVec3) {
         // Scaled before anything is multiplied, because products with very small matrix elements would
         // underflow.

@@ -32,8 +32,9 @@ use glam::{DVec3, DVec4};
 /// Unit round-off of `f64`.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// An affine function of points relative to a [`ViewProjection`]'s anchor, such as clip-space `w`, with a
-/// bound on its rounding error.
+/// An affine function of points in metres relative to a [`ViewProjection`]'s anchor, with a bound on its
+/// rounding error. The value is that of a clip-space coordinate such as `w`, or of another function that a
+/// method of `ViewProjection` states.
 ///
 /// ```
 /// use visibility_core::view::ViewProjection;
@@ -49,9 +50,10 @@ const U: f64 = f64::EPSILON / 2.0;
 pub struct ClipRow {
     /// Gradient: the change of the value per metre along each axis.
     pub linear: DVec3,
-    /// Value at the anchor.
+    /// Value of the function at the anchor.
     pub constant: f64,
-    /// Bound on the absolute error of `constant`, including the effect of rounding the anchor.
+    /// Bound on the absolute error of `constant`, in the unit of the value, including the effect of rounding
+    /// the anchor.
     pub error: f64,
 }
 
@@ -84,12 +86,14 @@ impl ClipRow {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ViewProjection {
-    /// Rows of the clip matrix for points relative to the view's origin, all scaled by one power of two.
+    /// Rows of the clip matrix for x, y, z and w, for points relative to the view's origin, all scaled by
+    /// one power of two.
     rows: [DVec4; 4],
     depth: Depth,
-    /// Anchor of the rows, relative to the view's origin: the eye of a perspective view, zero otherwise.
+    /// Anchor of the rows in metres, relative to the view's origin: the eye of a perspective view, zero
+    /// otherwise.
     anchor_from_view: DVec3,
-    /// Origin of the view, relative to the origin that the caller chose.
+    /// Origin of the view in metres, relative to the origin passed to `new`.
     view_from_origin: DVec3,
     eye: Eye,
     eye_error: f64,
@@ -199,12 +203,13 @@ impl ViewProjection {
     }
 }
 
-/// Returns the power of two that scales the sum of magnitudes of a row's linear part to 1 to 2; if the linear
-/// part is zero, the constant's magnitude. Multiplication by it is exact. For a row whose linear part has
-/// unit length the result is 1: that sum is then from 1 to the square root of 3, and the factor in the code
-/// outweighs its rounding. The exponent is limited to +-1000, so that every row, even a zero or non-finite
-/// one, gives a finite factor.
+/// Returns the power of two by which to multiply a clip-matrix row `(x, y, z, constant)` so that `|x| + |y| +
+/// |z|` is from 1 to 2. If the linear part is zero, `|constant|` is scaled instead. Multiplication by the
+/// power is exact. The exponent is limited to +-1000, so the result is finite for every row, even a zero or
+/// non-finite one.
 fn scale_to_one(row: DVec4) -> f64 {
+    // A row whose linear part has unit length should get exactly 1: the sum of its magnitudes is from 1 to
+    // the square root of 3, and the small factor below keeps rounding from taking the sum under 1.
     let linear = row.truncate().abs().element_sum();
     let size = if linear > 0.0 { linear } else { row.w.abs() } * (1.0 + 1.0 / 524_288.0);
     let exponent = (size.to_bits() >> 52) as i64 - 1023;

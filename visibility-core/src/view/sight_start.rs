@@ -65,7 +65,8 @@ impl View {
     }
 }
 
-/// The planes that decide where view rays begin, in metres relative to an anchor.
+/// The planes that decide where view rays begin, for points in metres relative to an anchor. All normals
+/// point into the view; the inner side of a plane is the side that its normal points to.
 struct SightPlanes {
     /// Left, right, bottom and top plane of the frustum, with normals that point inwards.
     sides: [ViewPlane; 4],
@@ -123,14 +124,14 @@ impl SightPlanes {
         Some(())
     }
 
-    /// Returns whether view rays that cross the front plane `start_planes[index]` cross it inwards; `None` if
-    /// rounding leaves the answer undecided.
-    ///
-    /// From an eye, rays cross the plane inwards if the eye is outside of it. In a parallel view, rays are
-    /// known to cross the near plane inwards. Parallel rays run along the edge in which two side planes meet,
-    /// and the determinants of the two planes with these side planes have the same sign if both are crossed
-    /// in the same sense.
+    /// Returns whether view rays that cross the front plane `start_planes[index]` cross it inwards, towards
+    /// the side that its normal points to. `Some(false)` if they cross it outwards; `None` if rounding leaves
+    /// the answer undecided.
     fn is_entered(&self, index: usize) -> Option<bool> {
+        // From an eye, rays cross the plane inwards if the eye is outside of it. In a parallel view, rays are
+        // known to cross the near plane inwards. Parallel rays run along the edge in which two side planes
+        // meet, and the determinants of the two front planes with these side planes have the same sign if
+        // both are crossed in the same sense.
         let front = &self.start_planes[index];
         let [left, _, bottom, _] = &self.sides;
         match self.eye {
@@ -148,13 +149,13 @@ impl SightPlanes {
     }
 
     /// Returns a convex polygon that contains all points of the front plane `start_planes[index]` at which
-    /// view rays begin, possibly empty, and the error bound of its corners in metres. `None` unless all four
-    /// edges of the view certainly meet the plane in front of the eye.
-    ///
-    /// A corner is in front of the eye if clip-space `w` is positive there. On the left plane `x = -w`, so
-    /// the right plane's `w - x` is `2w` there. The sign of `w` at a corner is therefore that of the distance
-    /// from any side plane that does not pass through the corner.
+    /// view rays begin, in metres relative to the anchor and possibly empty, and the error bound of its
+    /// corners in metres. `None` unless all four edges of the view certainly meet the plane in front of the
+    /// eye.
     fn polygon(&self, index: usize) -> Option<(Corners, f64)> {
+        // A corner is in front of the eye if clip-space `w` is positive there. On the left plane `x = -w`, so
+        // the right plane's `w - x` is `2w` there. The sign of `w` at a corner is therefore that of the
+        // distance from any side plane that does not pass through the corner.
         let front = &self.start_planes[index];
         let [left, right, bottom, top] = &self.sides;
         let (mut corners, mut error) = (Corners::new(), 0.0f64);
@@ -190,17 +191,15 @@ impl SightPlanes {
 }
 
 /// Returns a bound, in metres, on the difference between the computed distance of a point from a plane and
-/// the distance from the exact plane.
-///
-/// `reach` is the point's distance from the anchor, in metres. With `u` the unit round-off of `f64`: the
-/// exact normal is within `16u` of the plane's own in each component, which counts `16u reach`. The products
-/// and sums round by `4u` of the reach and `2u` of the offset, and may lose denormals. The rest of `32u` and
-/// `4u` covers the rounding of the reach itself.
+/// the distance from the exact plane. `reach` is the point's distance from the anchor, in metres.
 fn margin(plane: &ViewPlane, reach: f64) -> f64 {
+    // With `u` the unit round-off of `f64`: the exact normal is within `16u` of the plane's own in each
+    // component, which counts `16u reach`. The products and sums round by `4u` of the reach and `2u` of the
+    // offset, and may lose denormals. The rest of `32u` and `4u` covers the rounding of the reach itself.
     plane.error + 32.0 * U * reach + 4.0 * U * plane.plane.offset.abs() + 8.0 * f64::MIN_POSITIVE
 }
 
-/// The point in which three planes meet, relative to the anchor.
+/// The point `at` in which three planes meet, in metres relative to the anchor.
 struct Intersection {
     at: DVec3,
     /// Bound on the distance, in metres, from `at` to the point in which the exact planes meet.
@@ -209,16 +208,15 @@ struct Intersection {
     determinant: f64,
 }
 
-/// Returns the point in which three planes certainly meet; `None` if rounding leaves undecided whether there
-/// is exactly one.
-///
-/// The exact planes may be off the computed point by its computed distances from the planes and the margins
-/// of these distances. With the unit normals as rows of a matrix, the product of its singular values is the
-/// determinant, and the sum of their squares is 3, so the least singular value is at least the determinant
-/// over 1.5. The exact determinant is at least half the computed one. The distance of the exact point is
-/// therefore at most `3 sqrt(3)` times the greatest residual over the computed determinant. The factor 6
-/// leaves the rest for rounding of this bound.
+/// Returns the point in which three planes certainly meet, in metres relative to the anchor; `None` if
+/// rounding leaves undecided whether there is exactly one.
 fn intersection(planes: [&ViewPlane; 3]) -> Option<Intersection> {
+    // The exact planes may be off the computed point by its computed distances from the planes and the
+    // margins of these distances. With the unit normals as rows of a matrix, the product of its singular
+    // values is the determinant, and the sum of their squares is 3, so the least singular value is at least
+    // the determinant over 1.5. The exact determinant is at least half the computed one. The distance of the
+    // exact point is therefore at most `3 sqrt(3)` times the greatest residual over the computed determinant.
+    // The factor 6 leaves the rest for rounding of this bound.
     let [a, b, c] = planes.map(|plane| plane.plane);
     let (bc, ca, ab) = (b.normal.cross(c.normal), c.normal.cross(a.normal), a.normal.cross(b.normal));
     let determinant = a.normal.dot(bc);

@@ -16,6 +16,7 @@ pub(super) struct Mirror {
     pub(super) vertices: Vec<DVec3>,
     /// Index of the next mirror in the list of the cell's mirrors, or `NONE` at the end.
     pub(super) next: u32,
-    /// Whether the mirror reflects. A covered mirror (`false`) never yields a reflection.
+    /// Whether the mirror reflects. `true` for a new mirror; `false` for a covered mirror, which never
+    /// yields a reflection.
     pub(super) uncovered: bool,
 }

@@ -193,8 +193,8 @@ impl Reflections {
     }
 }
 
-/// Returns `view` reflected in `plane`, with a clip plane that keeps points in front of the plane or behind
-/// it by at most `error` world units.
+/// Returns `view` reflected in `plane` (world space), with a clip plane that keeps points on the side that
+/// the plane's normal points to, or behind the plane by at most `error` world units.
 ///
 /// # Errors
 /// A [`ViewError`] if the reflected matrix is not a valid view.
@@ -210,11 +210,12 @@ fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
         .with_clip_planes(&[Plane::new(n, offset + error + 8.0 * U * offset.abs())])
 }
 
-/// Reflects the plane of a window in the mirror plane `plane`. `side` is relative to the anchor of the view
-/// `from`, the result relative to the anchor of the reflected view `to`. The distance between the anchor of
-/// `to` and the exact reflection of the anchor of `from` is added to the result's error, and so is the
-/// rounding of the normal, `8u` with `u` the unit round-off 2^-53.
+/// Reflects the plane `side` of a window in the mirror plane `plane`, which is in world space. `side` is
+/// relative to the anchor of the view `from`, the result relative to the anchor of the reflected view `to`.
+/// The result's error bounds cover those of `side`, the distance between the anchor of `to` and the exact
+/// reflection of the anchor of `from`, and rounding.
 fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &PortalView) -> WindowPlane {
+    // The rounding of the normal is `8u` of its length, with `u` the unit round-off 2^-53.
     let n = plane.normal;
     let turned = side.plane.normal - n * (2.0 * n.dot(side.plane.normal));
     let anchor = from.anchor - n * (2.0 * plane.signed_distance(from.anchor));

@@ -5,7 +5,8 @@ use visibility_core::glam::DVec3;
 /// Normal, error bound and width of the polygon of a portal or mirror, computed once and shared by all views.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Outline {
-    /// Unit normal of the polygon's plane, in world space.
+    /// Unit normal of the polygon's plane, in world axes. The vertices run counter-clockwise as seen from
+    /// the side that the normal points to.
     pub(super) normal: DVec3,
     /// Absolute bound, in world units, on the distance between a stored vertex and the exact polygon: the
     /// tolerance of the cells plus twice the greatest distance of a vertex from the stored plane or beyond

@@ -7,7 +7,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{View, view::Eye};
 
-/// The shape of the bundle of lines of sight of a view: through a point, or parallel.
+/// The lines of sight of a view: rays from one point (perspective), or parallel lines (orthographic).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Lines {
     /// Perspective: all lines of sight start at the anchor, which is the eye.
@@ -24,10 +24,11 @@ pub(super) struct PortalView {
     /// Origin of the anchor-relative coordinates, in world space.
     pub(super) anchor: DVec3,
     pub(super) lines: Lines,
-    /// Bound on the distance between the anchor and the exact eye, in world units. 0 for parallel lines of
-    /// sight.
+    /// Bound on the distance between the anchor and the exact eye, in world units. 0 for a view with
+    /// parallel lines of sight.
     pub(super) error: f64,
-    /// The left, right, bottom and top planes of the frustum, in this order, anchor-relative.
+    /// The left, right, bottom and top planes of the frustum, in this order, anchor-relative, with normals
+    /// into the view.
     pub(super) sides: [WindowPlane; 4],
     /// The planes at which lines of sight end, anchor-relative: the far plane, if it is finite, and the clip
     /// planes.
@@ -65,14 +66,10 @@ impl PortalView {
         Some(Self { anchor, lines, error, sides, ends, rows })
     }
 
-    /// Returns in which direction lines of sight cross a polygon. The vertices are anchor-relative and each
-    /// known up to `error` (which includes the error of the eye). `normal` is the polygon's unit normal. The
-    /// polygon's extent in every direction of its plane is at least `width`. Both lengths are in world units.
-    ///
-    /// Lines from an eye cross along the normal if and only if the eye is behind the plane. Vertices that are
-    /// off by `error` tilt the plane by twice `error / width`. With the unit round-off `u` = 2^-53,
-    /// evaluating the height of a vertex rounds by `8u` of its distance from the anchor, and each component
-    /// of the stored normal is off by up to `4u`.
+    /// Returns in which direction lines of sight cross a polygon: along its unit normal `normal`, or against
+    /// it. The vertices are anchor-relative, and each is known up to `error` (which includes the error of the
+    /// eye). The polygon's extent in every direction of its plane is at least `width`. Both lengths are in
+    /// world units.
     pub(super) fn crossing(
         &self,
         vertices: impl Iterator<Item = DVec3>,
@@ -80,6 +77,10 @@ impl PortalView {
         width: f64,
         error: f64,
     ) -> Crossing {
+        // Lines from an eye cross along the normal if and only if the eye is behind the plane. Vertices that
+        // are off by `error` tilt the plane by twice `error / width`. With the unit round-off `u` = 2^-53,
+        // evaluating the height of a vertex rounds by `8u` of its distance from the anchor, and each
+        // component of the stored normal is off by up to `4u`.
         let tilt = 2.0 * error / width + 32.0 * U;
         let (least, most) = match self.lines {
             Lines::FromAnchor => {
@@ -120,9 +121,9 @@ impl PortalView {
 /// polygon's normal.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Crossing {
-    /// The lines of sight cross the plane along the polygon's normal.
+    /// The lines of sight cross the plane in the direction of the polygon's normal.
     Along,
-    /// The lines of sight cross the plane against the polygon's normal.
+    /// The lines of sight cross the plane in the direction opposite to the polygon's normal.
     Against,
     /// Undecided: the eye is so near the plane, or the lines of sight are so nearly parallel to the plane,
     /// that rounding can hide the direction.

@@ -40,8 +40,8 @@ pub enum Narrowing {
     Rectangle,
 }
 
-/// The last step of a path of portals from the eye to a cell, for a path without portals the cell of the eye.
-/// `parent` leads to the earlier steps.
+/// One path of portals from the eye to a cell: its last portal, and the link `parent` to the path without
+/// that portal. A path without portals leads to a cell in which lines of sight begin.
 #[derive(Clone, Debug)]
 pub(super) struct PortalPath {
     pub(super) cell: CellId,
@@ -50,7 +50,8 @@ pub(super) struct PortalPath {
     pub(super) parent: u32,
     /// The portal crossed last on this path. Meaningless if `parent` is `NONE`.
     pub(super) portal: PortalId,
-    /// Index in `PortalWalk::paths` of the path to the same cell that was found before this path, or `NONE`.
+    /// Index in `PortalWalk::paths` of the path to the same cell that was found just before this path, or
+    /// `NONE` if this path was found first.
     next: u32,
     /// The planes and screen bounds of the view into this cell along this path.
     pub(super) window: Window,
@@ -59,7 +60,8 @@ pub(super) struct PortalPath {
     pub(super) corners: Range<u32>,
 }
 
-/// The planes and screen bounds that contain all lines of sight through a chain of portals.
+/// The planes and screen bounds that contain all lines of sight through a chain of portals. Planes are
+/// relative to the anchor of the view.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
     /// Range of the bounding planes in `PortalWalk::sides`. Empty if no plane bounds the lines of sight.
@@ -67,8 +69,9 @@ pub(super) struct Window {
     /// Bounds of the window on the screen, in NDC. Each portal narrows them only with
     /// [`Narrowing::Rectangle`].
     pub(super) rectangle: ScreenRectangle,
-    /// Whether the window is the whole view. Earlier stages have already tested objects against the whole
-    /// view, so objects pass without a test.
+    /// Whether the window is the whole view. If true, objects pass without a test, since earlier stages have
+    /// already tested them against the whole view. If false, objects are tested against the planes of
+    /// `sides`.
     full_view: bool,
 }
 
@@ -97,14 +100,15 @@ pub(super) struct PortalWalk {
     heads: Vec<u32>,
     /// By cell index: number of paths to the cell.
     counts: Vec<u32>,
-    /// By cell index: whether the cell counts as seen through the whole view: it was entered so, or is in
-    /// `waiting`.
+    /// By cell index: true if the cell counts as seen through the whole view, because it was entered so or
+    /// is in `waiting`; false if it is seen through windows or not at all.
     entered_full_view: Vec<bool>,
-    /// By portal and direction, whether the current chain has passed the portal in that direction: index `2
-    /// * portal + 1` for passing along the portal's normal, `2 * portal` for passing against it.
+    /// By portal and direction, true while the current chain has passed the portal in that direction, else
+    /// false: index `2 * portal + 1` for passing along the portal's normal, `2 * portal` for passing against
+    /// it.
     passed: Vec<bool>,
-    /// Stack of the current chain. Each entry holds the index of a path in `paths`, and the number of
-    /// portals of the path's cell that have been inspected.
+    /// Stack of the current chain, the path nearest to the eye first. Each entry holds the index of a path
+    /// in `paths`, and the number of portals of the path's cell that have been inspected.
     stack: Vec<(u32, u32)>,
     /// Cells that are still to be entered through the whole view.
     waiting: Vec<CellId>,
@@ -112,8 +116,8 @@ pub(super) struct PortalWalk {
     /// receives the result of each clip.
     polygon: Vec<Corner>,
     clipped: Vec<Corner>,
-    /// Union of the PVS rows of the starting cells: bit i % 64 of word i / 64 is set if the walk may enter
-    /// cell i. Empty without a PVS: then every cell may be entered.
+    /// Union of the PVS rows of the starting cells: bit i % 64 of word i / 64 is 1 if the walk may enter
+    /// cell i, 0 if not. Empty without a PVS: then every cell may be entered.
     allowed: Vec<u64>,
     /// Stamp of the PVS that `allowed` was read from. `None` without a PVS.
     allowed_pvs: Option<Stamp>,
@@ -366,9 +370,10 @@ impl PortalWalk {
     /// polygon's visible part, which is appended there. `None` if no line of sight in the window meets the
     /// polygon.
     ///
-    /// `sign` is 1 if lines of sight cross the polygon along its normal, -1 if against its normal, `None` if
-    /// the direction is undecided. In the latter case the polygon's edges do not narrow the window; where
-    /// possible, planes close to the polygon's plane bound it instead. `vertices` are in world space.
+    /// `vertices` are in world space, with the normal of `outline`. `sign` is 1 if lines of sight cross the
+    /// polygon along that normal, -1 if against it, `None` if the direction is undecided. In the latter case
+    /// the polygon's edges do not narrow the window; where possible, planes close to the polygon's plane
+    /// bound it instead.
     fn narrow(
         &mut self,
         eye_view: &PortalView,
@@ -436,13 +441,11 @@ impl PortalWalk {
 
     /// Returns the window behind a portal whose plane passes, up to rounding, through the eye: `window`,
     /// further bounded to lines of sight close to that plane. Returns a copy of `window` where no such bound
-    /// is known. `error` bounds the distance between `self.polygon` and the exact visible part, in world
-    /// units.
+    /// is known. `vertices` are the portal's, in world space, with the normal of `outline`. `error` bounds
+    /// the distance between `self.polygon` and the exact visible part, in world units.
     ///
-    /// Let all vertices be at heights of at most `h` over the plane through the eye, errors included, and let
-    /// the visible part of the portal be at least `r` away. A line of sight that meets this part rises off
-    /// the plane by at most `h / r` of its length, however far it extends. Without this bound, an eye in the
-    /// plane of a wall would see through all doors of the wall, and back through all other doors.
+    /// Without this bound, an eye in the plane of a wall would see through all doors of the wall, and back
+    /// through all other doors.
     fn edge_on(
         &mut self,
         eye_view: &PortalView,
@@ -451,6 +454,9 @@ impl PortalWalk {
         window: &Window,
         error: f64,
     ) -> Window {
+        // Let all vertices be at heights of at most `height` over the plane through the eye, errors included,
+        // and let the visible part of the portal be at least `nearest` away. A line of sight that meets this
+        // part rises off the plane by at most `height / nearest` of its length, however far it extends.
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for corner in &self.polygon {
             (low, high) = (low.min(corner.at), high.max(corner.at));
@@ -487,9 +493,10 @@ impl PortalWalk {
         })
     }
 
-    /// Tests whether a box in `cell` may be seen along one of the paths to the cell. The box is
-    /// anchor-relative and known up to `error`, in world units. `tests` is increased by the number of windows
-    /// tested. `false` is certain; undecided boxes and NaN give `true`, unless no path leads to the cell.
+    /// Tests whether a box in `cell` may be seen along one of the paths to the cell. The box, from `min` to
+    /// `max`, is anchor-relative and known up to `error` world units. `tests` is increased by the number of
+    /// windows tested. `false` is certain; undecided boxes and NaN give `true`, unless no path leads to the
+    /// cell.
     pub(super) fn shows(&self, cell: CellId, min: DVec3, max: DVec3, error: f64, tests: &mut u64) -> bool {
         self.paths_to(cell).any(|path| {
             *tests += 1;

@@ -64,8 +64,8 @@ pub struct SceneCells {
     stamp: Stamp,
 }
 
-/// The cells that one object belongs to, in ascending order. `id` is `None` if no object with this index is
-/// known.
+/// The cells that one object belongs to, in ascending order. `id` is the object, or `None` if no object with
+/// this index is known.
 #[derive(Clone, Debug, Default)]
 struct Entry {
     id: Option<ObjectId>,

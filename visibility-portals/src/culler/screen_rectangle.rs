@@ -13,17 +13,16 @@ pub(super) type ScreenRectangle = [f64; 4];
 
 /// Returns the screen-space rectangle around `corners`, intersected with the rectangle `outer`, both in NDC.
 /// The corners are relative to the anchor of the view and may each be off by `error` world units. Returns
-/// `outer` if a corner is at or behind the eye, so near the eye that rounding decides, or NaN.
-///
-/// The value of a clip-matrix row at a corner is off by the row's own error plus `error` times the length of
-/// the row's linear part. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most
-/// `(dx + |q| dw) / (w - dw)`.
+/// `outer` if a corner is NaN, at or behind the eye, or so near the eye that rounding decides.
 pub(super) fn rectangle_around(
     eye_view: &PortalView,
     corners: &[Corner],
     error: f64,
     outer: ScreenRectangle,
 ) -> ScreenRectangle {
+    // The value of a clip-matrix row at a corner is off by the row's own error plus `error` times the length
+    // of the row's linear part. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most
+    // `(dx + |q| dw) / (w - dw)`.
     let value = |row: &ClipRow, at: DVec3| {
         let (value, own) = row.at(at);
         (value, own + error * row.linear.length())
@@ -46,19 +45,19 @@ pub(super) fn rectangle_around(
     [bounds[0].max(outer[0]), bounds[1].min(outer[1]), bounds[2].max(outer[2]), bounds[3].min(outer[3])]
 }
 
-/// Appends to `sides` the planes of a rectangle on the screen, from the rows of the clip matrix:
-/// `x - left w >= 0`, and likewise for the other three bounds. Planes whose error is too large to bound
-/// anything are left out.
-///
-/// Let `s` be the sum of the lengths of the two terms of the difference `x - left w` of two rows, and `l` the
-/// length of the difference. So `l` is at most `s`. With the unit round-off `u` = 2^-53, the difference is
-/// rounded by `2u s`, the unit normal by `4u` of itself, the product with a point `x` by `4u |x|`: at most
-/// `10u (s / l) |x|` in all. The offset is off by the errors of the rows, and rounded by `6u` of itself.
+/// Appends to `sides` the planes of a rectangle on the screen, given in NDC, with normals to the inside. The
+/// planes are anchor-relative and follow from the rows of the clip matrix: `x - left w >= 0`, and likewise
+/// for the other three bounds. Planes whose error is too large to bound anything are left out.
 pub(super) fn push_rectangle_planes(
     eye_view: &PortalView,
     rectangle: ScreenRectangle,
     sides: &mut Vec<WindowPlane>,
 ) {
+    // Let `s` be the sum of the lengths of the two terms of the difference `x - left w` of two rows, and `l`
+    // the length of the difference. So `l` is at most `s`. With the unit round-off `u` = 2^-53, the
+    // difference is rounded by `2u s`, the unit normal by `4u` of itself, the product with a point `p` by `4u
+    // |p|`: at most `10u (s / l) |p|` in all. The offset is off by the errors of the rows, and rounded by
+    // `6u` of itself.
     let w = &eye_view.rows[2];
     for (i, bound) in rectangle.into_iter().enumerate() {
         let x = &eye_view.rows[i / 2];

@@ -18,11 +18,12 @@ use visibility_core::{geometry::Plane, view::ViewPlane};
 pub(super) const U: f64 = f64::EPSILON / 2.0;
 
 /// A half-space that contains all lines of sight through a window, for points relative to the anchor of a
-/// [`PortalView`](super::portal_view::PortalView).
+/// [`PortalView`](super::portal_view::PortalView). Its inner side is the side that the plane's unit normal
+/// points to.
 ///
 /// Every point `x` seen through the window satisfies `normal . x + offset >= -(slack + slope |x|)`, with the
-/// unit normal as it is stored. `slack` is an absolute error in world units, `slope` an error per unit of
-/// distance from the anchor.
+/// normal as it is stored. `slack` is an absolute error in world units, `slope` an error per unit of distance
+/// from the anchor.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct WindowPlane {
     pub(super) plane: Plane,
@@ -31,26 +32,26 @@ pub(super) struct WindowPlane {
 }
 
 impl WindowPlane {
-    /// Converts a plane of the view. With the unit round-off `u` = 2^-53, each component of its normal has a
-    /// relative error of up to `16u`, which contributes `16u |x|` to the product with a point `x`. Evaluating
-    /// the product rounds by `4u |x|`, and the sum by `u` of itself. The slope of `32u` covers all three.
+    /// Converts a plane of the view, given for points relative to the anchor, and derives its error terms.
     pub(super) fn of_view(plane: &ViewPlane) -> Self {
+        // With the unit round-off `u` = 2^-53, each component of the normal has a relative error of up to
+        // `16u`, which contributes `16u |x|` to the product with a point `x`. Evaluating the product rounds
+        // by `4u |x|`, and the sum by `u` of itself. The slope of `32u` covers all three.
         let ViewPlane { plane, error } = *plane;
         Self { plane, slope: 32.0 * U, slack: error + 4.0 * U * plane.offset.abs() }
     }
 
     /// Returns the half-space bounded by the plane through the eye, which is the anchor, and the edge from
-    /// `a` to `b`. The end points are anchor-relative, and each is within `error` of its exact position
-    /// relative to the exact eye. The inner side is on the left of the edge as seen from the eye for `sign`
-    /// 1, on the right for `sign` -1. `None` if the edge is too short, or too nearly in line with the eye, to
-    /// bound anything.
-    ///
-    /// Let `p` and `q` be the errors of `a` and `b`, at most `error = e` long, and `u` the unit round-off
-    /// 2^-53. The exact normal is `(a + p) x (b + q)`. It differs from `a x b` by at most `e (|a| + |b| +
-    /// e)`. The computed product is off by another `4u |a| |b|` and, once it has unit length, by `8u` of
-    /// itself. For a point at a distance `|x|` from the eye this gives `slope |x|`, plus `e` for the position
-    /// of the eye.
+    /// `a` to `b`. The end points are anchor-relative, and each is within `error` world units of its exact
+    /// position relative to the exact eye. The inner side is on the left of the edge as seen from the eye for
+    /// `sign` 1, on the right for `sign` -1. `None` if the edge is too short, or too nearly in line with the
+    /// eye, to bound anything.
     pub(super) fn through_edge(a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<Self> {
+        // Let `p` and `q` be the errors of `a` and `b`, at most `error = e` long, and `u` the unit round-off
+        // 2^-53. The exact normal is `(a + p) x (b + q)`. It differs from `a x b` by at most `e (|a| + |b| +
+        // e)`. The computed product is off by another `4u |a| |b|` and, once it has unit length, by `8u` of
+        // itself. For a point at a distance `|x|` from the eye this gives `slope |x|`, plus `e` for the
+        // position of the eye.
         let normal = a.cross(b);
         let (length, la, lb) = (normal.length(), a.length(), b.length());
         let off = error * (la + lb + error) + 8.0 * U * la * lb;
@@ -63,14 +64,12 @@ impl WindowPlane {
         })
     }
 
-    /// Like [`through_edge`](Self::through_edge), for parallel lines of sight along a unit `direction` that
-    /// differs from the exact direction by at most `turn`. `None` if the edge is too short, or too nearly
-    /// parallel to the lines of sight, to bound anything.
-    ///
-    /// Let `direction'` be the exact direction, `u` the unit round-off 2^-53, and `r` the error of `b - a`,
-    /// at most `2 error` long. The exact normal is `direction' x (b - a + r)`; the computed normal is off by
-    /// at most `2 error + |b - a| (turn + 8u)`. For a point `x` this error is multiplied by its distance from
-    /// `a`, at most `|x| + |a|`.
+    /// Returns the half-space bounded by the plane that contains the edge from `a` to `b` and is parallel to
+    /// the unit vector `direction`, the direction of all lines of sight of an orthographic view. `turn`
+    /// bounds the length of the difference between `direction` and the exact direction. The end points are
+    /// anchor-relative, and each is within `error` world units of its exact position. As seen along
+    /// `direction`, the inner side is on the left of the edge for `sign` 1, on the right for `sign` -1.
+    /// `None` if the edge is too short, or too nearly parallel to `direction`, to bound anything.
     pub(super) fn along(
         direction: DVec3,
         turn: f64,
@@ -79,6 +78,10 @@ impl WindowPlane {
         sign: f64,
         error: f64,
     ) -> Option<Self> {
+        // Let `direction'` be the exact direction, `u` the unit round-off 2^-53, and `r` the error of `b -
+        // a`, at most `2 error` long. The exact normal is `direction' x (b - a + r)`; the computed normal is
+        // off by at most `2 error + |b - a| (turn + 8u)`. For a point `x` this error is multiplied by its
+        // distance from `a`, at most `|x| + |a|`.
         let normal = direction.cross(b - a);
         let length = normal.length();
         let off = 2.0 * error + (b - a).length() * (turn + 8.0 * U);
@@ -91,14 +94,16 @@ impl WindowPlane {
         })
     }
 
-    /// Returns the greatest distance, in world units, by which a visible point may seem to lie outside the
-    /// plane. The point is at most `reach` world units from the anchor.
+    /// Returns the greatest distance, in world units, by which a point on a line of sight through the window
+    /// may seem to lie on the outer side of the plane, because of errors. The point is at most `reach` world
+    /// units from the anchor.
     pub(super) fn margin(&self, reach: f64) -> f64 {
         self.slack + self.slope * reach
     }
 
-    /// Tests whether a box is certainly on the outer side of the plane. The box is anchor-relative, and its
-    /// corners are known up to `error` world units. `false` if undecided, touching or NaN.
+    /// Tests whether a box is certainly on the outer side of the plane, opposite to its normal. The box is
+    /// anchor-relative, and its corners are known up to `error` world units. `false` if undecided, touching
+    /// or NaN.
     pub(super) fn excludes(&self, min: DVec3, max: DVec3, error: f64) -> bool {
         let n = self.plane.normal;
         let far = DVec3::select(n.cmpge(DVec3::ZERO), max, min);
@@ -132,17 +137,9 @@ pub(super) enum EdgeSource {
 }
 
 /// Clips a convex polygon with anchor-relative `corners` to the inner side of `side`, and replaces `out` by
-/// the result. An edge that runs along the plane gets `edge` as its source. `error` bounds the distance
-/// between the corners and the exact polygon, in world units; the rounding of clipping is added to it.
-/// Returns `false` if the polygon is certainly outside, so that nothing is left.
-///
-/// Let an exact point `x` of the polygon be inside the exact half-space, so that `n . x + o >= -margin` with
-/// the stored normal `n`, the stored offset `o` and the plane's [margin](WindowPlane::margin). The polygon
-/// that `corners` span has a point `y` within `error` of `x`, for which `n . y + o >= -(margin + error)`:
-/// clipping to the plane moved outwards by that sum keeps `y`. Computing the distance of a corner rounds by
-/// `8u` (`u` = 2^-53) of its distance from the anchor, its reach. This is added once for the corner that is
-/// dropped, and once more for the position of the crossing. The crossing is off the edge by rounding only,
-/// `4u` of the reach, which is added to `error`.
+/// the result. The edge that the cut makes along the plane gets `edge` as its source. `error` bounds the
+/// distance between the corners and the exact polygon, in world units; the rounding of clipping is added to
+/// it. Returns `false` if the polygon is certainly outside, so that nothing is left; `true` otherwise.
 pub(super) fn clip_corners(
     corners: &[Corner],
     side: &WindowPlane,
@@ -150,6 +147,13 @@ pub(super) fn clip_corners(
     error: &mut f64,
     out: &mut alloc::vec::Vec<Corner>,
 ) -> bool {
+    // Let an exact point `x` of the polygon be inside the exact half-space, so that `n . x + o >= -margin`
+    // with the stored normal `n`, the stored offset `o` and the plane's margin. The polygon that `corners`
+    // span has a point `y` within `error` of `x`, for which `n . y + o >= -(margin + error)`: clipping to the
+    // plane moved outwards by that sum keeps `y`. Computing the distance of a corner rounds by `8u` (`u` =
+    // 2^-53) of its distance from the anchor, its reach. This is added once for the corner that is dropped,
+    // and once more for the position of the crossing. The crossing is off the edge by rounding only, `4u` of
+    // the reach, which is added to `error`.
     out.clear();
     let reach = corners.iter().fold(0.0, |reach: f64, corner| {
         let at = corner.at.abs();

@@ -23,20 +23,23 @@ pub(super) enum Child {
     Leaf(u32),
 }
 
-/// An inner node of the BSP tree, with the plane that splits its region.
+/// An inner node of the BSP tree, with the world-space plane that splits its region.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     pub(super) plane: Plane,
-    /// Index of the parent node, and whether this node is on its front side. `None` for the root.
+    /// Index of the parent node, and `true` if this node is on the parent's front side, `false` if behind.
+    /// `None` for the root.
     pub(super) parent: Option<(u32, bool)>,
     pub(super) front: Child,
     pub(super) back: Child,
-    /// Opaque polygons in the plane, each with `true` if it faces the front of the plane.
+    /// Opaque polygons in the node's plane (world-space vertices), each with `true` if it faces the front of
+    /// the plane, `false` if it faces the back.
     pub(super) covers: Vec<(Vec<DVec3>, bool)>,
 }
 
 /// An opaque polygon prepared for subtraction from a portal in the same plane: planes perpendicular to the
-/// polygon through its widened edges, and the bounds of the widened polygon.
+/// polygon through its widened edges, with normals to the inside, and the bounds of the widened polygon. In
+/// world space.
 struct Cover {
     planes: Vec<Plane>,
     min: DVec3,
@@ -69,11 +72,11 @@ pub(super) struct Bsp {
     pub(super) max: DVec3,
 }
 
-/// A leaf region of the BSP tree: its volume, and the opaque area on its boundary.
+/// A leaf region of the BSP tree: its world-space volume, and the opaque area on its boundary.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
     pub(super) body: Viewcell,
-    /// Whether the leaf touches the boundary of the box that the tree divides.
+    /// Whether the leaf touches the boundary of the box that the tree divides; false for an inner leaf.
     pub(super) outside: bool,
     /// Area, in square world units, of the opaque polygons on the leaf's boundary whose front faces the
     /// leaf.
@@ -111,8 +114,8 @@ pub(super) fn clip_in_place(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &L
 
 impl Bsp {
     /// Returns the polygon in which a plane cuts the region of one child of a node. `at` holds the node's
-    /// index and whether the child is its front child; `None` means the whole box. Empty if the plane misses
-    /// the region.
+    /// index and whether the child is its front child (`false`: its back child); `None` means the whole box.
+    /// Empty if the plane misses the region.
     pub(super) fn section(
         &self,
         plane: &Plane,

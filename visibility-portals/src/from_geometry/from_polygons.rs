@@ -72,7 +72,7 @@ impl Default for PolygonSettings<'_> {
 /// region.
 const CANDIDATES: usize = 12;
 
-/// An input polygon, or the part of one inside the region of a node.
+/// An input polygon, or the part of one inside the region of a node, in world space.
 #[derive(Clone, Debug)]
 struct Fragment {
     vertices: Vec<DVec3>,

@@ -63,16 +63,18 @@ impl Box3 {
     }
 }
 
-/// A node of the kd-tree. A leaf holds its cell, `None` if a wall fills it. A split holds its axis, its
-/// coordinate, and `low`, the index of the lower child; the upper child follows at `low + 1`.
+/// A node of the kd-tree. A leaf holds its cell, `None` if a wall fills it. A split holds its axis (0 to 2),
+/// the world-space coordinate of its plane, and `low`, the index of the child at lesser coordinates; the
+/// child at greater coordinates has the index `low + 1`.
 #[derive(Clone, Copy, Debug)]
 enum Node {
     Leaf(Option<CellId>),
     Split { axis: usize, at: f64, low: usize },
 }
 
-/// A rectangle in the plane of a split that still has to be divided among leaves. `low` and `high` are the
-/// indices of the nodes on its lower and its upper side; `axis` is the axis perpendicular to the rectangle.
+/// A world-space rectangle in the plane of a split that still has to be divided among leaves. `axis` is the
+/// axis perpendicular to the rectangle. `low` and `high` are the indices of the kd-tree nodes that touch the
+/// rectangle at lesser and at greater coordinates of `axis`.
 struct Shared {
     low: usize,
     high: usize,

@@ -8,7 +8,8 @@ use visibility_core::{
     pvs::{Viewcell, Viewcells},
 };
 
-/// The result of dividing space: cells, the portals between them, and the volumes of the cells.
+/// The result of dividing space: cells, the portals between them, and the volumes of the cells, all in world
+/// space.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Subdivision {
     /// The graph of cells and portals.

@@ -39,9 +39,9 @@ impl Lengths {
     }
 }
 
-/// Replaces `out` by planes perpendicular to the plane of `cover`, whose common inner side is the convex
-/// polygon `cover` widened by `by` world units. `normal` is the unit normal of the polygon's plane, in either
-/// orientation.
+/// Replaces `out` by planes perpendicular to the plane of `cover`, with normals to the inside, whose common
+/// inner side is the convex polygon `cover` widened by `by` world units. `normal` is the unit normal of the
+/// polygon's plane, in either orientation.
 pub(super) fn widened_sides(cover: &[DVec3], normal: DVec3, by: f64, out: &mut Vec<Plane>) {
     out.clear();
     let doubled =

@@ -19,8 +19,8 @@ use visibility_core::geometry::DoubleDouble;
 /// constraint for the caller.
 pub(crate) const MAX_ROWS: usize = 8;
 
-/// The constraint `normal . x >= least`. Each coordinate of the stored normal is within `error` of its exact
-/// value.
+/// The constraint `normal . x >= least` on the unknowns `x` of a linear program with `K` variables. Each
+/// coordinate of the stored normal is within `error` of its exact value; `least` is exact.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row<const K: usize> {
     pub(crate) normal: [DoubleDouble; K],
@@ -115,8 +115,8 @@ pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option
     })
 }
 
-/// Gaussian elimination with full pivoting (LU decomposition) of the matrix whose columns are the normals of
-/// the used rows.
+/// Gaussian elimination with full pivoting (LU decomposition) of the matrix with one column for each used
+/// constraint, the constraint's normal, and one row for each coordinate of the normals.
 struct Elimination<const K: usize> {
     /// LU factors in place: multipliers below the diagonal, the upper triangle from the diagonal on. Matrix
     /// rows and columns are in pivoting order.

@@ -24,8 +24,9 @@ pub struct HalfSpace<const D: usize> {
     pub offset: f64,
 }
 
-/// A proof that half-spaces and a box have no point in common: multipliers `l_i >= 0` for a few of the
-/// half-spaces such that `sum l_i (normal_i . x + offset_i) < 0` for all points `x` of the box.
+/// A proof that half-spaces and a box have no point in common. It holds multipliers `l_i >= 0` for a few of
+/// the half-spaces `normal_i . x + offset_i >= 0`, such that `sum l_i (normal_i . x + offset_i) < 0` for all
+/// points `x` of the box.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Certificate {
     constraints: [u32; MAX_ROWS],
@@ -193,7 +194,8 @@ fn is_finite<const D: usize>(constraints: &[HalfSpace<D>], bound: f64) -> bool {
         && constraints.iter().all(finite)
 }
 
-/// Tests whether a point is certainly in the box and in all half-spaces. `false` if undecided.
+/// Tests whether the point `x` is certainly in all half-spaces and in the box of coordinates of at most
+/// `bound` in absolute value. `false` if undecided.
 fn is_inside<const D: usize>(constraints: &[HalfSpace<D>], bound: f64, x: &[f64; D]) -> bool {
     x.iter().all(|x| x.abs() <= bound)
         && constraints.iter().all(|half| {

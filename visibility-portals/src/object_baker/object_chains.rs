@@ -14,7 +14,7 @@ use visibility_core::{
 };
 
 /// The objects that the graph lists, and which of them are in each cell. A target is the number of such an
-/// object, from 0 in order of the objects' ids.
+/// object within the bake, counted from 0 in order of the objects' ids.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
     /// By target: centre and half extents of the object's box in world space. NaN if the object has no valid
@@ -22,8 +22,8 @@ pub(super) struct Targets {
     boxes: Vec<(DVec3, DVec3)>,
     /// By target (object number within the bake): the object's [index](ObjectId::index) in the scene.
     index: Vec<u32>,
-    /// CSR offsets: by cell index, the position in `of_cell` of the cell's first target; one more entry
-    /// marks the end of the last cell.
+    /// CSR offsets: by cell index, the index in `of_cell` of the cell's first target; one more entry marks
+    /// the end of the last cell.
     first: Vec<u32>,
     of_cell: Vec<u32>,
 }
@@ -78,8 +78,8 @@ impl Targets {
         all
     }
 
-    /// Tests whether the box of a target is certainly on the outer side of one of the planes. `false` for a
-    /// box that touches or is NaN, and without planes.
+    /// Tests whether the box of a target is certainly on the outer side of one of the planes, opposite to the
+    /// plane's normal. `false` if undecided, for a box that touches or is NaN, and without planes.
     fn is_outside(&self, target: u32, planes: &[Plane]) -> bool {
         let (middle, half) = self.boxes[target as usize];
         planes.iter().any(|plane| {
@@ -95,10 +95,11 @@ impl Targets {
 /// The objects seen from one cell, and the cost of the search.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SeenObjects {
-    /// Object indices, ascending. Empty if `gave_up`.
+    /// Scene indices of the seen objects, ascending. Empty if `gave_up`.
     pub(super) row: Vec<u32>,
     pub(super) steps: u64,
-    /// Whether the search from this cell reached the limit of steps.
+    /// Whether the search from this cell reached the limit of steps, so that `row` is unknown. `false` if
+    /// the search is complete.
     pub(super) gave_up: bool,
 }
 

@@ -12,8 +12,9 @@ use visibility_core::glam::DVec3;
 const REMEMBERED: usize = 32;
 
 impl FlowScratch {
-    /// Returns two points of a line through the chain: the mean of the vertices of a part of the source
-    /// portal and that of a part of the last portal, given as ranges of `points`. Neither range may be empty.
+    /// Returns two world-space points of a line through the chain: the mean of the vertices of a part of the
+    /// source portal and that of a part of the last portal, given as ranges of the chain's points. Neither
+    /// range may be empty.
     pub(crate) fn middle_line(&self, source: &Range<usize>, pass: &Range<usize>) -> [DVec3; 2] {
         [source, pass].map(|place| {
             let points = &self.chain.points[place.clone()];
@@ -21,8 +22,9 @@ impl FlowScratch {
         })
     }
 
-    /// Tests whether the line through points `a` and `b` passes all portals of the chain and then directed
-    /// portal `target`. `true` proves that the cells at both ends of the chain see each other.
+    /// Tests whether the line through the world-space points `a` and `b` passes all portals of the chain and
+    /// then directed portal `target`. `true` proves that the cells at both ends of the chain see each other;
+    /// `false` proves nothing.
     pub(crate) fn witness(&self, input: &FlowInput, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let chain = self.chain.frames.iter().map(|frame| frame.portal).chain([target]);
         chain.into_iter().all(|portal| passes(input, &input.portals.all[portal as usize], a, b))
@@ -66,9 +68,9 @@ impl FlowScratch {
     }
 }
 
-/// Tests whether the line through points `a` and `b` passes a portal along its normal. Rounding may make it
-/// `true` for a line that passes the portal's edge outside, but by less than the distance by which the portal
-/// was shrunk. `false` if the line is too nearly parallel to the portal's plane.
+/// Tests whether the line through the world-space points `a` and `b` passes a portal along its normal.
+/// Rounding may make the result `true` for a line that passes the portal's edge outside, but by less than the
+/// distance by which the portal was shrunk. `false` if the line is too nearly parallel to the portal's plane.
 fn passes(input: &FlowInput, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // For so short a distance along the normal, the intersection with the plane is not accurate.

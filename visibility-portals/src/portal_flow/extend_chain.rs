@@ -8,8 +8,8 @@ use crate::portal_chain::{ChainFrame, is_outside};
 use core::ops::Range;
 
 impl FlowScratch {
-    /// Begins the chain with directed portal `source`. Its set holds all candidates: any of them may be
-    /// reached.
+    /// Begins the chain with directed portal `source`. Its set of reachable portals holds all candidates of
+    /// the source.
     pub(crate) fn enter_source(&mut self, input: &FlowInput, source: u32) {
         let portal = &input.portals.all[source as usize];
         let chain = &mut self.chain;

@@ -7,12 +7,13 @@ use alloc::vec::Vec;
 /// Input of a flow: the state of a bake between two rounds.
 pub(crate) struct FlowInput<'a> {
     pub(crate) portals: &'a DirectedPortals,
-    /// Candidate matrix with rows of `stride` words: bit b of the row of directed portal a is set while a
-    /// line through a may later pass directed portal b.
+    /// Candidate matrix with rows of `stride` words, one bit per directed portal: bit b of the row of
+    /// directed portal a is 1 while a line through a may later pass directed portal b, and 0 once such a
+    /// line is excluded.
     pub(crate) rows: &'a [u64],
     pub(crate) stride: usize,
-    /// Cells known to be seen: the bit of (a, b) is set once b counts as seen from a. Flows search only for
-    /// other cells.
+    /// Cells known to be seen: the bit of the ordered pair of cells (a, b) is 1 once b counts as seen from
+    /// a. Flows search only for other cells.
     pub(crate) seen: &'a CellMatrix,
     /// Clearance in world units for the test in Pluecker space of chains that lead to a cell not yet known
     /// to be seen. `None` disables the test.
@@ -22,15 +23,17 @@ pub(crate) struct FlowInput<'a> {
 /// Result of the flow from one source portal.
 #[derive(Default)]
 pub struct FlowResult {
-    /// Candidate portals (by directed portal index) that no line through the source reaches.
+    /// Indices in `DirectedPortals::all` of the candidates of the source that no line through the source
+    /// reaches.
     pub(crate) hidden: Vec<u32>,
-    /// Cells that are newly found to be seen, each with `true` if a line proves that the cell is seen,
-    /// `false` if the cell could not be excluded.
+    /// Indices of the cells that are newly found to be seen from the source's cell, each with `true` if a
+    /// line proves that the cell is seen, `false` if the cell could not be excluded.
     pub(crate) cells: Vec<(u32, bool)>,
     /// Number of portal chains inspected.
     pub(crate) steps: u64,
     /// Number of portal chains that only a certificate in Pluecker space excluded.
     pub(crate) rejected: u64,
     /// Whether the limit of steps was reached, so that every candidate not proven hidden counts as seen.
+    /// `false` if the search is complete.
     pub(crate) gave_up: bool,
 }

@@ -11,43 +11,45 @@ use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
 
 /// Scratch memory of the search through one directed portal, the source; reused by one search after another.
-/// A candidate is a directed portal that may be seen through the source. Its index is its position in
-/// `candidates`.
+/// A candidate is a directed portal that may be seen through the source. A candidate's index is its position
+/// in `candidates`; bitsets over the candidates have one bit for each, in this order.
 #[derive(Default)]
 pub struct FlowScratch {
-    /// Indices of the directed portals that may be seen through the source, ascending.
+    /// Indices in `DirectedPortals::all` of the portals that may be seen through the source, ascending.
     pub(crate) candidates: Vec<u32>,
     pub(crate) count: usize,
-    /// Number of 64-bit words in a bitset with one bit per candidate portal.
+    /// Number of 64-bit words in a bitset over the candidates: their count divided by 64, rounded up.
     pub(crate) words: usize,
-    /// By candidate portal: centre and radius of a ball that contains the portal, in world space.
+    /// By candidate index: centre and radius of a ball that contains the portal, in world space.
     pub(crate) balls: Vec<(DVec3, f64)>,
-    /// By candidate portal: index of the cell that the portal leads to.
+    /// By candidate index: index of the cell that the portal leads to.
     pub(crate) to: Vec<u32>,
-    /// By candidate portal: whether the plane of the source may cut the portal, so that the portal must be
-    /// clipped to that plane.
+    /// By candidate index: true if the plane of the source may cut the portal, so that the portal must be
+    /// clipped to that plane; false if the portal lies entirely in front of that plane.
     pub(crate) cut: Vec<bool>,
-    /// By cell index: the range of the candidate portals that lead from the cell. 0..0 if there are none.
+    /// By cell index: the range of the indices of candidates that lead from the cell. 0..0 if there are
+    /// none.
     pub(crate) of_cell: Vec<Range<u32>>,
-    /// By candidate portal: offset of the candidate's row in `rows`, or `NO_ROW` if the row has not been
-    /// made yet.
+    /// By candidate index: offset of the candidate's row in `rows`, or `NO_ROW` if the row has not been made
+    /// yet.
     row_of: Vec<u32>,
-    /// Rows of [`FlowInput::rows`] compressed to the bits of the candidates. Each row is made on first use.
+    /// Rows of `words` words, one for each candidate a whose row has been used; `row_of` holds their
+    /// offsets. In the row of a, bit i is 1 if a line through a may later pass candidate i. A copy of
+    /// [`FlowInput::rows`] reduced to the bits of the candidates.
     pub(crate) rows: Vec<u64>,
     /// The words of the source's row in [`FlowInput::rows`] that are not 0: the index of the word, its bits
     /// (the candidates), and the number of candidates in earlier words.
     mask: Vec<(u32, u64, u32)>,
-    /// Bitset over the candidate portals: a bit is set if the portal leads to a cell not yet known to be
-    /// seen.
+    /// Bitset over the candidates: bit i is 1 while candidate i leads to a cell not yet known to be seen.
     pub(crate) goals: Vec<u64>,
-    /// Bitset over the candidate portals: a bit is set once the portal is seen or could not be excluded.
+    /// Bitset over the candidates: bit i is 1 once candidate i is seen or could not be excluded.
     pub(crate) reached: Vec<u64>,
-    /// The current chain. Its bitsets and the children of its frames are of candidate portals.
+    /// The current chain. Bit numbers of its bitsets and of its frames' children are candidate indices.
     pub(crate) chain: PortalChain,
     pub(crate) flood: CellFlood,
     pub(crate) pluecker: Pluecker,
-    /// Sets of directed portals through all of which no line passes, from the most recent certificates of
-    /// this flow, at most 32.
+    /// Sets of indices in `DirectedPortals::all`: no line passes all portals of a set. From the most recent
+    /// certificates of this flow, at most 32.
     pub(crate) refuted: Vec<SmallVec<[u32; MAX_ROWS]>>,
     /// Index in `refuted` of the oldest entry, which is replaced next.
     pub(crate) oldest: usize,

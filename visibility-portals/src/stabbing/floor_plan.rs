@@ -26,8 +26,9 @@ pub(crate) struct FloorPlan {
     rows: Vec<([f64; 2], f64)>,
 }
 
-/// Distances from the boundary at which a point of the linear program is searched, in order: how far inside
-/// each half-space it must be, as a fraction of the half-space's greatest coefficient.
+/// Distances from the boundary at which a point of the linear program is searched, in this order until one is
+/// found: how far inside each half-space the point must be, as a fraction of the half-space's greatest
+/// coefficient.
 const INSIDE_FRACTIONS: [f64; 4] = [1e-2, 1e-4, 1e-6, 0.0];
 
 /// Bound on the absolute value of both variables of the linear program. Certificates do not depend on it.

@@ -51,10 +51,11 @@ pub(crate) struct Edge {
     pub(crate) a: DVec3,
     pub(crate) b: DVec3,
     /// Displacement, in world units, that moves the edge into the portal. Its length is the inset (see
-    /// [`edges_of`]) less the farthest distance of a vertex on the outer side of the edge.
+    /// [`edges_of`]) less the farthest distance by which a vertex lies beyond the edge, on the side away
+    /// from the portal.
     pub(crate) shift: DVec3,
     /// Whether the edge is used as a bound of the portal. `false` for an edge without length, and for an
-    /// edge on whose outer side another vertex lies by more than the inset (see [`edges_of`]).
+    /// edge beyond which another vertex lies by more than the inset (see [`edges_of`]).
     pub(crate) bounds: bool,
 }
 
@@ -65,13 +66,14 @@ impl Edge {
     }
 }
 
-/// A portal of a sequence of portals that a line shall pass.
+/// A portal, in world space, of a sequence of portals that a line shall pass.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Opening<'a> {
     /// Edges of the portal, counter-clockwise around the direction in which lines pass; clockwise if
     /// `against`.
     pub(crate) edges: &'a [Edge],
-    /// Whether the `edges` run clockwise around the direction in which lines pass.
+    /// Whether the `edges` run clockwise around the direction in which lines pass; if false,
+    /// counter-clockwise.
     pub(crate) against: bool,
     /// Unit normal of the portal's plane, in the direction in which lines pass.
     pub(crate) normal: DVec3,
@@ -85,9 +87,9 @@ impl Opening<'_> {
     }
 }
 
-/// Appends to `edges` the edges of a convex polygon. The vertices run counter-clockwise around the unit
-/// `normal`. Each edge gets the shift that moves it inwards by `inset` (world units) less the farthest
-/// distance of a vertex on its outer side.
+/// Appends to `edges` the edges of a convex polygon in world space. The vertices run counter-clockwise around
+/// the unit `normal`. Each edge gets the shift that moves it inwards by `inset` world units, less the
+/// farthest distance by which a vertex lies beyond the edge.
 pub(crate) fn edges_of(
     vertices: impl Iterator<Item = DVec3> + Clone,
     normal: DVec3,
@@ -110,13 +112,15 @@ pub(crate) fn edges_of(
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pluecker {
     seidel: SeidelSolver,
-    /// Half-spaces of the edges in the five coordinates of the program, each as normal and offset.
+    /// Constraints of the linear program, one for each used edge: half-spaces in the five variables of
+    /// `frame`, each as its normal and its offset.
     rows: Vec<([f64; 5], f64)>,
     /// By row: index of the opening, index of the edge in the opening, and index of the edge among the edges
     /// of all openings.
     of: Vec<(u32, u32, u32)>,
-    /// Vectors `[start, u, v]` of the five variables `x`, `y` and `m`: a line has the direction `d = start +
-    /// x u + y v`, and the moment `m` in units of `size`.
+    /// Vectors `[start, u, v]` that define the program's five variables `x`, `y` and `m` (three
+    /// coordinates): a line has the direction `d = start + x u + y v`, and the moment `m` in units of
+    /// `size`.
     frame: [DVec3; 3],
     /// Greatest absolute coordinate of an edge's start relative to the origin of the test, in world units.
     size: f64,
@@ -201,8 +205,8 @@ impl Pluecker {
     }
 
     /// Returns a line, as a point and a direction in world space, near a point of the polytope that is inside
-    /// all half-spaces by `inside`, relative to the size of their coefficients. `origin` is that of the
-    /// preceding test, which must have returned [`Polytope::Open`]. `None` if no such point is found. The
+    /// all half-spaces by at least `inside`, a fraction of their greatest coefficients. `origin` is that of
+    /// the preceding test, which must have returned [`Polytope::Open`]. `None` if no such point is found. The
     /// line is not verified.
     pub(crate) fn line(&mut self, origin: DVec3, inside: f64) -> Option<[DVec3; 2]> {
         let rows = &self.rows;
@@ -277,7 +281,8 @@ fn error_of_cross(a: &DoubleDoubleVector, b: &DoubleDoubleVector) -> f64 {
 }
 
 /// Returns the half-space `h . (d, m) >= 0` of the lines that pass an edge, moved by its shift, on its left
-/// side. `d` is the direction of a line, `m` its moment about `origin` in units of `unit` world units.
+/// side. `d` is the direction of a line and `m` its moment about `origin` (world space), in units of `unit`
+/// world units.
 fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
     // a x b = a x (b - a).
     let (a, e) = (difference(edge.a, origin), difference(edge.b, edge.a));

@@ -32,7 +32,7 @@ impl Rectangle {
         Some(if self.forward { [left, right] } else { [right, left] })
     }
 
-    /// Returns the four corners, counter-clockwise around the direction in which lines pass.
+    /// Returns the four corners in world space, counter-clockwise around the direction in which lines pass.
     pub(super) fn corners(&self) -> [DVec3; 4] {
         let (i, j) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
         let corner = |at_i: f64, at_j: f64| {

@@ -29,7 +29,8 @@ pub struct Stabber {
     /// By polygon of the sequence: the end of the polygon's edges in `edges`, exclusive, and the polygon's
     /// unit normal.
     ends: Vec<(usize, DVec3)>,
-    /// Rectangles projected along an axis, each as a left and a right end.
+    /// Rectangles projected along an axis, each as the end that lines pass on their left and the end that
+    /// they pass on their right.
     seen: Vec<[DVec2; 2]>,
     /// By segment in `seen`: the index of the rectangle that was projected to the segment.
     of: Vec<u32>,
@@ -156,8 +157,9 @@ impl Stabber {
     }
 }
 
-/// Distances from the boundary at which a point of the linear program is searched, in order: how far inside
-/// each half-space it must be, as a fraction of the half-space's greatest coefficient.
+/// Distances from the boundary at which a point of the linear program is searched, in this order until one is
+/// found: how far inside each half-space the point must be, as a fraction of the half-space's greatest
+/// coefficient.
 const INSIDE_FRACTIONS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Exact {
     Infeasible,
-    /// The greatest value of the objective, as numerator and positive denominator.
+    /// The greatest value of the objective, as numerator and positive denominator of a fraction.
     Greatest(i128, i128),
 }
 

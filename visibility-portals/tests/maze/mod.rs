@@ -46,7 +46,8 @@ pub struct Maze {
     pub walls: [Vec<f64>; 3],
     pub turn: DQuat,
     pub shift: DVec3,
-    /// Openings of each wall, at index 3 * room + axis, where `room` is on the wall's lesser side.
+    /// Openings of each wall, at index 3 * room + axis, where `room` is the index of the room on the wall's
+    /// side of lesser coordinates.
     openings: Vec<Vec<Opening>>,
     pub cells: SceneCells,
     pub scene: Scene,
@@ -55,8 +56,8 @@ pub struct Maze {
     pub targets: Vec<DVec3>,
     /// Points on mirrors, in world space.
     pub mirror_targets: Vec<DVec3>,
-    /// By portal index: whether the portal can be seen through now, along its normal (first) and against its
-    /// normal (second).
+    /// By portal index: true if the portal is open and can be seen through now, false if not; along its
+    /// normal (first entry) and against its normal (second entry).
     pub passes: Vec<[bool; 2]>,
 }
 
@@ -391,7 +392,8 @@ fn meets(from: DVec3, step: DVec3, min: DVec3, max: DVec3) -> bool {
 /// A random camera: the parameters of its rays, and the `View` under test with the same rays.
 pub struct Camera {
     pub pose: Pose,
-    /// Half sizes of the picture: tangents of the half angles for perspective, world units if orthographic.
+    /// Half width and half height of the picture: tangents of the half angles for perspective, world units
+    /// if orthographic.
     half: DVec2,
     pub near: f64,
     pub far: f64,
