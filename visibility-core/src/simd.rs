@@ -275,14 +275,15 @@ mod tests {
             for simd in Simd::available() {
                 let found = match simd.0 {
                     SimdLevel::Portable => expected,
-                    // SAFETY: the path is available.
+                    // SAFETY: `available` yields this level only where the processor was found to have AVX2.
                     SimdLevel::Avx2 => values
                         .as_chunks::<32>()
                         .0
                         .iter()
                         .enumerate()
                         .fold(0, |mask, (i, part)| mask | unsafe { signs_avx2(part) } << (32 * i)),
-                    // SAFETY: the path is available.
+                    // SAFETY: `available` yields this level only where the processor was found to have
+                    // AVX-512.
                     SimdLevel::Avx512 => unsafe { signs_avx512(&values) },
                 };
                 assert_eq!(found, expected, "{simd:?}");

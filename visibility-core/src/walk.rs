@@ -122,8 +122,9 @@ pub struct Block<'a> {
 }
 
 enum Children<'a> {
-    /// A node of the scene's own hierarchy. Data other than boxes is fetched from the tree on demand, since
-    /// most tests need none.
+    /// A node of the scene's own hierarchy: its tree, its index there, and whether it is a leaf, whose lanes
+    /// are objects (`leaf` true), or an inner node, whose lanes are nodes (false). Data other than boxes is
+    /// fetched from the tree on demand, since most tests need none.
     Node { tree: &'a Tree, node: usize, leaf: bool },
     /// Children listed by a hierarchy other than the scene's own, copied for this block; lane i holds element
     /// i.
@@ -167,9 +168,9 @@ impl Block<'_> {
         }
     }
 
-    /// Returns the leaf number of this block in the scene's own hierarchy and the object in each lane, for
-    /// cullers that keep data per leaf. Ids in lanes that are not occupied are meaningless. `None` for inner
-    /// nodes and for blocks of other hierarchies.
+    /// Returns the number of this leaf among the nodes of the scene's own hierarchy and the object in each
+    /// lane, for cullers that keep data per leaf. Ids in lanes that are not occupied are meaningless. `None`
+    /// for inner nodes and for blocks of other hierarchies.
     #[inline(always)]
     pub fn leaf(&self) -> Option<(usize, &[ObjectId; 64])> {
         match self.children {

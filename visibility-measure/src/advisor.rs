@@ -85,12 +85,12 @@ impl fmt::Display for SceneFacts {
 pub struct CullerTrial {
     /// Time to cull a view in microseconds: the mean over the views of the fastest of five runs.
     pub cull_us: f64,
-    /// Mean number of objects that the candidate reports per view.
+    /// Mean number of objects that the candidate culler reports as visible per view.
     pub objects: f64,
-    /// Mean number of triangles of the reported objects per view.
+    /// Mean number of triangles, per view, of the objects that the candidate culler reports as visible.
     pub triangles: f64,
-    /// Total over all views of the visible objects that the candidate did not report. A lower bound, since
-    /// views are sampled at pixels.
+    /// Total over all views of the visible objects that the candidate culler did not report. A lower bound
+    /// on its errors, since visibility is sampled at pixel centres.
     pub false_hidden: u64,
     /// Mean time to cull a view and to draw the reported objects, in microseconds, by the advisor's
     /// [`DrawCost`].
@@ -98,7 +98,8 @@ pub struct CullerTrial {
 }
 
 impl CullerTrial {
-    /// Tests whether the candidate kept every object that shows in a pixel of the advisor's images.
+    /// Tests whether the candidate culler kept every object that shows in a pixel of the advisor's images.
+    /// False if it hid one in any view.
     pub fn is_sound(&self) -> bool {
         self.false_hidden == 0
     }
@@ -137,9 +138,9 @@ const RUNS: usize = 5;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Advisor<'a> {
-    /// Scene that the candidates cull.
+    /// Scene that the candidate cullers are tested on.
     scene: &'a Scene,
-    /// Views that the candidates cull.
+    /// Views for which the candidate cullers are tested.
     views: &'a [View],
     /// Cost of drawing in the engine at hand, in microseconds per object and per triangle.
     draw: DrawCost,
@@ -195,9 +196,10 @@ impl<'a> Advisor<'a> {
         self.draw.of(self.facts.visible_objects, self.facts.visible_triangles)
     }
 
-    /// Measures a candidate on all views. `clock` returns a time in seconds. Returns `None` as soon as the
-    /// mean culling time per view certainly exceeds `limit` microseconds. `limit` is usually the best total
-    /// so far, so that slow candidates end early; infinity always completes. The candidate is reset first.
+    /// Measures a candidate culler on all views. `clock` returns a time in seconds. Returns `None` as soon as
+    /// the mean culling time per view certainly exceeds `limit` microseconds. `limit` is usually the best
+    /// total so far, so that slow candidates end early; infinity always completes. The candidate is reset
+    /// first.
     pub fn trial(
         &self,
         pipeline: &mut Pipeline,
@@ -241,10 +243,10 @@ impl<'a> Advisor<'a> {
         Some(trial)
     }
 
-    /// Measures all candidates and returns the index and trial of the candidate with the least total time.
-    /// Only candidates that promise to hide no visible object, and hid none in the trial, qualify; the first
-    /// among equals. `None` if no candidate qualifies. `clock` returns a time in seconds. List promising
-    /// candidates first: later ones then end early.
+    /// Measures all candidate cullers and returns the index and trial of the candidate with the least total
+    /// time. Only candidates that promise to hide no visible object, and hid none in the trial, qualify; the
+    /// first among equals. `None` if no candidate qualifies. `clock` returns a time in seconds. List
+    /// promising candidates first: later ones then end early.
     pub fn best<'p>(
         &self,
         candidates: impl IntoIterator<Item = &'p mut Pipeline>,

@@ -313,9 +313,9 @@ impl Edge {
 struct DepthKeyPlane {
     /// Corner with the least depth key, from which the linear function starts.
     reference: Corner,
-    /// Change of the depth key per column.
+    /// Change of the depth key for each column to the right.
     slope_x: f64,
-    /// Change of the depth key per row.
+    /// Change of the depth key for each row downwards.
     slope_y: f64,
     /// Least depth key of the corners.
     least: f64,

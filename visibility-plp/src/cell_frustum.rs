@@ -55,7 +55,8 @@ pub(crate) enum CellPlace {
     Crossing(u16),
 }
 
-/// Planes of a view. The planes that have the eye on their inner side come first.
+/// Planes of a view, relative to the scene's origin. The planes that have the eye on their inner side, to
+/// which their normals point, come first.
 #[derive(Clone, Debug)]
 pub(crate) struct CellFrustum {
     /// Eye point in metres, or viewing direction of a parallel view, relative to the scene's origin.

@@ -11,8 +11,8 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, ObjectId, Scene, scene::Triangle, view::Eye};
 
-/// Number of bins along each edge of the six faces of a cube around the sphere of normals. Odd, so that each
-/// axis direction lies in the middle of a bin.
+/// Number of bins along each edge of the six faces of a cube around the sphere of unit normals. Odd, so that
+/// each axis direction lies in the middle of a bin.
 const BINS_PER_EDGE: usize = 5;
 
 /// Number of bins that normals are sorted into.
@@ -44,7 +44,8 @@ pub(crate) struct NormalBins {
     marks: Vec<Mark>,
     /// Normal bins, indexed by bin number up to [`NO_BIN`].
     bins: Vec<NormalBin>,
-    /// Plane offset along a flat bin's normal for which step 0 stands, in metres from the scene's origin.
+    /// Plane offset along a flat bin's normal that the stored step 0 stands for, in metres from the scene's
+    /// origin.
     base: f64,
     /// Length in metres of the steps in which plane offsets are stored.
     step: f64,

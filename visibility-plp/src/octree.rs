@@ -73,11 +73,12 @@ pub struct OctreeTessellation {
     pub(crate) fineness: Fineness,
     /// Morton code of the voxel (cube of one grid step) at each leaf's minimum corner, ascending.
     pub(crate) codes: Vec<u32>,
-    /// Position of each leaf's minimum corner in grid steps (x, y, z), then the leaf's side in grid steps.
+    /// Minimum corner of each leaf as x, y and z in grid steps from the grid's minimum corner, then the
+    /// leaf's side in grid steps.
     pub(crate) leaf_positions: Vec<[u16; 4]>,
     /// Adjacency of the leaves: for each leaf its neighbours across faces, encoded by [`encode_neighbour`].
     pub(crate) neighbours: IndexLists,
-    /// Numbers of the leaves with a face on the surface of the cube.
+    /// Numbers of the leaves with a face on the surface of the cube that the octree fills.
     pub(crate) boundary: Vec<u32>,
     /// Lists of the objects in each leaf.
     pub(crate) content: Content,
@@ -102,7 +103,8 @@ pub(crate) struct Subdivision {
     nodes: Vec<Node>,
     /// Morton code of the voxel (cube of one grid step) at each leaf's minimum corner, ascending.
     codes: Vec<u32>,
-    /// Position of each leaf's minimum corner in grid steps (x, y, z), then the leaf's side in grid steps.
+    /// Minimum corner of each leaf as x, y and z in grid steps from the grid's minimum corner, then the
+    /// leaf's side in grid steps.
     pub(crate) leaf_positions: Vec<[u16; 4]>,
 }
 
@@ -201,7 +203,8 @@ impl OctreeTessellation {
             + self.content.memory()
     }
 
-    /// Returns the position of a cell's minimum corner and the cell's side, both in steps of the grid.
+    /// Returns the minimum corner of a cell in grid steps from the grid's minimum corner, and the cell's side
+    /// in grid steps.
     #[inline]
     fn voxel_and_side(&self, cell: u32) -> ([u32; 3], u32) {
         let [x, y, z, side] = self.leaf_positions[cell as usize].map(u32::from);
@@ -215,8 +218,8 @@ impl OctreeTessellation {
     }
 }
 
-/// Returns the position of a leaf's minimum corner (x, y, z) and its side, all in grid steps. `code` is the
-/// Morton code of the voxel (cube of one grid step) at that corner.
+/// Returns the minimum corner of a leaf as x, y and z in grid steps from the grid's minimum corner, then the
+/// leaf's side in grid steps. `code` is the Morton code of the voxel (cube of one grid step) at that corner.
 pub(crate) fn leaf_position(code: u32, side: u32) -> [u16; 4] {
     let [x, y, z] = voxel_of(code);
     [x, y, z, side].map(|x| x as u16)
@@ -241,7 +244,7 @@ pub(crate) fn decode_neighbour(encoded: u32) -> (u32, usize, bool) {
 }
 
 /// Returns the adjacency of all leaves, encoded by [`encode_neighbour`], and the numbers of the leaves with a
-/// face on the surface of the cube.
+/// face on the surface of the cube that the octree fills.
 fn find_neighbours(codes: &[u32], leaf_positions: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
     let mut pairs = Vec::new();
     let mut boundary = Vec::new();

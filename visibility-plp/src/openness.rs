@@ -124,13 +124,14 @@ fn axes(direction: usize) -> [Vec3; 3] {
     [u, along.cross(u), along]
 }
 
-/// Slope of a triangle's plane, in coordinates with z along the parallel lines and lengths in line spacings.
+/// Slope of a triangle's plane against the sampling lines, in coordinates with z along the lines and x and y
+/// across them, and lengths in spacings of the lines.
 struct Slope {
-    /// Change of the plane's depth along the lines, per unit of x across the lines.
+    /// Change of the plane's z (along the sampling lines) for each unit of x across the lines.
     x: f32,
-    /// Change of the plane's depth along the lines, per unit of y across the lines.
+    /// Change of the plane's z (along the sampling lines) for each unit of y across the lines.
     y: f32,
-    /// Absolute cosine between the triangle's normal and the lines, 0 to 1.
+    /// Absolute cosine of the angle between the triangle's normal and the sampling lines, 0 (edge-on) to 1.
     cosine: f32,
     /// True if the triangle's front faces towards greater z (along the lines), false if it faces towards
     /// lesser z.
@@ -166,9 +167,11 @@ struct Lines {
     /// Depth (z in line spacings) of every intersection, line by line; ascending within each line of `long`,
     /// otherwise in the order of the triangles.
     depths: Vec<f32>,
-    /// Numbers of the lines with more than [`MAX_SCANNED`] intersections, whose depths are sorted.
+    /// Numbers of the sampling lines with more than [`MAX_SCANNED`] intersections, whose depths are sorted.
+    /// Line (i, j) has the number `j * side + i`.
     long: Vec<u32>,
-    /// Line number and depth (z in line spacings) of every intersection, in the order of the triangles.
+    /// Number of the sampling line and depth (z in line spacings) of every intersection, in the order of the
+    /// triangles. Line (i, j) has the number `j * side + i`.
     intersections: Vec<(u32, f32)>,
 }
 

@@ -50,7 +50,7 @@ const HALF_PRIORITY_ANGLE: f32 = 1e-5;
 /// computed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SourceCell {
-    /// Number of the cell.
+    /// Number of the cell on the near side of the face.
     pub(crate) cell: u32,
     /// Unit direction from the eye to the cell's centre, in scene axes.
     pub(crate) direction: DVec3,

@@ -210,8 +210,10 @@ impl Scratch {
         self.keyed.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 
-    /// Finds the best split of the sorted triangles in `Scratch::keyed`. Returns the least sum of the
-    /// scatters of two halves, and the number of triangles in the first half. `range` limits that number.
+    /// Finds the best split of the triangles sorted in `Scratch::keyed` into a first and a second half.
+    /// Returns the least sum found of the scatters (see [`Sums::scatter`]) of the two halves, and the number
+    /// of triangles in the first half. Only splits with that number in the half-open `range` are considered.
+    /// `points` holds the normal and position of each triangle of the mesh.
     fn sweep(&mut self, points: &[[DVec3; 2]], range: Range<usize>) -> (f64, usize) {
         self.scatter.clear();
         let mut sums = Sums::default();

@@ -27,8 +27,9 @@ pub(super) const SLACK: f64 = 1.0 / 131072.0;
 /// matrix.
 const LEAST_COSINE: f64 = 0.12;
 
-/// Least half-axis of an ellipse in the gnomonic plane, about 0.1 degrees, so that [`SLACK`] is small beside
-/// the half-axis.
+/// Least half-axis of an ellipse in the gnomonic plane (the plane at distance 1 along the cone's axis, onto
+/// which unit normals are projected from the centre of their sphere): about 0.1 degrees, so that [`SLACK`] is
+/// small beside the half-axis.
 const LEAST_AXIS: f64 = 1.0 / 512.0;
 
 /// A plane in the fit of a cone, in the coordinates of the triangles from which the cone is made. An eye sees
@@ -116,11 +117,11 @@ pub(super) struct Fit {
     /// Rows of the cone's matrix: the two half-axes of the ellipse, then its centre direction. No component
     /// is greater than 16.
     pub(super) rows: [DVec3; 3],
-    /// Apex that is behind the planes of all facets or on them: an eye there sees all facets from behind or
-    /// edge-on.
+    /// Apex, in the coordinates of the facets, that is behind the planes of all facets or on them: an eye
+    /// there sees all facets from behind or edge-on.
     pub(super) behind: [f32; 3],
-    /// Apex that is in front of the planes of all facets or on them: an eye there sees all facets from the
-    /// front or edge-on.
+    /// Apex, in the coordinates of the facets, that is in front of the planes of all facets or on them: an
+    /// eye there sees all facets from the front or edge-on.
     pub(super) ahead: [f32; 3],
     /// Approximate extent of all facets together, in units of the coordinates.
     pub(super) size: f64,
@@ -193,10 +194,10 @@ struct Ellipse {
 }
 
 impl Ellipse {
-    /// Returns a small ellipse in the gnomonic plane (see `gnomonic`) around the projected normals `points`.
-    /// The unit normals may differ from the true ones by `slack`. Chooses the better of a circle around the
-    /// origin and the ellipse of least area. `None` if the ellipse is NaN or too wide: a component of the
-    /// cone's matrix would exceed 16.
+    /// Returns a small ellipse around `points`, the projections of unit normals onto the gnomonic plane (the
+    /// plane at distance 1 along the cone's axis). The unit normals may differ from the true ones by `slack`.
+    /// Chooses the better of a circle around the origin and the ellipse of least area. `None` if the ellipse
+    /// is NaN or too wide: a component of the cone's matrix would exceed 16.
     fn around(points: &[DVec2], slack: f64) -> Option<Self> {
         let circle = Self { center: DVec2::ZERO, direction: DVec2::X, axes: [1.0; 2] }.grown(points, slack);
         let ellipse = Self::least(points).grown(points, slack);
@@ -205,10 +206,11 @@ impl Ellipse {
         (best.axes[0].max(best.axes[1]) + best.center.length() < 15.0).then_some(best)
     }
 
-    /// Returns an approximate ellipse of least area around `points`, except for its size: the half-axes are
-    /// those of the weighted covariance, and [`grown`](Self::grown) must scale them to contain the points.
-    /// Weights of points grow with their distance from the mean (Titterington, "Estimation of Correlation
-    /// Coefficients by Ellipsoidal Trimming", 1978).
+    /// Returns an approximate ellipse of least area around `points`, the projections of unit normals onto the
+    /// gnomonic plane (at distance 1 along the cone's axis), except for its size: the half-axes are those of
+    /// the weighted covariance, and [`grown`](Self::grown) must scale them to contain the points. Weights of
+    /// points grow with their distance from the mean (Titterington, "Estimation of Correlation Coefficients
+    /// by Ellipsoidal Trimming", 1978).
     fn least(points: &[DVec2]) -> Self {
         let mut weights = alloc::vec![1.0 / points.len() as f64; points.len()];
         let mut moments = Moments::of(points, &weights);
@@ -271,7 +273,7 @@ impl Ellipse {
     }
 }
 
-/// Weighted mean and covariance of points in the gnomonic plane.
+/// Weighted mean of points in the gnomonic plane, and the elements of their covariance matrix.
 #[derive(Clone, Copy, Debug)]
 struct Moments {
     mean: DVec2,
@@ -330,9 +332,10 @@ impl Apex<'_> {
         depth
     }
 
-    /// Returns a starting point for the apex: the point of least depth for exact facets, in a square around
-    /// `center` perpendicular to the axis with half-side `size`. Nested golden-section searches over the two
-    /// coordinates in the square.
+    /// Returns a starting point for the apex: the point that, for exact facets, has the least `depth`
+    /// (distance to be moved) in a square around `center` perpendicular to the axis with half-side `size`, in
+    /// the units of the facets' coordinates. Nested golden-section searches over the two coordinates in the
+    /// square.
     fn search(&self) -> DVec3 {
         let sign = if self.side == 0 { 1.0 } else { -1.0 };
         // Without errors, the depth is the maximum of functions that are linear in the position on the
@@ -381,8 +384,9 @@ impl Apex<'_> {
     }
 }
 
-/// Minimizes a convex function over `-reach..=reach` by golden-section search. Returns the argument of the
-/// least value found, and that value. 14 steps narrow the interval to about a thousandth.
+/// Minimizes the convex function `value` over arguments from `-reach` to `reach` by golden-section search.
+/// Returns the argument of the least value found, and that value. 14 steps narrow the interval to about a
+/// thousandth.
 fn golden(reach: f64, mut value: impl FnMut(f64) -> f64) -> (f64, f64) {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut low, mut high) = (-reach, reach);

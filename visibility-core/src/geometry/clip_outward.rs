@@ -4,8 +4,9 @@ use crate::geometry::Plane;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Corners of a convex polygon, in metres, in order around its boundary. A single point, or the two ends of
-/// an edge, also count as a polygon. Up to 16 corners are stored inline without allocation.
+/// Corners of a convex polygon, in metres in the space of the planes that clip it, in order around its
+/// boundary. A single point, or the two ends of an edge, also count as a polygon. Up to 16 corners are stored
+/// inline without allocation.
 pub(crate) type Corners = SmallVec<[DVec3; 16]>;
 
 /// Clips a convex polygon by the half-space on the side that the normal of `plane` points to, after its

@@ -5,8 +5,9 @@ use core::fmt;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// A planar convex polygon in `f64`, for portals, occluders and the faces of cells. Up to eight vertices are
-/// stored inline without allocation. The default polygon is empty.
+/// A planar convex polygon in `f64` metres, for portals, occluders and the faces of cells. The coordinate
+/// space is that of the given vertices. Up to eight vertices are stored inline without allocation. The
+/// default polygon is empty.
 ///
 /// ```
 /// use visibility_core::{geometry::{ConvexPolygon, Plane}, glam::DVec3};

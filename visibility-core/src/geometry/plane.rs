@@ -6,8 +6,8 @@ use glam::DVec3;
 /// Unit round-off of `f64`: half the distance from 1 to the next greater number, 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// An oriented plane, which stands for the closed half-space of the points `p` with `normal . p + offset >=
-/// 0`.
+/// An oriented plane in the coordinate space of the points that are tested against it, usually in metres. It
+/// stands for the closed half-space of the points `p` with `normal . p + offset >= 0`.
 ///
 /// The normal may have any length except where distances in metres are wanted. Classification works with a
 /// normal of any length. A plane with a NaN classifies every shape as `Crossing`.

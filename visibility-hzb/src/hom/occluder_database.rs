@@ -66,9 +66,10 @@ impl Default for OccluderCriteria {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct OccluderDatabase {
-    /// Accepted occluders, in ascending order of id.
+    /// Objects that satisfy all criteria, to be drawn as occluders, in ascending order of id.
     occluders: Vec<ObjectId>,
-    /// Rejected objects that are flagged as occluders and have a mesh, in no particular order.
+    /// Objects that are flagged as occluders and have a mesh, but were rejected by the criteria, in no
+    /// particular order.
     others: Vec<ObjectId>,
     /// Number of objects in `others` that were rejected because they are too small.
     small: usize,
@@ -243,7 +244,7 @@ fn neighbours(scene: &Scene, id: ObjectId, reach: &Aabb, rank: &[u32]) -> Vec<Ob
 /// A test line parallel to one of the axes, in metres in scene coordinates, limited to the extent of a box on
 /// that axis.
 struct Line<'a> {
-    /// Axis indices: the two axes across the line, then the axis along the line.
+    /// Axis indices (0, 1, 2 for x, y, z): the two axes across the line, then the axis along the line.
     axes: [usize; 3],
     /// Coordinates of the line on the two axes across it, in metres.
     at: [f32; 2],

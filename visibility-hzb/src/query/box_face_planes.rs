@@ -40,7 +40,7 @@ pub(crate) struct FacePlaneSetup {
     anchor: [f64; LANES],
     /// Coefficients `a`, `b`, `c` of a linear function `a x + b y + c` of pixel coordinates, for each face.
     /// Its value is the dot product of the view ray through the pixel with the inward normal of the face,
-    /// times the determinant of the projection.
+    /// times the determinant of the linear parts of the projection's rows `x`, `y` and `w`.
     along: [[f64; LANES]; 3],
     /// Upper bound on the absolute error of the linear function `along` anywhere in the picture, for each
     /// face.
@@ -160,10 +160,10 @@ impl FacePlaneSetup {
 }
 
 impl BoxFacePlanes {
-    /// Returns, for each face, whether it bounds the box's depth key from above by a plane that is strictly
-    /// below the plane `a x + b y + c` (pixel coordinates) in a whole rectangle (left, right, top, bottom in
-    /// pixels). False for faces that are not upper bounds. The difference of two planes is least at a corner
-    /// of the rectangle.
+    /// Returns true for each face that bounds the box's depth key from above by a plane strictly below the
+    /// plane `a x + b y + c` (pixel coordinates) in a whole rectangle (left, right, top, bottom in pixels).
+    /// False for faces that are not upper bounds. The difference of two planes is least at a corner of the
+    /// rectangle.
     #[inline(always)]
     pub(crate) fn below(&self, [a, b, c]: [f64; 3], [left, right, top, bottom]: [f64; 4]) -> [bool; LANES] {
         let mut below = [false; LANES];

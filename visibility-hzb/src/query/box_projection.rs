@@ -59,7 +59,8 @@ impl ScreenRow32 {
 pub(crate) struct ScreenProjection32 {
     /// Anchor (the eye of a perspective view) in scene coordinates, rounded to `f32`.
     high: [f32; 3],
-    /// Difference between the exact anchor and `high`, in metres, rounded to `f32`.
+    /// Difference between the exact anchor (the eye of a perspective view) and its rounded coordinates
+    /// `high`, in metres, rounded to `f32`.
     low: [f32; 3],
     /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, `n` (depth key times `w`) and the distance
     /// beyond the near plane (positive beyond, in the unit of clip space).

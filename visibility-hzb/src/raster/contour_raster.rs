@@ -21,7 +21,7 @@ pub(crate) struct ScreenVertex {
     pub(crate) x: f64,
     /// Row in pixels of the buffer, downwards, not rounded to whole pixels.
     pub(crate) y: f64,
-    /// Lower bound on the depth key (greater is nearer).
+    /// Lower bound on the vertex's depth key (greater is nearer).
     pub(crate) far: f32,
 }
 

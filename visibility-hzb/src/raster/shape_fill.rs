@@ -126,9 +126,9 @@ fn end_pixel(high: f32) -> i32 {
 
 /// Returns the columns, in pixels and not rounded, between which the shape covers each of the eight pixel
 /// rows of row `row` of tiles: element 0 holds the left ends, element 1 the right ends. A left end above the
-/// right end means an empty span. The shape's own row range is not considered.
-/// The rectangle's limits are whole numbers. They are moved outwards by a quarter of a pixel, so that
-/// rounding to whole pixels cannot go either way.
+/// right end means an empty span. The shape's own row range is not considered. The column limits of the
+/// shape's rectangle, which are whole numbers, are moved outwards by a quarter of a pixel, so that rounding
+/// to whole pixels always gives the limits themselves.
 #[inline(always)]
 fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     let (mut low, mut high) = ([shape.columns[0] - 0.25; SIDE], [shape.columns[1] + 0.25; SIDE]);
@@ -224,8 +224,8 @@ fn fill_row(
 }
 
 /// Returns a lower bound on the depth key (greater is nearer) of a shape in each of [`WIDTH`] tiles from tile
-/// column `column` on: the least of its depth planes, limited to the range from `floor` to `ceiling`.
-/// `offsets` are the values of the planes in tile column 0 of the row of tiles.
+/// column `column` on: the least of its depth planes, limited to the range from the shape's `floor` to its
+/// `ceiling`. `offsets` are the values of the planes in tile column 0 of the row of tiles.
 #[inline(always)]
 fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WIDTH] {
     let mut least = [shape.ceiling; WIDTH];

@@ -61,7 +61,7 @@ const fn directed_edge(index: usize) -> [u8; 2] {
 }
 
 /// Returns whether a face in the set `seen` has the directed edge from corner `a` to corner `b`. Bit i of
-/// `seen` stands for face i.
+/// `seen` stands for face i of [`FACES`].
 const fn has_edge(seen: usize, [a, b]: [u8; 2]) -> bool {
     let mut index = 0;
     while index < 24 {

@@ -23,7 +23,7 @@ pub(crate) struct ConvexScratch {
     /// (depth key times `w`), and the distance beyond the near plane (positive beyond, in the unit of clip
     /// space).
     corners: Vec<[f64; 5]>,
-    /// Column and row in pixels and depth key of each vertex, without error bounds.
+    /// Column and row in pixels of the buffer, and depth key, of each vertex, computed without error bounds.
     screen: Vec<[f64; 3]>,
     /// For each triangle, true if the triangle is drawn: it certainly faces the eye and is not wholly nearer
     /// than the near limit. False for all other triangles.
@@ -96,8 +96,9 @@ pub(crate) fn convex_shape(
 
 /// Returns whether, as seen from the eye, the drawn triangles fill their outline and bulge towards the eye,
 /// so that outline and depth planes describe them without loss. `screen` holds the column, row and depth key
-/// of each vertex, `drawn` whether each triangle is drawn. The answer only chooses the cheaper way to draw,
-/// so rounding does no harm.
+/// of each vertex, `drawn` whether each triangle is drawn. `facing` is the sign (1 or -1) of the determinant
+/// of triangles that are drawn. False if a vertex lies outside the outline or before a triangle's plane. The
+/// answer only chooses the cheaper way to draw, so rounding does no harm.
 #[inline(always)]
 fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], facing: f64) -> bool {
     // Vertices may lie this far beyond an edge's line or before a triangle's plane.

@@ -4,9 +4,10 @@
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::vector::{cross, dot, less, point};
 
-/// Returns the coefficients of a triangle's depth key as a plane `a x + b y + c` in pixel coordinates,
-/// lowered by its error bound. Cramer's rule gives the plane from the homogeneous coordinates of the three
-/// corners. `certain` is [`determinant_error`](ObjectProjection::determinant_error), `products` is
+/// Returns the coefficients `[p, q, r]` of the plane `p x + q y + r` in pixel coordinates that is the depth
+/// key of the triangle with corners `a`, `b` and `c`, lowered by its error bound. Cramer's rule gives the
+/// plane from the homogeneous coordinates of the three corners. `certain` is
+/// [`determinant_error`](ObjectProjection::determinant_error), `products` is
 /// [`cross_error`](ObjectProjection::cross_error). All coefficients are NaN if the determinant of the corners
 /// is not certain to differ from zero.
 #[inline(always)]

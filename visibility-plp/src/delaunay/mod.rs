@@ -59,10 +59,10 @@ pub struct DelaunayTessellation {
     pub(crate) points: Vec<Point>,
     /// Corners of each cell, as indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
-    /// For each corner of each cell, the number of the neighbouring cell across the opposite face, or
-    /// [`NONE`] on the surface of the tessellation's cube.
+    /// For each corner of each cell, the number of the neighbouring cell across the face opposite of the
+    /// corner, or [`NONE`] if that face lies on the surface of the cube that the tessellation fills.
     pub(crate) neighbours: Vec<[u32; 4]>,
-    /// Numbers of the cells with a face on the surface of the tessellation's cube.
+    /// Numbers of the cells with a face on the surface of the cube that the tessellation fills.
     pub(crate) boundary: Vec<u32>,
     /// Lists of the objects in each cell.
     pub(crate) content: Content,

@@ -8,7 +8,8 @@
 use super::predicates::{Point, is_in_sphere, volume};
 use alloc::vec::Vec;
 
-/// Cell number that stands for no neighbour, across a face on the surface of the cube.
+/// Stands for the missing neighbour of a cell across a face that lies on the surface of the cube that all
+/// cells fill.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Tetrahedra of positive volume that fill a cube and share whole faces, with vertices on an integer grid.
@@ -19,8 +20,8 @@ pub(crate) struct Mesh {
     pub(crate) points: Vec<Point>,
     /// Corners of each cell, as indices into `points`.
     pub(crate) cells: Vec<[u32; 4]>,
-    /// Numbers of the neighbours of each cell. Neighbour i shares all corners except corner i; [`NONE`] on
-    /// the surface of the cube.
+    /// Numbers of the neighbours of each cell. Neighbour i shares all corners except corner i. [`NONE`] if
+    /// the face opposite of corner i lies on the surface of the cube that all cells fill.
     pub(crate) neighbours: Vec<[u32; 4]>,
     /// Unused indices of `cells` and `neighbours`. Inserting a point may leave fewer cells than before.
     free: Vec<u32>,

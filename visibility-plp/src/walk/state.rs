@@ -291,8 +291,8 @@ impl Walk {
         self.reserved_for = Some(content.stamp());
     }
 
-    /// Tests whether a cell needs no further propagation: it is outside of the view, or its neighbours have
-    /// already been put into the front.
+    /// Tests whether a cell's neighbours need not be put into the front any more: the cell is outside of the
+    /// view, or they were already put there in this frame. False for a cell still to be propagated.
     #[inline]
     pub(super) fn is_closed(&self, cell: u32) -> bool {
         bit(&self.closed, cell as usize)
