@@ -92,8 +92,9 @@ impl Simd {
         }
     }
 
-    /// Returns a mask of the lanes whose cone certainly contains the eye; bit i stands for lane i. Undecided
-    /// cones count as not containing the eye.
+    /// Returns a mask of the lanes whose cone certainly contains the eye, so that the eye sees only back
+    /// faces of the cone's triangles; bit i stands for lane i. Undecided cones count as not containing the
+    /// eye.
     #[allow(unsafe_code)]
     pub(crate) fn inside_cones(self, cones: &Cones64, eye: &SplitEye) -> u64 {
         match self.0 {

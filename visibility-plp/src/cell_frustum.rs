@@ -14,7 +14,7 @@ use visibility_core::{
 struct BoundedPlane {
     /// Unit normal, pointing into the view.
     normal: DVec3,
-    /// Signed distance of the scene's origin from the plane, in metres.
+    /// Signed distance of the scene's origin from the plane in metres, positive inside of the view.
     offset: f64,
     /// Upper bound on the error of a computed signed distance, in metres.
     slack: f64,

@@ -20,7 +20,7 @@ pub struct Face {
     pub point: DVec3,
     /// Unit normal of the face, pointing out of the queried cell into the neighbour.
     pub normal: DVec3,
-    /// Area in square metres of the part shared by both cells, greater than 0.
+    /// Area in square metres of the face, the part of the boundary that both cells share; greater than 0.
     pub area: f64,
 }
 

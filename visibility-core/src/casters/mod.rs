@@ -75,8 +75,8 @@ use hull::{HullPlanes, Source, push_ball, push_cone, push_hull};
 /// hidden by others that are. This asks for
 /// - one set for each shadow map: each cascade, each face of a cube;
 /// - a set without objects that cast no shadow, hence the light's view with the layers of casters;
-/// - a light's view that begins before all casters. Casters before its near plane are removed, also where
-///   the engine would clamp their depth;
+/// - a light's view that begins before all casters. Casters before its near plane are removed, also where the
+///   engine would clamp their depth;
 /// - a map of the surfaces nearest to the light. One drawn from back faces alone loses shadows within solid
 ///   occluders.
 ///

@@ -23,8 +23,8 @@ use glam::{DVec3, Vec3};
 /// ```
 #[derive(Clone, Debug)]
 pub struct ClusterMesh {
-    /// Boxes of all levels, leaves first. Lane `i` of block `b` of a level holds the hull of block `64 b + i`
-    /// of the level below; at the leaves, the box of a cluster.
+    /// Boxes of all levels, leaves first. Lane `i` of block `b` of a level holds the hull of block `64 b +
+    /// i` of the level below; at the leaves, the box of a cluster.
     boxes: Vec<Boxes64>,
     /// For each level, leaves first, the index in `boxes` of its first block. Empty without clusters.
     levels: Vec<usize>,

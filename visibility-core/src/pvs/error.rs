@@ -24,7 +24,7 @@ pub enum PvsError {
     Row {
         /// Viewcell whose stored row is faulty.
         viewcell: ViewcellId,
-        /// Description of the fault in English, with "it" for the row.
+        /// Description of the fault in English, in which "it" stands for the row.
         problem: &'static str,
     },
 }

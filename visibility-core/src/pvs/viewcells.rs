@@ -95,8 +95,8 @@ pub struct Viewcells {
 struct Node {
     min: DVec3,
     max: DVec3,
-    /// Index in `Viewcells::nodes` of the node after all descendants of this node, where a search continues
-    /// that skips them.
+    /// Index in `Viewcells::nodes` of the first node after all descendants of this node: the next node of a
+    /// search that does not descend below this node.
     next: u32,
     /// First viewcell of a leaf, as an index into `Viewcells::order`.
     start: u32,

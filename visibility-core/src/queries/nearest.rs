@@ -24,8 +24,8 @@ use glam::Vec3;
 pub struct Neighbor {
     /// The object.
     pub id: ObjectId,
-    /// Squared distance in square metres from the point to the nearest point of the object's bounds: 0 if the
-    /// point is in the bounds, and for improper bounds. The relative rounding error is below 2^-50.
+    /// Squared distance in square metres from the point to the nearest point of the object's bounds: 0 if
+    /// the point is in the bounds, and for improper bounds. The relative rounding error is below 2^-50.
     pub distance_squared: f64,
 }
 

@@ -290,8 +290,8 @@ impl Tiles {
         farthest
     }
 
-    /// Returns the lower bound on the depth key of the pixel at the centre of a rectangle, as
-    /// [`pixel`](Self::pixel) does. [`EMPTY_DEPTH`] if the pixel is not covered.
+    /// Returns the lower bound on the depth key of the pixel at the centre of a rectangle, by `tile_min` and
+    /// layers alone. [`EMPTY_DEPTH`] if the pixel is not covered.
     #[inline(always)]
     pub(crate) fn pixel_around(&self, rectangle: &Rectangle) -> f32 {
         let [x, y] = [rectangle.columns, rectangle.lines].map(|[first, end]| ((first + end) / 2) as usize);

@@ -75,7 +75,8 @@ impl Thresholds {
         self.fractions.get(level).map_or(1.0, |&fractions| fractions as f32 / ONE as f32)
     }
 
-    /// Returns whether the thresholds of all levels are 1, which makes the maps conservative.
+    /// Returns whether the thresholds of all levels are 1, which makes the maps conservative. False if a
+    /// threshold is below 1, which makes the maps approximate.
     pub(crate) fn all_opaque(&self) -> bool {
         self.fractions == [ONE; LEVELS]
     }

@@ -54,7 +54,7 @@ const fn outlines() -> [Outline; 64] {
     all
 }
 
-/// Returns the corner indices of the start and end of edge `index % 4` of face `index / 4`.
+/// Returns the corner indices of the start and end of edge `index % 4` of face `index / 4` of [`FACES`].
 const fn directed_edge(index: usize) -> [u8; 2] {
     let face = FACES[index / 4];
     [face[index % 4], face[(index + 1) % 4]]
