@@ -105,7 +105,8 @@ pub(crate) struct BoxProjection {
     pub(crate) base: [f64; 3],
     /// Change of clip-space x, y and w along the box's edges in x, y and z, times the common scale.
     pub(crate) sides: [[f64; 3]; 3],
-    /// Bound on the absolute error of `n . v` for any corner `v` and any `n` with components up to 1.
+    /// Bound on the absolute error of `n . v` for the clip-space direction `v` of any corner and any line
+    /// coefficients `n` of at most 1 in magnitude.
     pub(crate) slack: f64,
 }
 

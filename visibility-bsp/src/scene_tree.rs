@@ -91,7 +91,8 @@ impl SceneTree {
         self.represented.get(index as usize).copied().flatten()
     }
 
-    /// Tests whether the tree has any fragment of an object. Visits all fragments of the object.
+    /// Tests whether the tree has any fragment of an object. Visits all fragments of the object. False for an
+    /// object without fragments.
     fn has(&self, id: ObjectId) -> bool {
         let mut any = false;
         self.tree.for_each_fragment(index(id), |_| any = true);
@@ -117,7 +118,8 @@ fn corners(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [visibility_core
     triangles.iter().map(|triangle| triangle.map(|corner| corner.as_dvec3()))
 }
 
-/// Tests whether an object has at least one triangle, and the tree accepts all of its triangles.
+/// Tests whether an object has at least one triangle, and the tree accepts all of its triangles. If false,
+/// the object always counts as visible.
 fn is_fully_represented(scene: &Scene, id: ObjectId) -> bool {
     let mut triangles = corners(scene, id).peekable();
     triangles.peek().is_some() && triangles.all(|triangle| BspTree::accepts(&triangle))
@@ -165,7 +167,8 @@ impl StaleObjects {
     }
 
     /// Tests whether the tree contains all present triangles of an object: the object has some, none of them
-    /// is degenerate, and none has changed since the tree was synchronized.
+    /// is degenerate, and none has changed since the tree was synchronized. False for any other object, which
+    /// counts as visible.
     pub(crate) fn is_known(&self, shared: &SceneTree, id: ObjectId) -> bool {
         self.is_current(index(id)) && shared.represented.get(id.index()) == Some(&Some(id))
     }

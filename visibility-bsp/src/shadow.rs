@@ -97,7 +97,8 @@ impl BackPlane {
 /// cast.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OccluderPolygon<'a> {
-    /// Vertices in boundary order; a polygon with more than [`MOST_EDGES`] casts no shadow.
+    /// Vertices in metres relative to `Scene::origin`, in boundary order; a polygon with more than
+    /// [`MOST_EDGES`] casts no shadow.
     pub(crate) vertices: &'a [DVec3],
     /// Unit normal of the front, the side from which the vertices run counter-clockwise.
     pub(crate) normal: DVec3,

@@ -47,15 +47,16 @@ impl ViewVolume {
         volume
     }
 
-    /// Tests whether a sphere reaches to the inner side of every plane, up to rounding. False if NaN.
+    /// Tests whether a sphere, in metres relative to `Scene::origin`, reaches to the inner side of every
+    /// plane, up to rounding. False if NaN.
     pub(crate) fn meets_sphere(&self, center: DVec3, radius: f64) -> bool {
         self.planes[..self.count].iter().all(|plane| plane.signed_distance(center) > -radius)
     }
 
-    /// Returns a mask of the planes that a box is surely inside of; bit i stands for plane i. Planes set in
-    /// `known` (from an enclosing box) are not tested again and stay set. A box that is inverted or NaN, or
-    /// too close to a plane to tell, leaves that plane's bit clear. Returns `None` if the box is surely
-    /// outside one plane, so that no point of the box is in view.
+    /// Returns a mask of the planes that a box in metres relative to `Scene::origin` is surely inside of; bit
+    /// i stands for plane i. Planes set in `known` (from an enclosing box) are not tested again and stay set.
+    /// A box that is inverted or NaN, or too close to a plane to tell, leaves that plane's bit clear. Returns
+    /// `None` if the box is surely outside one plane, so that no point of the box is in view.
     #[inline]
     pub(crate) fn inside_of(&self, mut known: u32, bounds: &Aabb) -> Option<u32> {
         for (i, plane) in self.planes[..self.count].iter().enumerate() {
@@ -72,14 +73,14 @@ impl ViewVolume {
     }
 
     /// Tests whether a mask returned by [`inside_of`](Self::inside_of) has every plane set: all of the box is
-    /// in view.
+    /// in view. False if some plane is not set.
     #[inline]
     pub(crate) fn is_inside(&self, planes: u32) -> bool {
         planes == (1 << self.count) - 1
     }
 
-    /// Tests whether a box is surely outside one plane, so that no point of the box is in view. False for an
-    /// inverted or NaN box.
+    /// Tests whether a box in metres relative to `Scene::origin` is surely outside one plane, so that no
+    /// point of the box is in view. False if undecided and for an inverted or NaN box.
     pub(crate) fn is_outside(&self, bounds: &Aabb) -> bool {
         self.planes[..self.count].iter().any(|plane| plane.classify_aabb(bounds) == Containment::Outside)
     }

@@ -135,7 +135,7 @@ impl Room {
         ]
     }
 
-    /// Tests whether a culler hides the target box in the room's view.
+    /// Tests whether a culler hides the target box in the room's view. False if the box stays visible.
     fn hides(&self, culler: &mut dyn Culler) -> bool {
         !reported(&self.scene, &self.view, culler).contains(&self.target)
     }

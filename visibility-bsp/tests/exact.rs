@@ -43,7 +43,7 @@ fn scene(random: &mut Random, count: usize) -> Scene {
     scene
 }
 
-/// Rounds the corners of a triangle to `f32`.
+/// Rounds the corners of a triangle to `f32`, in metres relative to `Scene::origin`.
 fn corners(t: [DVec3; 3]) -> Triangle {
     t.map(|v| v.as_vec3())
 }
@@ -99,7 +99,8 @@ fn pixels(buffer: &mut ItemBuffer, scene: &Scene, view: &View) -> HashSet<u32> {
     seen
 }
 
-/// Tests whether an object is visible in a 63 by 63 pixel image zoomed to its witness.
+/// Tests whether an object is visible in a 63 by 63 pixel image zoomed to its witness. False if the image has
+/// no pixel of the object.
 fn is_confirmed(scene: &Scene, view: &View, id: ObjectId, witness: Witness) -> bool {
     let scale = 0.3 / witness.width;
     let zoom = DMat4::from_scale_rotation_translation(

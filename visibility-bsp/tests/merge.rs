@@ -10,7 +10,7 @@ use visibility_testing::Random;
 
 /// A random convex solid, a box or a ball, axis-aligned or rotated.
 struct Shape {
-    /// Faces of the solid, counter-clockwise as seen from outside.
+    /// Faces of the solid, in the solid's coordinates (no unit), counter-clockwise as seen from outside.
     faces: Vec<Vec<DVec3>>,
     /// Plane of each face: outward unit normal `n` and offset `d` with `n . p + d = 0`.
     planes: Vec<(DVec3, f64)>,
@@ -40,14 +40,16 @@ impl Shape {
         Self::new(faces.iter().map(|f| f.iter().map(|&v| turn * v + place).collect()).collect())
     }
 
-    /// Returns whether a point is inside; `None` within 1e-9 of the boundary.
+    /// Returns `Some(true)` for a point inside the solid, `Some(false)` for one outside, `None` within 1e-9
+    /// of the boundary. The point is in the solid's coordinates.
     fn contains(&self, p: DVec3) -> Option<bool> {
         let far = self.planes.iter().map(|(n, d)| n.dot(p) + d).fold(f64::NEG_INFINITY, f64::max);
         (far.abs() > 1e-9).then_some(far < 0.0)
     }
 }
 
-/// Returns the faces of a convex ball of radius 2.5, between `around` meridians and `down` bands of latitude.
+/// Returns the faces of a convex ball of radius 2.5 around the origin, between `around` meridians and `down`
+/// bands of latitude.
 fn ball(around: usize, down: usize) -> Vec<Vec<DVec3>> {
     let at = |i: usize, j: usize| {
         let (a, b) = (
@@ -88,8 +90,8 @@ fn membership_and_laws_hold_of_many_solids() {
     check_laws(1012, 20_000);
 }
 
-/// Asserts that random points are in unions, intersections and differences of random solids exactly if
-/// membership in the operands implies it.
+/// Asserts that random points are in unions, intersections and differences of random solids if and only if
+/// membership in the operands implies it. `rounds` is the number of random pairs of solids.
 fn check_membership(seed: u64, rounds: usize) {
     let mut random = Random(seed);
     let mut counts = [0; 3];

@@ -23,8 +23,8 @@ struct Judge {
 }
 
 impl Judge {
-    /// Asserts that the points of a hidden box in view are blocked by an occluder triangle. `what` names the
-    /// culler.
+    /// Asserts that random points of a hidden box (metres relative to `Scene::origin`), as far as they are in
+    /// view, are blocked by an occluder triangle. `what` names the culler.
     fn check(&mut self, random: &mut Random, soup: &Soup, view: &View, bounds: &Aabb, what: &str) {
         let planes = view.planes(soup.scene.origin());
         self.hidden += 1;
@@ -63,7 +63,8 @@ impl Judge {
     }
 }
 
-/// Returns the bounds of the objects that the frustum culler keeps and `culler` removes.
+/// Returns the bounds, in metres relative to `Scene::origin`, of the objects that the frustum culler keeps
+/// and `culler` removes.
 fn hidden_boxes(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<Aabb> {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);

@@ -9,7 +9,8 @@ use visibility_core::{glam::DVec3, view::Eye};
 use visibility_testing::Random;
 
 /// Replaces `out` by the vertices of all fragments in the order of the walk, each with the ordinal number of
-/// its node. `back` walks back to front.
+/// its node. `back` is true for a walk back to front, false for front to back. `eye` and vertices are in the
+/// tree's coordinates.
 fn visited(
     tree: &BspTree,
     eye: Eye,
@@ -26,8 +27,8 @@ fn visited(
     if back { tree.back_to_front(eye, stack, visit) } else { tree.front_to_back(eye, stack, visit) }
 }
 
-/// Asserts along random rays through fragments that a nearer fragment does not come after a farther one of
-/// another node. Returns the number of pairs compared.
+/// Asserts along `rays` random rays from `eye` through fragments, all in the tree's coordinates, that a
+/// nearer fragment does not come after a farther one of another node. Returns the number of pairs compared.
 fn check(random: &mut Random, fragments: &[(usize, Vec<DVec3>)], eye: Eye, rays: usize) -> usize {
     let mut pairs = 0;
     let mut hits = Vec::new();

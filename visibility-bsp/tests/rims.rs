@@ -96,8 +96,8 @@ impl Rim {
         Some(Self { triangles, boxes, view })
     }
 
-    /// Asserts that each corner of a hidden box inside the image is in the exact shadow of one of the two
-    /// triangles. `what` names the culler.
+    /// Asserts that each corner inside the image of a hidden box (world coordinates) is in the exact shadow
+    /// of one of the two triangles. `what` names the culler.
     fn check(&self, bounds: &Aabb, what: &str) {
         let view = &self.view;
         let cones: Vec<Cone> =
@@ -148,8 +148,8 @@ fn what_sticks_out_of_a_shadow_by_rounding_is_not_hidden_by_the_tree() {
     assert!(hidden > 5_000 && shown > 10_000);
 }
 
-/// Creates a scene with triangles as two-sided occluders and boxes as occludees. Returns the scene and the
-/// ids of the boxes.
+/// Creates a scene with triangles as two-sided occluders and boxes as occludees, all in world coordinates.
+/// Returns the scene and the ids of the boxes.
 fn scene_of(triangles: &[Triangle], boxes: &[Aabb]) -> (Scene, Vec<visibility_core::ObjectId>) {
     let mut scene = Scene::new();
     for triangle in triangles {

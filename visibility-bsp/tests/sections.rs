@@ -19,8 +19,8 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// Creates a scene with `solids` as occluder objects and `others` as boxes that hide nothing. Returns the ids
-/// of `others`.
+/// Creates a scene with `solids` as occluder objects and `others` as boxes that hide nothing, all in metres
+/// relative to `Scene::origin`. Returns the ids of `others`.
 fn scene_of(solids: &[Aabb], others: &[Aabb]) -> (Scene, Vec<ObjectId>) {
     let mut scene = Scene::new();
     for &bounds in solids {
@@ -43,7 +43,8 @@ fn cullers(scene: &Scene, polygons: usize) -> Vec<Box<dyn Culler>> {
     ]
 }
 
-/// Tests whether a culler removes an object from the set of all objects on the view's layers.
+/// Tests whether a culler removes an object from the set of all objects on the view's layers. False if the
+/// object stays visible.
 fn hides(scene: &Scene, view: &View, culler: &mut dyn Culler, id: ObjectId) -> bool {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);
@@ -51,8 +52,8 @@ fn hides(scene: &Scene, view: &View, culler: &mut dyn Culler, id: ObjectId) -> b
     !visible.contains(scene, id)
 }
 
-/// Two storeys of a wall, the slab between them with its edge set back, and a second wall that ends at the
-/// first.
+/// Boxes in metres relative to `Scene::origin`: two storeys of a wall, the slab between them with its edge
+/// set back, and a second wall that ends at the first.
 const HOUSE: [Aabb; 4] = [
     Aabb::from_arrays([4.0, -5.0, 0.0], [4.25, 5.0, 3.0]),
     Aabb::from_arrays([4.125, -5.0, 3.0], [12.0, 5.0, 3.25]),
@@ -95,7 +96,8 @@ fn what_is_before_the_section_within_a_solid_is_not_hidden() {
     }
 }
 
-/// Asserts that no culler hides `target`, which the view's eye sees.
+/// Asserts that no culler hides the box `target` behind the boxes `solids`, since the view's eye sees it.
+/// Boxes are in metres relative to `Scene::origin`.
 fn nothing_hides(solids: &[Aabb], view: &View, target: Aabb) {
     let (scene, ids) = scene_of(solids, &[target]);
     for polygons in [1, 64] {
@@ -173,13 +175,15 @@ fn the_near_plane_counts_even_where_no_polygon_is_cut() {
     nothing_hides(&solids, &towards(DVec3::new(3.9, 0.0, 0.5), DVec3::new(9.0, 0.0, 0.5), 0.2), target);
 }
 
-/// Tests whether the centre of a rectangle is strictly inside a solid.
+/// Tests whether the centre of a rectangle is strictly inside one of the boxes `solids`; all in metres
+/// relative to `Scene::origin`. False on a boundary.
 fn is_inside(polygon: &[DVec3], solids: &[Aabb]) -> bool {
     let middle = (polygon[0] + polygon[2]) * 0.5;
     solids.iter().any(|s| s.min.as_dvec3().cmplt(middle).all() && middle.cmplt(s.max.as_dvec3()).all())
 }
 
-/// Tests whether a segment is blocked by a triangle. Only front faces beyond the near plane block.
+/// Tests whether the segment between two points, in metres relative to `Scene::origin`, is blocked by a
+/// triangle. Only front faces beyond the near plane block.
 fn is_blocked(from: DVec3, to: DVec3, near: &Plane, triangles: &[Triangle]) -> bool {
     triangles.iter().any(|t| {
         let [a, b, c] = t.map(|p| p.as_dvec3());

@@ -17,7 +17,8 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// Inserts an occluder box with its twelve triangles, on the layers of the mask `layers`. Returns its id.
+/// Inserts an occluder box, in metres relative to `Scene::origin`, with its twelve triangles, on the layers
+/// of the mask `layers`. Returns its id.
 fn insert_wall(scene: &mut Scene, bounds: Aabb, layers: u32) -> ObjectId {
     let id = scene.insert(Object { occluder: true, layers, ..Object::new(bounds) });
     scene.set_triangles(id, triangles_of(&bounds)).unwrap();
@@ -31,7 +32,8 @@ fn prepared(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Tests whether a culler removes an object from the set of all objects on the view's layers.
+/// Tests whether a culler removes an object from the set of all objects on the view's layers. False if the
+/// object stays visible.
 fn hides(culler: &mut dyn Culler, scene: &Scene, view: &View, id: ObjectId) -> bool {
     let mut visible = VisibleSet::new();
     visible.fill(scene, view);

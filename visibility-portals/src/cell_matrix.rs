@@ -93,7 +93,8 @@ impl CellMatrix {
     }
 
     /// Tests whether the matrix equals its transpose: whenever cell a sees cell b, cell b sees cell a. Builds
-    /// [`both_ways`](Self::both_ways) to compare.
+    /// [`both_ways`](Self::both_ways) to compare. `false` if some pair of cells is seen in one direction
+    /// only.
     pub fn is_symmetric(&self) -> bool {
         *self == self.both_ways()
     }

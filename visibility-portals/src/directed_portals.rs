@@ -199,7 +199,7 @@ impl DirectedPortals {
     }
 
     /// Tests whether some shrunk vertex of `portal` is more than [`Margins::side`] in front of `plane`, on
-    /// the side that its normal points to.
+    /// the side that its normal points to. `false` if no vertex is.
     fn reaches(&self, portal: &DirectedPortal, plane: &Plane) -> bool {
         let (side, middle) = (self.margins.side, plane.signed_distance(portal.center));
         // The ball decides most cases: at least one vertex is as far inside as the mean of the vertices.
@@ -231,8 +231,8 @@ fn shrunk_polygon(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<D
     polygon
 }
 
-/// Returns centre and radius of a ball that contains all `points`, enlarged to cover rounding. `points` must
-/// not be empty.
+/// Returns centre and radius of a ball that contains all `points` (world space), enlarged to cover rounding.
+/// `points` must not be empty.
 fn bounding_ball(points: &[DVec3]) -> (DVec3, f64) {
     let center = points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64;
     let radius = points.iter().fold(0.0, |r: f64, &p| r.max((p - center).length()));

@@ -55,7 +55,7 @@ fn passes_planes(polygons: &[Vec<DVec3>], clearance: f64) -> bool {
 }
 
 /// Returns the least distance of the line through `from` and `to` from all edges of `polygons`; negative if
-/// the line passes outside one of the polygons.
+/// the line passes outside one of the polygons. All points are in one space of any unit.
 fn clearance_of(polygons: &[Vec<DVec3>], from: DVec3, to: DVec3) -> f64 {
     let d = to - from;
     let mut least = f64::INFINITY;

@@ -9,7 +9,8 @@ use visibility_portals::from_geometry::{
 use visibility_testing::Random;
 
 /// Returns axis-aligned boxes of a house: walls of zero or more thickness with gaps for doors and windows, a
-/// floor and a ceiling slab, and a few loose blocks. Each box is its minimum and maximum corner.
+/// floor and a ceiling slab, and a few loose blocks. Each box is its minimum and maximum corner, in the
+/// boxes' own space.
 fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
     let mut boxes = Vec::new();
     let mut add = |min: [f64; 3], max: [f64; 3]| boxes.push([DVec3::from(min), DVec3::from(max)]);
@@ -50,7 +51,8 @@ fn house(random: &mut Random) -> Vec<[DVec3; 2]> {
     boxes
 }
 
-/// Returns the faces of boxes as triangles, counter-clockwise as seen from outside, rotated by `turn`.
+/// Returns the faces of boxes as triangles, counter-clockwise as seen from outside, rotated by `turn` into
+/// the space of the cells.
 fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
     let mut out = Vec::new();
     for [min, max] in boxes {
@@ -79,7 +81,8 @@ fn triangles(boxes: &[[DVec3; 2]], turn: DMat3) -> Vec<ConvexPolygon> {
 }
 
 /// Tests whether the segment from `a` to `b` meets one of `boxes` enlarged by `widen` on all sides; a
-/// negative `widen` shrinks the boxes. All lengths are in the boxes' space and unit.
+/// negative `widen` shrinks the boxes. All lengths are in the boxes' space and unit. `false` if it meets
+/// none.
 fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
     boxes.iter().any(|[min, max]| {
         let (mut enter, mut leave) = (0.0f64, 1.0f64);
@@ -93,9 +96,9 @@ fn blocked(boxes: &[[DVec3; 2]], a: DVec3, b: DVec3, widen: f64) -> bool {
     })
 }
 
-/// Follows the segment from `a` to `b`, which starts in cell `from`, through portals. Returns the cell in
-/// which it ends. `None` if the segment comes within 1e-3 of an edge of a portal, where the result is
-/// unreliable.
+/// Follows the segment from `a` to `b` (in the space of the cells), which starts in cell `from`, through
+/// portals. Returns the cell in which it ends. `None` if the segment comes within 1e-3 of an edge of a
+/// portal, where the result is unreliable.
 fn walk(cells: &Subdivision, from: CellId, a: DVec3, b: DVec3) -> Option<CellId> {
     let mut hits = Vec::new();
     for portal in cells.graph.portals() {

@@ -9,8 +9,8 @@ use visibility_testing::Random;
 
 type Ends = [[i64; 2]; 2];
 
-/// Tests in exact arithmetic whether a line has all left ends on its left or on it, and all right ends on its
-/// right or on it. If such a line exists, one passes through two of the ends.
+/// Tests in exact arithmetic whether there is a line in the plane that has all left ends on its left or on
+/// it, and all right ends on its right or on it. If such a line exists, one passes through two of the ends.
 fn has_line(segments: &[Ends]) -> bool {
     let side = |p: [i64; 2], q: [i64; 2], r: [i64; 2]| {
         let [a, b] = [[q[0] - p[0], q[1] - p[1]], [r[0] - p[0], r[1] - p[1]]];
@@ -67,7 +67,8 @@ fn doors_of_a_floor_plan_as_exact_arithmetic_has_it() {
     assert!(counts[0] > 3000 && counts[1] > 3000 && counts[2] < 100, "{counts:?}");
 }
 
-/// Returns `count` convex quadrangles around a random line that is clear of their edges by `clearance`.
+/// Returns `count` convex quadrangles around a random line that is clear of their edges by `clearance`, in
+/// the unit of the coordinates.
 fn around(count: usize, clearance: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
     let (start, direction) = (random.direction() * random.fine_range(0.0, 3000.0), random.direction());
     let mut at = 0.0;

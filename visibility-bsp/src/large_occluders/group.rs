@@ -94,8 +94,8 @@ impl Face {
 }
 
 impl Edge {
-    /// Creates an edge between two points, with the polygon's inside on the side of `inner`. No box is inside
-    /// its plane until [`update_eye`](Self::update_eye) is called.
+    /// Creates an edge between two points in metres relative to `Scene::origin`, with the polygon's inside on
+    /// the side of `inner`. No box is inside its plane until [`update_eye`](Self::update_eye) is called.
     pub(super) fn new(ends: [DVec3; 2], inner: DVec3) -> Self {
         Self { ends, inner, normal: DVec3::ZERO, slope: f64::INFINITY, least: f64::INFINITY }
     }

@@ -152,8 +152,8 @@ impl GroupMap {
 }
 
 impl Groups {
-    /// Determines the side of each polygon that the eye is on. Returns whether the side, or its certainty,
-    /// has changed for any polygon.
+    /// Determines the side of each polygon that the eye is on. Returns true if the side, or its certainty,
+    /// has changed for any polygon since the last call; false if cached answers stay valid.
     fn turn(&mut self, projection: &ClipProjection) -> bool {
         let clear = projection.clearance();
         let mut turned = false;

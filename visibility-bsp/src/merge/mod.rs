@@ -85,9 +85,9 @@ enum Operation {
 }
 
 impl Solid {
-    /// Builds the solid inside a closed boundary of convex polygons, each counter-clockwise as seen from
-    /// outside. Polygons that are not [accepted](BspTree::accepts) are left out. No polygons give an empty
-    /// solid.
+    /// Builds the solid inside a closed boundary of convex polygons in `f64` coordinates of any unit, each
+    /// counter-clockwise as seen from outside. Polygons that are not [accepted](BspTree::accepts) are left
+    /// out. No polygons give an empty solid.
     ///
     /// # Errors
     /// [`SolidError::Boundary`] if the polygons cut each other into too many fragments;
@@ -110,7 +110,8 @@ impl Solid {
         Ok(Self { arena, root, magnitude })
     }
 
-    /// Tests whether the solid contains no point: its tree is a single empty leaf.
+    /// Tests whether the solid contains no point: its tree is a single empty leaf. False if some leaf is
+    /// solid.
     pub fn is_empty(&self) -> bool {
         self.root == EMPTY
     }
@@ -120,8 +121,8 @@ impl Solid {
         self.arena.len()
     }
 
-    /// Tests whether a point is inside. For a point on the boundary, within rounding, either answer is
-    /// possible. False for NaN.
+    /// Tests whether a point in the solid's coordinates is inside. For a point on the boundary, within
+    /// rounding, either answer is possible. False for NaN.
     pub fn contains(&self, p: DVec3) -> bool {
         if !p.abs().cmple(self.magnitude).all() {
             return false;

@@ -19,7 +19,8 @@ pub(super) const MOST_LEVELS: usize = 1000;
 /// An inner node of a solid's BSP tree. The plane is in the solid's coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
-    /// The dividing plane, with the margin within which points count as on the plane.
+    /// The dividing plane in the solid's coordinates, with the margin within which points count as on the
+    /// plane.
     plane: SidePlane,
     /// Children behind and in front of the plane: node indices, [`EMPTY`] or [`SOLID`].
     pub(super) children: [u32; 2],
@@ -75,14 +76,15 @@ impl Arena {
         self.nodes.len() as u32 - 1
     }
 
-    /// Adds a node with the given plane and children (behind, in front) but without a sub-hyperplane, and
-    /// returns its index. If both children are the same leaf, returns that leaf instead.
+    /// Adds a node with the given plane (in the solid's coordinates) and children (behind, in front) but
+    /// without a sub-hyperplane, and returns its index. If both children are the same leaf, returns that leaf
+    /// instead.
     pub(super) fn push_plane(&mut self, plane: &SidePlane, children: [u32; 2]) -> u32 {
         self.push(Node { plane: *plane, children, sub: Sub { start: 0, len: 0 } })
     }
 
-    /// Returns the leaf, [`EMPTY`] or [`SOLID`], that contains a point in the tree with root `child`. A point
-    /// on a plane counts as in front of it.
+    /// Returns the leaf, [`EMPTY`] or [`SOLID`], that contains the point `p`, in the solid's coordinates, in
+    /// the tree with root `child`. A point on a plane counts as in front of it.
     pub(super) fn locate(&self, mut child: u32, p: DVec3) -> u32 {
         while !is_leaf(child) {
             let node = &self.nodes[child as usize];
@@ -96,12 +98,13 @@ impl Arena {
         depth_of(root, |node| self.nodes[node as usize].children)
     }
 
-    /// Returns the corners of a sub-hyperplane, in boundary order.
+    /// Returns the corners of a sub-hyperplane, in the solid's coordinates, in boundary order.
     fn corners(&self, sub: Sub) -> &[DVec3] {
         &self.points[sub.start as usize..][..sub.len as usize]
     }
 
-    /// Stores the corners of a sub-hyperplane and returns their range.
+    /// Stores the corners of a sub-hyperplane, in the solid's coordinates, and returns their range in
+    /// `Arena::points`.
     fn add_corners(&mut self, corners: &[DVec3]) -> Sub {
         let start = self.points.len() as u32;
         self.points.extend_from_slice(corners);
@@ -118,7 +121,8 @@ impl Arena {
     }
 
     /// Copies the subtree `child` of another arena and returns the copy's root. `above` lists the planes of
-    /// the ancestors, each with true if the subtree is in front of it; it is restored on return.
+    /// the ancestors, each with true if the subtree is in front of the plane, false if behind; the list is
+    /// restored on return. `magnitude` bounds the absolute coordinates on each axis.
     fn load_below(
         &mut self,
         from: &Self,
@@ -225,8 +229,8 @@ impl Arena {
         })
     }
 
-    /// Returns the parts of a sub-hyperplane behind and in front of a plane. If the polygon is not across the
-    /// plane, both parts are the whole polygon.
+    /// Returns the parts of a sub-hyperplane behind and in front of a plane, in this order. All are in the
+    /// solid's coordinates. If the polygon is not across the plane, both parts are the whole polygon.
     fn halves(&mut self, sub: Sub, plane: &SidePlane) -> [Sub; 2] {
         if plane.side_of_polygon(self.corners(sub)) != PolygonSide::Across {
             return [sub; 2];
@@ -237,8 +241,8 @@ impl Arena {
     }
 }
 
-/// Returns the polygon in which a plane cuts the box from `-magnitude` to `magnitude`, in boundary order.
-/// Empty if the plane misses the box.
+/// Returns the polygon in which a plane cuts the box from `-magnitude` to `magnitude`, in the solid's
+/// coordinates and in boundary order. Empty if the plane misses the box.
 fn across_box(plane: &Plane, magnitude: DVec3) -> Vec<DVec3> {
     let n = plane.normal.abs();
     // Every line through the box along the axis of the normal's largest component meets the plane once.

@@ -234,7 +234,8 @@ impl Beams {
         }
     }
 
-    /// Tests whether the whole image is covered, so that nothing more can be seen.
+    /// Tests whether the whole image is covered, so that nothing more can be seen. False if an open leaf is
+    /// left.
     pub(super) fn is_closed(&self) -> bool {
         self.root == CLOSED
     }

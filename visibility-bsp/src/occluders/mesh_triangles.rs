@@ -48,8 +48,8 @@ pub(crate) fn triangles_of(
     }
 }
 
-/// Returns a function that applies an affine transform to points in `f64`. The identity returns points
-/// unchanged, without rounding.
+/// Returns a function that takes mesh-space points to metres relative to `Scene::origin` by an affine
+/// transform, computed in `f64`. The identity returns points unchanged, without rounding.
 fn point_transform(transform: &Affine3A) -> impl Fn(DVec3) -> DVec3 {
     let identity = *transform == Affine3A::IDENTITY;
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]

@@ -98,9 +98,10 @@ fn weld(triangles: &[OccluderTriangle]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (positions, corners)
 }
 
-/// Returns the union of two polygons that share the edge from vertex `i` of `ours`, as one polygon. `None` if
-/// `theirs` does not have that edge in reverse, if only one of the two is two-sided, or if the union is not
-/// flat and convex or has more than [`MOST_VERTICES`] vertices.
+/// Returns the union of two polygons that share the edge from vertex `i` of `ours`, as one polygon.
+/// `positions` are the distinct positions that the polygons' vertices index. `None` if `theirs` does not have
+/// that edge in reverse, if only one of the two is two-sided, or if the union is not flat and convex or has
+/// more than [`MOST_VERTICES`] vertices.
 fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Option<Polygon> {
     let (n, m) = (ours.vertices.len(), theirs.vertices.len());
     if ours.two_sided != theirs.two_sided {
@@ -134,8 +135,8 @@ fn joined(positions: &[DVec3], ours: &Polygon, i: usize, theirs: &Polygon) -> Op
     })
 }
 
-/// Tests whether a loop of points in boundary order has an area, deviates from its plane by at most [`FLAT`]
-/// of its size, and is convex up to rounding.
+/// Tests whether a loop of points, in metres and in boundary order, has an area, deviates from its plane by
+/// at most [`FLAT`] of its size, and is convex up to rounding. False for NaN and for a loop without area.
 fn is_flat_and_convex(points: &[DVec3]) -> bool {
     let Some((normal, extent_along_normal, _)) = plane_of(points) else { return false };
     let size = points.iter().map(|p| p.distance(points[0])).fold(0.0, f64::max);

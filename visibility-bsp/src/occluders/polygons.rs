@@ -188,7 +188,7 @@ impl Occluders {
         self.polygons.iter().filter(|polygon| polygon.count > 0).count()
     }
 
-    /// Tests whether there are no polygons. Visits all polygons.
+    /// Tests whether there are no polygons; dropped polygons do not count. Visits all polygons.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

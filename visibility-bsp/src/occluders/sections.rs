@@ -108,13 +108,14 @@ struct Near {
     order: Vec<u32>,
     /// Minimum and maximum corner of each box, in metres relative to `Scene::origin`.
     boxes: Vec<(DVec3, DVec3)>,
-    /// By level from the bottom: bounds (minimum, maximum) of each run of [`BLOCK`] entries of the level
-    /// below. The lowest level bounds runs of `order`.
+    /// By level from the bottom: bounds (minimum, maximum, in metres relative to `Scene::origin`) of each
+    /// run of [`BLOCK`] entries of the level below. The lowest level bounds runs of `order`.
     levels: Vec<Vec<(DVec3, DVec3)>>,
 }
 
 impl Near {
-    /// Builds the hierarchy over boxes given as (minimum corner, maximum corner).
+    /// Builds the hierarchy over boxes given as (minimum corner, maximum corner), in metres relative to
+    /// `Scene::origin`.
     fn new(boxes: Vec<(DVec3, DVec3)>) -> Self {
         let centers: Vec<DVec3> = boxes.iter().map(|(min, max)| *min * 0.5 + *max * 0.5).collect();
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
@@ -130,7 +131,7 @@ impl Near {
     }
 
     /// Calls `each` with the indices of up to `most` boxes that overlap or touch the box from `min` to `max`.
-    /// Returns true if there are no more such boxes.
+    /// Returns true if there are no more such boxes, false if some were left out.
     fn touching(&self, min: DVec3, max: DVec3, most: usize, mut each: impl FnMut(u32)) -> bool {
         let mut left = most;
         let touches = |b: &(DVec3, DVec3)| b.0.cmple(max).all() && b.1.cmpge(min).all();
@@ -216,7 +217,7 @@ pub(super) fn sections(solids: &[SolidBox]) -> Vec<Outline> {
 
 /// Tests whether a section's area is more than [`GAIN`] times that of the largest rectangle that faces of its
 /// boxes in one plane form within the section. `low` and `high` are the section's corners along the two axes
-/// after `axis`, and `boxes` indices into `solids`.
+/// after `axis`, and `boxes` indices into `solids`. False if the section gains too little to be kept.
 fn is_gain(solids: &[SolidBox], axis: usize, low: [f64; 2], high: [f64; 2], boxes: &[u32]) -> bool {
     let area = |low: [f64; 2], high: [f64; 2]| (high[0] - low[0]) * (high[1] - low[1]);
     let mut level: Vec<(u64, u32)> = Vec::new();

@@ -100,14 +100,15 @@ impl Selector {
         self.occluders = Stamp::NONE;
     }
 
-    /// Tests whether an object is in the scene and has not changed since the polygons were made.
+    /// Tests whether an object is in the scene and has not changed since the polygons were made. False if the
+    /// object was removed or changed.
     fn is_fresh(&self, scene: &Scene, id: ObjectId) -> bool {
         let stale = self.stale.get(id.index() / 64).is_none_or(|word| word >> (id.index() % 64) & 1 != 0);
         !stale && !self.lost && scene.contains(id)
     }
 
     /// Tests whether every object that a polygon was made from is unchanged since, flagged as an occluder,
-    /// and on a layer of the view.
+    /// and on a layer of the view. If false, the polygon must not hide in this frame.
     pub(crate) fn is_usable(&self, occluders: &Occluders, polygon: u32, scene: &Scene, view: &View) -> bool {
         occluders.sources_of(polygon).iter().all(|&id| {
             self.is_fresh(scene, id)
@@ -213,8 +214,8 @@ impl Selector {
     }
 }
 
-/// Tests whether an object is in the visible set, or surely outside the view's `volume`. An
-/// object in view that an earlier culler has removed is not drawn, so it must not hide.
+/// Tests whether an object is in the visible set, or surely outside the view's `volume`. False for an object
+/// in view that an earlier culler has removed: that object is not drawn, so it must not hide.
 pub(crate) fn is_drawn(scene: &Scene, visible: &VisibleSet, volume: &ViewVolume, id: ObjectId) -> bool {
     visible.contains(scene, id) || scene.bounds(id).is_ok_and(|bounds| volume.is_outside(&bounds))
 }

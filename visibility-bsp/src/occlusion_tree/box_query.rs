@@ -26,7 +26,8 @@ struct Part {
     corners: [[f64; 3]; MOST],
     /// Number of valid entries in `corners`.
     count: usize,
-    /// Bound on the absolute error of `n . v` for any corner `v` and any `n` with components up to 1.
+    /// Bound on the absolute error of `n . v` for the direction `v` of any corner and any line coefficients
+    /// `n` of at most 1 in magnitude.
     slack: f64,
 }
 
@@ -77,7 +78,8 @@ const fn edge_of(edge: usize) -> [u8; 2] {
 }
 
 /// Tests whether a face in `mask` (bit i stands for face i of [`FACES`]) has the edge from corner `a` to
-/// corner `b` in this direction.
+/// corner `b` in this direction. False if no face in the mask has that edge, or only in the opposite
+/// direction.
 const fn has_edge(mask: usize, a: u8, b: u8) -> bool {
     let mut edge = 0;
     while edge < 24 {
@@ -194,8 +196,9 @@ impl BoxTest<'_> {
     }
 
     /// Tests whether a part of the box is surely behind back plane number `plane`, which crosses the box.
-    /// This holds if, along each view ray of the part, the back plane comes before the plane of one of the
-    /// box's front faces. That face's plane is no farther than the point where the ray enters the box.
+    /// False if undecided. The part is behind if, along each view ray of the part, the back plane comes
+    /// before the plane of one of the box's front faces. That face's plane is no farther than the point where
+    /// the ray enters the box.
     fn is_behind(&self, plane: usize, part: &Part) -> bool {
         let Some(first) = &self.nodes.approaches[plane] else { return false };
         (0..6).filter(|face| self.faces >> face & 1 != 0).any(|face| {
@@ -245,7 +248,8 @@ impl BoxTest<'_> {
 }
 
 impl Part {
-    /// Creates a part without corners, for which `slack` bounds the absolute error of `n . v`.
+    /// Creates a part without corners, for which `slack` bounds the absolute error of `n . v`, the value of a
+    /// line with coefficients `n` at a corner's direction `v`.
     fn empty(slack: f64) -> Self {
         Self { corners: [[0.0; 3]; MOST], count: 0, slack }
     }

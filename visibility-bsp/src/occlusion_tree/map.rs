@@ -125,7 +125,7 @@ impl OcclusionTree {
     }
 
     /// Tests whether no polygon has been inserted in the present frame, so that only boxes outside the image
-    /// are hidden.
+    /// are hidden. False once one is inserted.
     pub fn is_empty(&self) -> bool {
         self.nodes.planes.is_empty()
     }

@@ -153,8 +153,8 @@ impl Nodes {
     }
 
     /// Replaces the leaf in slot `parent` by a node with the plane `line`, through the occluder edge with the
-    /// given `ends`. The node's outer child is `outside`, its inner child a visible leaf. Returns the node's
-    /// index.
+    /// given `ends` in metres relative to `Scene::origin`. The node's outer child is `outside`, its inner
+    /// child a visible leaf. Returns the node's index.
     fn add_node(&mut self, parent: u32, line: Line, outside: Child, ends: [DVec3; 2]) -> u32 {
         let number = self.nodes.len() as u32;
         let depth = if parent == NO_PARENT { 0 } else { self.nodes[(parent >> 1) as usize].depth + 1 };

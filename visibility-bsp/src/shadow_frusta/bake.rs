@@ -141,7 +141,8 @@ impl ShadowFrusta {
 
 impl Bake<'_> {
     /// Appends to `out` the indices of the polygons that together hide most sampled objects from eyes in the
-    /// region from `min` to `max`, best first. Appends at most `most` indices.
+    /// region from `min` to `max` (metres relative to `Scene::origin`), best first. Appends at most `most`
+    /// indices.
     fn choose(&mut self, min: DVec3, max: DVec3, out: &mut Vec<u32>) {
         let at = |share: [f64; 3]| min + (max - min) * DVec3::from_array(share);
         // The centre, and points near four alternate corners of the region.
@@ -178,8 +179,9 @@ impl Bake<'_> {
     }
 
     /// Returns the bitset of sampled objects whose centres a polygon hides: bit `sample * OBJECTS + object`
-    /// stands for a sample eye and an object. All zero for a polygon without area. Not bounded for rounding,
-    /// since it only guides the choice.
+    /// is 1 if the polygon hides that sampled object from that sample eye. `polygon` is an index in
+    /// `Occluders`, and `eyes` are in metres relative to `Scene::origin`. All zero for a polygon without
+    /// area. Not bounded for rounding, since it only guides the choice.
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
         let occluder_polygon = self.occluders.occluder_polygon(polygon);
         let mut set = [0u64; WORDS];

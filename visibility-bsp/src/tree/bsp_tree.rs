@@ -136,7 +136,7 @@ impl BspTree {
         self.store.len()
     }
 
-    /// Tests whether the tree contains no polygon. O(1).
+    /// Tests whether the tree contains no polygon. O(1). False if there is a polygon.
     pub fn is_empty(&self) -> bool {
         self.fragment_count() == 0
     }

@@ -16,8 +16,8 @@ use visibility_core::{
 const GROWTH: usize = 256;
 
 impl BspTree {
-    /// Builds a tree of polygons, each given with its owner number. Both faces of a polygon count, and all
-    /// leaves are empty.
+    /// Builds a tree of polygons in `f64` coordinates of any unit, each given with its owner number. Both
+    /// faces of a polygon count, and all leaves are empty.
     ///
     /// Polygons must be convex and flat, up to rounding, with their vertices in boundary order. A polygon
     /// that is not [accepted](Self::accepts) is left out. Takes some microseconds per polygon.
@@ -28,9 +28,9 @@ impl BspTree {
         Self::build_with(EMPTY, polygons)
     }
 
-    /// Builds a tree of the boundary of solids. The polygons must form closed surfaces, each polygon
-    /// counter-clockwise as seen from outside. Leaves behind polygons are [solid](super::Leaf::Solid). A
-    /// polygon that is not [accepted](Self::accepts) is left out.
+    /// Builds a tree of the boundary of solids. The polygons, in `f64` coordinates of any unit, must form
+    /// closed surfaces, each polygon counter-clockwise as seen from outside. Leaves behind polygons are
+    /// [solid](super::Leaf::Solid). A polygon that is not [accepted](Self::accepts) is left out.
     ///
     /// # Errors
     /// [`BspError::TooManyFragments`] if the polygons cut each other into too many fragments.
@@ -40,8 +40,9 @@ impl BspTree {
         Self::build_with(SOLID, polygons)
     }
 
-    /// Builds a tree of pairs of owner and polygon, then packs its memory. `behind` is the kind of leaf
-    /// behind polygons: `EMPTY`, or `SOLID` for solids. `Err` if the polygons cut each other too often.
+    /// Builds a tree of pairs of owner number and polygon (in the tree's coordinates), then packs its memory.
+    /// `behind` is the kind of leaf behind polygons: `EMPTY`, or `SOLID` for solids. `Err` if the polygons
+    /// cut each other too often.
     fn build_with<P: AsRef<[DVec3]>>(
         behind: u32,
         polygons: impl IntoIterator<Item = (u32, P)>,
@@ -56,13 +57,14 @@ impl BspTree {
         Ok(tree)
     }
 
-    /// Tests whether a polygon can be inserted: at least three vertices, all finite, that span an area.
+    /// Tests whether a polygon can be inserted: at least three vertices, all finite, that span an area. False
+    /// for any other polygon. The vertices may be in any space and unit.
     pub fn accepts(polygon: &[DVec3]) -> bool {
         plane_of(polygon).is_some()
     }
 
-    /// Sorts polygons, given with their owners, into the present tree. Returns the number of accepted
-    /// polygons. On an error, a part of them has been inserted.
+    /// Sorts polygons, given with their owner numbers and in the tree's coordinates, into the present tree.
+    /// Returns the number of accepted polygons. On an error, a part of them has been inserted.
     pub(super) fn sort_in<P: AsRef<[DVec3]>>(
         &mut self,
         polygons: impl IntoIterator<Item = (u32, P)>,
@@ -246,8 +248,8 @@ impl BspTree {
     }
 }
 
-/// Replaces `builder.sides` by the side of `plane` on which each piece of `builder.pieces[begin..]` lies, in
-/// order.
+/// Replaces `builder.sides` by the side of `plane` (in the tree's coordinates) on which each piece of
+/// `builder.pieces[begin..]` lies, in order.
 fn classify(tree: &BspTree, builder: &mut Builder, begin: usize, plane: &SidePlane) {
     builder.sides.clear();
     for piece in &builder.pieces[begin..] {
@@ -255,7 +257,8 @@ fn classify(tree: &BspTree, builder: &mut Builder, begin: usize, plane: &SidePla
     }
 }
 
-/// Returns the plane of a polygon, computed from all its vertices. `None` if there are fewer than three
+/// Returns the plane of a polygon, computed from all its vertices, in the same coordinates; the unit normal
+/// points to the side from which the vertices run counter-clockwise. `None` if there are fewer than three
 /// vertices, a vertex is not finite, or they span no area.
 fn plane_of(vertices: &[DVec3]) -> Option<Plane> {
     if vertices.len() < 3 || !vertices.iter().all(|v| v.is_finite()) {

@@ -27,7 +27,7 @@ pub(super) struct Piece {
     pub(super) start: u32,
     /// Number of the piece's vertices.
     pub(super) len: u32,
-    /// Box around the piece's vertices, rounded outwards to `f32`.
+    /// Box around the piece's vertices, in the tree's coordinates, rounded outwards to `f32`.
     pub(super) bounds: Aabb,
 }
 
@@ -60,6 +60,7 @@ pub(super) struct Builder {
     pub(super) front: Vec<Piece>,
     /// Scratch: pieces of the present task behind the node's plane.
     pub(super) back: Vec<Piece>,
-    /// Scratch for cutting a polygon: the whole, the front part and the back part.
+    /// Scratch for cutting a polygon: the vertices of the whole, of the front part and of the back part, in
+    /// the tree's coordinates.
     pub(super) cut: [Vec<DVec3>; 3],
 }

@@ -10,7 +10,7 @@ pub(crate) const EMPTY: u32 = u32::MAX;
 /// Child value of a solid leaf, inside a solid.
 pub(crate) const SOLID: u32 = u32::MAX - 1;
 
-/// Tests whether a child value stands for a leaf and not for a node index.
+/// Tests whether a child value stands for a leaf and not for a node index. False for a node index.
 pub(crate) const fn is_leaf(child: u32) -> bool {
     child >= SOLID
 }
@@ -33,7 +33,8 @@ pub(crate) fn depth_of(root: u32, children: impl Fn(u32) -> [u32; 2]) -> usize {
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub(super) struct Node {
-    /// The dividing plane, with the margin within which points count as on the plane.
+    /// The dividing plane in the tree's coordinates, with the margin within which points count as on the
+    /// plane.
     pub(super) plane: SidePlane,
     /// Children behind and in front of the plane: node indices, [`EMPTY`] or [`SOLID`].
     pub(super) children: [u32; 2],
@@ -43,7 +44,8 @@ pub(super) struct Node {
     pub(super) parent: u32,
 }
 
-/// Returns the smallest `f32` box that contains `f64` points. Empty (inverted) without points.
+/// Returns the smallest `f32` box that contains `f64` points, in the points' own space. Empty (inverted)
+/// without points.
 pub(super) fn bounds_of(points: &[DVec3]) -> Aabb {
     let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
     for &p in points {

@@ -72,14 +72,14 @@ impl Store {
         self.vertices_at(record.start, record.len)
     }
 
-    /// Returns the `len` stored vertices from index `start` on.
+    /// Returns `len` entries of `Store::vertices` from index `start` on, in the tree's coordinates.
     #[inline]
     pub(super) fn vertices_at(&self, start: u32, len: u32) -> &[DVec3] {
         &self.vertices[start as usize..][..len as usize]
     }
 
-    /// Stores vertices, in a freed range of the same size class if there is one. Returns the index of the
-    /// first.
+    /// Stores vertices in the tree's coordinates, in a freed range of the same size class if there is one.
+    /// Returns the index in `Store::vertices` of the first.
     pub(super) fn alloc(&mut self, vertices: &[DVec3]) -> u32 {
         let (capacity, class) = capacity_for(vertices.len());
         if let Some(start) = self.free_ranges.get_mut(class).and_then(Vec::pop) {

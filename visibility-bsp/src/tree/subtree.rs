@@ -41,8 +41,8 @@ impl Subtree {
     /// Summary of a subtree without fragments: empty bounds and no owner.
     pub(super) const NOTHING: Self = Self { bounds: Aabb::EMPTY, owner: NONE };
 
-    /// Returns the summary of fragments of one owner within `bounds`. An owner number too large to be stored
-    /// (from `u32::MAX - 1`) counts as several owners.
+    /// Returns the summary of fragments of one owner within `bounds`, a box in the tree's coordinates. An
+    /// owner number too large to be stored (from `u32::MAX - 1`) counts as several owners.
     pub(super) fn of(bounds: Aabb, owner: u32) -> Self {
         Self { bounds, owner: owner.min(MANY) }
     }

@@ -8,8 +8,8 @@ use super::subtree::Subtree;
 use visibility_core::glam::DVec3;
 
 impl BspTree {
-    /// Inserts polygons of an owner, in addition to those that the owner has. Returns the number of
-    /// [accepted](Self::accepts) polygons; the others are left out.
+    /// Inserts polygons of an owner, in the tree's coordinates, in addition to those that the owner has.
+    /// Returns the number of [accepted](Self::accepts) polygons; the others are left out.
     ///
     /// Costs some 100 ns per polygon and level of the tree. Allocates nothing if an owner with as many
     /// polygons has been removed before.
@@ -29,7 +29,7 @@ impl BspTree {
         result
     }
 
-    /// Removes all polygons of an owner. Returns whether the owner had any.
+    /// Removes all polygons of an owner. Returns true if the owner had any, false if the tree is unchanged.
     ///
     /// A plane in which no polygon is left stays in the tree only while it separates other polygons on both
     /// of its sides. There are never more such planes than nodes with polygons.

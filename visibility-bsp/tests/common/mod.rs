@@ -9,7 +9,7 @@ use visibility_core::{
 };
 use visibility_testing::Random;
 
-/// Returns the twelve triangles of a box, counter-clockwise as seen from outside.
+/// Returns the twelve triangles of a box, in the box's own space, counter-clockwise as seen from outside.
 pub fn triangles_of(bounds: &Aabb) -> Vec<Triangle> {
     let corners = bounds.corners();
     visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect()
@@ -18,7 +18,7 @@ pub fn triangles_of(bounds: &Aabb) -> Vec<Triangle> {
 /// A random scene of occluders (solid boxes, walls, slanted and sliver triangles) and of 600 small boxes that
 /// are not occluders.
 pub struct Soup {
-    /// The scene, with occluders prepared.
+    /// The scene of all occluders and boxes, with `prepare_occluders` already called.
     pub scene: Scene,
     /// Triangles of all occluders, in metres relative to `Scene::origin`.
     pub solid: Vec<Triangle>,
@@ -109,7 +109,8 @@ impl Soup {
 
 /// Returns the parameter `t` at which the segment `from + t (to - from)` crosses a triangle's plane inside
 /// the triangle; `t` may be outside 0 to 1. `None` if the line misses the triangle or is parallel to it. Both
-/// sides count, and the boundary is widened by 1e-9 for the oracle's own rounding.
+/// sides count, and the boundary is widened by 1e-9 for the oracle's own rounding. Points and triangle are in
+/// metres relative to `Scene::origin`.
 pub fn meets(from: DVec3, to: DVec3, triangle: &Triangle) -> Option<f64> {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     let (u, v, along) = (b - a, c - a, to - from);

@@ -37,7 +37,7 @@ pub(crate) fn polygons(random: &mut Random, count: usize) -> Vec<Vec<DVec3>> {
     polygons
 }
 
-/// Returns the six faces of a box, counter-clockwise as seen from outside.
+/// Returns the six faces of a box, in the box's own space, counter-clockwise as seen from outside.
 pub(crate) fn box_faces(min: DVec3, max: DVec3) -> Vec<Vec<DVec3>> {
     let corner = |i: usize| {
         DVec3::new(

@@ -104,8 +104,9 @@ impl SightPlanes {
         Some(Self { sides, start_planes, eye })
     }
 
-    /// Calls `each` with every polygon and its error bound, as [`View::for_each_sight_start`] does. `None` if
-    /// the first points of view rays cannot be determined; polygons passed before are then invalid.
+    /// Calls `each` with every polygon (corners in metres relative to the anchor) and its error bound in
+    /// metres, as [`View::for_each_sight_start`] does. `None` if the first points of view rays cannot be
+    /// determined; polygons passed before are then invalid.
     fn for_each_polygon(&self, mut each: impl FnMut(&[DVec3], f64)) -> Option<()> {
         let mut at_eye = self.eye;
         for index in 0..self.start_planes.len() {

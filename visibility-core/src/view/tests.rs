@@ -5,7 +5,8 @@ fn pose() -> Pose {
     Pose::look_at(DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 6.0, 3.0), DVec3::Z)
 }
 
-/// Returns whether a point of the world satisfies all planes of a view, up to their error bounds.
+/// Returns whether a point of the world satisfies all planes of a view, up to their error bounds. False if
+/// the point is beyond one of the planes.
 fn in_view(view: &View, p: DVec3) -> bool {
     view.planes(DVec3::ZERO).as_slice().iter().all(|v| v.plane.signed_distance(p) >= -v.error)
 }

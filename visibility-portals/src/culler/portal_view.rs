@@ -139,7 +139,7 @@ mod tests {
     use visibility_core::view::Depth;
 
     /// Returns the view of a clip matrix whose rows for x, y and w have the linear parts `rows` and the
-    /// constants `offsets`.
+    /// constants `offsets`. `None` if the matrix is not a valid view.
     fn view(rows: [DVec3; 3], offsets: [f64; 3]) -> Option<View> {
         let [x, y, w] = [0, 1, 2].map(|i| rows[i].extend(offsets[i]));
         let z = (rows[2] * 0.5 + rows[0] + rows[1]).extend(offsets[2] * 0.5 + offsets[0] + offsets[1] - 1.0);

@@ -88,8 +88,8 @@ pub(super) struct Leaf {
 /// A portal between two leaves, by leaf index. The polygon's normal points into the second leaf.
 pub(super) type LeafPortal = (ConvexPolygon, [u32; 2]);
 
-/// Returns the polygon in which a plane cuts the box from `min` to `max`. Empty if the plane misses the box.
-/// Points within `lengths.merge` of a side of the box count as on it.
+/// Returns the polygon in which a plane cuts the box from `min` to `max`, all in world space. Empty if the
+/// plane misses the box. Points within `lengths.merge` of a side of the box count as on it.
 pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Lengths) -> Vec<DVec3> {
     let middle = (min + max) * 0.5;
     let reach = (max - min).length();
@@ -104,8 +104,8 @@ pub(super) fn section_of_box(plane: &Plane, min: DVec3, max: DVec3, lengths: &Le
     polygon
 }
 
-/// Clips a convex polygon in place to the inner side of a plane; points on the plane are kept. Empty if
-/// nothing is left.
+/// Clips a convex polygon (world space) in place to the side of a plane that its normal points to; points on
+/// the plane are kept. Empty if nothing is left.
 pub(super) fn clip_in_place(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &Lengths) {
     let mut inner = Vec::new();
     clip_into(polygon, plane, lengths.merge, &mut inner);
@@ -113,9 +113,9 @@ pub(super) fn clip_in_place(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &L
 }
 
 impl Bsp {
-    /// Returns the polygon in which a plane cuts the region of one child of a node. `at` holds the node's
-    /// index and whether the child is its front child (`false`: its back child); `None` means the whole box.
-    /// Empty if the plane misses the region.
+    /// Returns the world-space polygon in which a plane cuts the region of one child of a node. `at` holds
+    /// the node's index and whether the child is its front child (`false`: its back child); `None` means the
+    /// whole box. Empty if the plane misses the region.
     pub(super) fn section(
         &self,
         plane: &Plane,
@@ -185,8 +185,9 @@ impl Bsp {
         (leaves, portals)
     }
 
-    /// Splits a polygon among the leaves below `child`. Appends to `out`, for each leaf, the leaf's index and
-    /// the polygon's part in that leaf. A polygon that lies in the plane of a node goes to both sides.
+    /// Splits a world-space polygon among the leaves below `child`. Appends to `out`, for each leaf, the
+    /// leaf's index and the polygon's part in that leaf. A polygon that lies in the plane of a node goes to
+    /// both sides.
     fn split_among_leaves(
         &self,
         polygon: Vec<DVec3>,

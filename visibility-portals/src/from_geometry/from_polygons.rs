@@ -289,9 +289,9 @@ fn best_plane(
     best.map(|(_, plane)| plane)
 }
 
-/// Distributes the fragments of a region to its two children. Returns the polygons in `plane` (each with
-/// `true` if it faces the plane's front), the fragments in front of `plane`, and the fragments behind.
-/// Fragments that cross the plane are cut.
+/// Distributes the fragments of a region to its two children. Returns the polygons in `plane` (world-space
+/// vertices, each with `true` if it faces the plane's front, `false` if the back), the fragments in front of
+/// `plane`, and the fragments behind. Fragments that cross the plane are cut.
 #[allow(clippy::type_complexity)]
 fn divide_fragments(
     fragments: Vec<Fragment>,

@@ -140,9 +140,10 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
     Ok(Subdivision { graph, viewcells, outside })
 }
 
-/// Returns the walls of a floor plan, for [`from_walls`]: an upright rectangle over each segment, from `z =
-/// floor` to `z = ceiling`, and one floor and one ceiling over the bounds of all segments. Each segment must
-/// be parallel to x or y. Openings are gaps between segments. Without segments the result is empty.
+/// Returns the world-space walls, as minimum and maximum corners, of a floor plan, for [`from_walls`]: an
+/// upright rectangle over each segment, from `z = floor` to `z = ceiling`, and one floor and one ceiling over
+/// the bounds of all segments. Each segment must be parallel to x or y. Openings are gaps between segments.
+/// Without segments the result is empty.
 ///
 /// # Errors
 /// [`GeometryError::NotAWall`] for a segment parallel to neither axis, [`GeometryError::NonFinite`] for a
@@ -359,7 +360,8 @@ impl Tree<'_> {
     }
 }
 
-/// Tests whether the box `wall` contains the box `region`; touching boundaries count as contained.
+/// Tests whether the box `wall` contains the box `region`; touching boundaries count as contained. `false` if
+/// part of `region` is outside `wall`.
 fn fills(wall: &Box3, region: &Box3) -> bool {
     wall.min.cmple(region.min).all() && region.max.cmple(wall.max).all()
 }

@@ -60,7 +60,7 @@ impl FlowScratch {
     }
 
     /// Tests whether a certificate of this flow, kept in `refuted`, excludes the chain extended by directed
-    /// portal `target`.
+    /// portal `target`. `false` proves nothing.
     fn is_refuted(&self, target: u32) -> bool {
         let has =
             |portal: u32| portal == target || self.chain.frames.iter().any(|frame| frame.portal == portal);

@@ -84,7 +84,7 @@ impl FlowScratch {
 
     /// Tests whether some goal can still be reached: whether three bitsets over the candidates have a bit in
     /// common, namely the set at offset `set` in the chain's sets, the row at offset `row` in `rows`, and
-    /// `goals`.
+    /// `goals`. `false` if no goal can be reached.
     fn leads_to_goal(&self, set: usize, row: usize) -> bool {
         let sets = self.chain.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
         sets.into_iter().any(|((a, b), c)| a & b & c != 0)

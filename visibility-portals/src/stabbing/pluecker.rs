@@ -224,8 +224,9 @@ impl Pluecker {
     }
 
     /// Returns the certificate that the half-spaces in the linear program's last conflict contradict each
-    /// other, and fills `needed`. `None` if no proof is found. `at` is the index of the opening by which
-    /// lines are scaled.
+    /// other, and fills `needed`. `None` if no proof is found. `at` is the index of the opening that scales
+    /// lines: with its unit normal `n`, a line's direction `d` has `n . d = 1`. `origin` is the world-space
+    /// origin of moments, `clearance` in world units.
     fn certificate<'a>(
         &mut self,
         opening: &impl Fn(usize) -> Opening<'a>,

@@ -17,7 +17,8 @@ pub enum Stab<L> {
 }
 
 impl<L> Stab<L> {
-    /// Returns whether the answer is [`Stab::No`]: certainly no line passes all openings.
+    /// Returns whether the answer is [`Stab::No`]: certainly no line passes all openings. False for a line
+    /// and if undecided.
     pub fn is_no(&self) -> bool {
         matches!(self, Self::No(_))
     }

@@ -30,7 +30,7 @@ pub struct Stabber {
     /// unit normal.
     ends: Vec<(usize, DVec3)>,
     /// Rectangles projected along an axis, each as the end that lines pass on their left and the end that
-    /// they pass on their right.
+    /// they pass on their right. In the two coordinates that follow the axis cyclically.
     seen: Vec<[DVec2; 2]>,
     /// By segment in `seen`: the index of the rectangle that was projected to the segment.
     of: Vec<u32>,

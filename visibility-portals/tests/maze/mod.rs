@@ -248,7 +248,8 @@ impl Maze {
         }
     }
 
-    /// Returns the point nearest to `from` among five drawn at random from `of`. `None` if `of` is empty.
+    /// Returns the point nearest to `from` among five points drawn at random from `of` (all in one space).
+    /// `None` if `of` is empty.
     pub fn near(random: &mut Random, from: DVec3, of: &[DVec3]) -> Option<DVec3> {
         let some = (0..5).filter_map(|_| of.get(random.below(of.len().max(1))).copied());
         some.min_by(|a, b| a.distance(from).total_cmp(&b.distance(from)))
@@ -324,7 +325,7 @@ impl Maze {
     }
 }
 
-/// Returns a random point inside a polygon, very near to one of its edges.
+/// Returns a random point inside a polygon (in the polygon's own space), very near to one of its edges.
 fn rim(random: &mut Random, polygon: &[DVec3]) -> DVec3 {
     let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
     let i = random.below(polygon.len());
@@ -332,7 +333,8 @@ fn rim(random: &mut Random, polygon: &[DVec3]) -> DVec3 {
     at.lerp(middle, 1e-4)
 }
 
-/// Returns `polygon` shrunk and displaced, so that each point moves by less than `tolerance`.
+/// Returns `polygon` shrunk and displaced, so that each point moves by less than `tolerance`, in the
+/// polygon's own space and unit.
 fn astray(random: &mut Random, polygon: &[DVec3], tolerance: f64) -> Result<ConvexPolygon, PolygonError> {
     let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
     let size = polygon.iter().fold(0.0, |size: f64, p| size.max(p.distance(middle)));
@@ -341,8 +343,8 @@ fn astray(random: &mut Random, polygon: &[DVec3], tolerance: f64) -> Result<Conv
     ConvexPolygon::new(polygon.iter().map(|&p| middle + (p - middle) * smaller + moved))
 }
 
-/// Returns a random convex polygon in the rectangle from `low` to `high`, counter-clockwise: from nearly the
-/// whole rectangle, with `slivers`, down to 1e-5 of its size.
+/// Returns a random convex polygon in the two coordinates of a wall, in the rectangle from `low` to `high`,
+/// counter-clockwise: from nearly the whole rectangle, with `slivers`, down to 1e-5 of its size.
 fn opening(random: &mut Random, low: DVec2, high: DVec2, slivers: bool) -> Vec<DVec2> {
     let within = |p: DVec2| low + (high - low) * p;
     let a = DVec2::new(random.fine_range(0.02, 0.5), random.fine_range(0.0, 0.4));
@@ -372,7 +374,8 @@ fn opening(random: &mut Random, low: DVec2, high: DVec2, slivers: bool) -> Vec<D
     }
 }
 
-/// Tests whether the segment from `from` to `from + step` meets a box, by the slab method; touching counts.
+/// Tests whether the segment from `from` to `from + step` meets the box from `min` to `max` (all in one
+/// space), by the slab method. True if they touch.
 fn meets(from: DVec3, step: DVec3, min: DVec3, max: DVec3) -> bool {
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
     for axis in 0..3 {
@@ -451,7 +454,8 @@ impl Camera {
         (w > 0.0 && x.abs() <= 1.0 && y.abs() <= 1.0).then_some((x, y))
     }
 
-    /// Tests whether a world-space point is in front of the far plane, or on it.
+    /// Tests whether a world-space point is in front of the far plane, or on it. `false` if the point is
+    /// beyond the far plane.
     pub fn is_before_far(&self, p: DVec3) -> bool {
         self.pose.forward.dot(p - self.pose.eye) <= self.far
     }
