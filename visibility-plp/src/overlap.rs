@@ -103,19 +103,19 @@ impl Tetrahedron {
         Self { corners, normals, offsets }
     }
 
-    /// Returns the minimum and maximum corner of the bounding box, in steps of the fine grid.
+    /// Returns the minimum and maximum corner of the tetrahedron's bounding box, in steps of the fine grid.
     fn ends(&self) -> (DVec3, DVec3) {
         let [a, b, c, d] = self.corners;
         (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
     }
 
-    /// Returns the centre of the bounding box, in steps of the fine grid.
+    /// Returns the centre of the tetrahedron's bounding box, in steps of the fine grid.
     pub(crate) fn center(&self) -> DVec3 {
         let (min, max) = self.ends();
         (min + max) * 0.5
     }
 
-    /// Returns half the size of the bounding box along each axis, in steps of the fine grid.
+    /// Returns half the size of the tetrahedron's bounding box along each axis, in steps of the fine grid.
     pub(crate) fn half(&self) -> DVec3 {
         let (min, max) = self.ends();
         (max - min) * 0.5

@@ -241,10 +241,10 @@ impl Ellipse {
     /// gnomonic plane (the plane at distance 1 along the cone's axis), and the projections of all unit
     /// normals that differ from these by at most `slack`.
     ///
-    /// Let a unit normal have the component `c` along the cone's axis and the projection `p`, so that `c = (1
-    /// +
-    /// |p|^2)^-1/2`. If the normal is off by `slack`, its projection is within `slack (1 + |p|) / (c -
-    /// slack)` of `p`. With `c > 0.12` and `slack <= 1/64` this is less than `2 slack (1 + |p|^2)`.
+    /// Let `c` be the component of a unit normal along the cone's axis and `p` its projection, so that
+    /// `c = (1 + |p|^2)^-1/2`. If the normal is off by `slack`, its projection is within
+    /// `slack (1 + |p|) / (c - slack)` of `p`. With `c > 0.12` and `slack <= 1/64` this is less than
+    /// `2 slack (1 + |p|^2)`.
     fn grown(mut self, points: &[DVec2], slack: f64) -> Self {
         let far = |e: &Self, p: DVec2| {
             let d = p - e.center;
