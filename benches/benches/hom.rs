@@ -127,12 +127,12 @@ fn frame(c: &mut Criterion) {
                 b.iter(|| pipeline.cull(&scene, &view, &mut visible));
             });
         };
-        bench("hzb", Box::new(HzbCuller::new(hzb).with_budget(100_000)));
+        bench("hzb", Box::new(HzbCuller::new(hzb)));
         let dialled = hom.clone().with_threshold(0.9);
-        bench("hom, threshold 0.9", Box::new(HomCuller::new(dialled).with_budget(100_000)));
+        bench("hom, threshold 0.9", Box::new(HomCuller::new(dialled)));
         for estimate in ESTIMATES {
             let map = hom.clone().with_depth_estimate(estimate);
-            bench(&format!("hom, {estimate:?}"), Box::new(HomCuller::new(map).with_budget(100_000)));
+            bench(&format!("hom, {estimate:?}"), Box::new(HomCuller::new(map)));
         }
     }
     group.finish();

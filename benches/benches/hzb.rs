@@ -172,7 +172,7 @@ fn frame(c: &mut Criterion) {
     let mut group = c.benchmark_group("hzb/frame of a town");
     for size in [[512, 288], [1920, 1080]] {
         let map = Hzb::new(size[0], size[1]).expect("a size in range");
-        let culler = HzbCuller::new(map).with_budget(100_000);
+        let culler = HzbCuller::new(map);
         let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
         let mut visible = VisibleSet::new();
         group.bench_function(BenchmarkId::from_parameter(size[0]), |b| {

@@ -2,12 +2,12 @@
 //! of 2560 x 1440 sees is hidden, at any depth estimate and resolution. Lower thresholds hide only more.
 #![allow(missing_docs)]
 
+mod all_occluders;
 mod shared_scenes;
 
+use all_occluders::all_occluders;
 use shared_scenes::scene;
-use visibility_core::{
-    FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, VisibleSet, occlusion::Selection,
-};
+use visibility_core::{FrustumCuller, OcclusionMap, Pipeline, VisibleSet};
 use visibility_examples::walkthrough::{Trial, World, judge};
 use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::{DepthEstimate, Hom, Hzb};
@@ -16,10 +16,8 @@ use visibility_hzb::{DepthEstimate, Hom, Hzb};
 const JUDGE: (u32, u32) = (2560, 1440);
 
 /// Culls all frames of a world with a map, with all opaque triangles as occluders. The trial has no times.
-fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + 'static, selection: Selection) -> Trial {
-    // The budget admits every opaque triangle: more occluders give more chances of an error.
-    let culler = OcclusionCuller::new(map).with_selection(selection).with_budget(10_000_000);
-    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + 'static) -> Trial {
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(all_occluders(&world.scene, map));
     let mut visible = VisibleSet::new();
     let reported = world.views.iter().map(|view| {
         pipeline.cull(&world.scene, view, &mut visible);
@@ -37,14 +35,13 @@ fn check(source: SceneSource, frames: usize) {
     let world = World::new(source, JUDGE, Some(frames)).unwrap();
     let hom = |size: [usize; 2], estimate| Hom::new(size[0], size[1]).unwrap().with_depth_estimate(estimate);
     let (small, large) = ([320, 180], [640, 360]);
-    let by_angle = Selection::SolidAngle;
     let conservative = [
-        trial("320x180", &world, hom(small, DepthEstimate::NoBackground), by_angle),
-        trial("640x360", &world, hom(large, DepthEstimate::NoBackground), by_angle),
-        trial("320x180, buffer", &world, hom(small, DepthEstimate::Buffer), by_angle),
-        trial("640x360, buffer", &world, hom(large, DepthEstimate::Buffer), Selection::Interleaved),
-        trial("320x180, plane", &world, hom(small, DepthEstimate::Plane), by_angle),
-        trial("640x360, plane", &world, hom(large, DepthEstimate::Plane), Selection::Interleaved),
+        trial("320x180", &world, hom(small, DepthEstimate::NoBackground)),
+        trial("640x360", &world, hom(large, DepthEstimate::NoBackground)),
+        trial("320x180, buffer", &world, hom(small, DepthEstimate::Buffer)),
+        trial("640x360, buffer", &world, hom(large, DepthEstimate::Buffer)),
+        trial("320x180, plane", &world, hom(small, DepthEstimate::Plane)),
+        trial("640x360, plane", &world, hom(large, DepthEstimate::Plane)),
     ];
     let judgement = judge(&world, &conservative, || ()).unwrap();
     print!("{}: exact {:.1}", world.source.name, judgement.mean_exact());
@@ -56,7 +53,7 @@ fn check(source: SceneSource, frames: usize) {
 
     // A z-buffer of equal size hides at least the objects that the maps hide, since the maps contain no more
     // information than the z-buffer.
-    let z_buffer = trial("hzb", &world, Hzb::new(large[0], large[1]).unwrap(), by_angle);
+    let z_buffer = trial("hzb", &world, Hzb::new(large[0], large[1]).unwrap());
     let mut before = &conservative[1].reported;
     for (frame, left) in before.iter().enumerate() {
         let lost = z_buffer.reported[frame].iter().find(|object| left.binary_search(object).is_err());
@@ -66,7 +63,7 @@ fn check(source: SceneSource, frames: usize) {
         .into_iter()
         .map(|dial| {
             let map = hom(large, DepthEstimate::NoBackground).with_threshold(dial);
-            trial("dialled", &world, map, by_angle)
+            trial("dialled", &world, map)
         })
         .collect();
     for trial in &dialled {

@@ -2,25 +2,29 @@
 //! hidden, at any resolution of the z-buffer.
 #![allow(missing_docs)]
 
+mod all_occluders;
 mod shared_scenes;
 
+use all_occluders::all_occluders;
 use shared_scenes::scene;
-use visibility_core::{
-    FrustumCuller, OcclusionCuller, Pipeline,
-    occlusion::{Preparation, Selection},
-};
+use visibility_core::{FrustumCuller, Pipeline, occlusion::Preparation};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{SceneSource, built_in};
-use visibility_hzb::Hzb;
+use visibility_hzb::{Hzb, HzbCuller};
 
 /// Width and height in pixels of the item buffer that judges the z-buffer.
 const JUDGE: (u32, u32) = (2560, 1440);
 
 /// Culls all frames of a world with a z-buffer of the given size, with all opaque triangles as occluders.
-fn trial(name: &str, world: &World, size: [usize; 2], selection: Selection) -> Trial {
-    let map = Hzb::new(size[0], size[1]).unwrap();
-    // The budget admits every opaque triangle: more occluders give more chances of an error.
-    let culler = OcclusionCuller::new(map).with_selection(selection).with_budget(10_000_000);
+fn trial(name: &str, world: &World, size: [usize; 2]) -> Trial {
+    let culler = all_occluders(&world.scene, Hzb::new(size[0], size[1]).unwrap());
+    run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
+}
+
+/// Culls all frames of a world with a z-buffer of the given size and the occluders that the culler chooses at
+/// a price.
+fn chosen(name: &str, world: &World, size: [usize; 2], price: u32) -> Trial {
+    let culler = HzbCuller::new(Hzb::new(size[0], size[1]).unwrap()).with_price(price);
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
 }
 
@@ -31,10 +35,11 @@ fn check(source: SceneSource, frames: usize) {
     world.scene.prepare_occluders(&preparation);
     let trials = [
         run("frustum".to_owned(), Pipeline::new().with(FrustumCuller::new()), &world),
-        trial("320x180", &world, [320, 180], Selection::SolidAngle),
-        trial("640x360", &world, [640, 360], Selection::SolidAngle),
-        trial("640x360 interleaved", &world, [640, 360], Selection::Interleaved),
-        trial("1920x1080", &world, [1920, 1080], Selection::SolidAngle),
+        trial("320x180", &world, [320, 180]),
+        trial("640x360", &world, [640, 360]),
+        chosen("640x360 chosen", &world, [640, 360], 24),
+        chosen("640x360 chosen, high price", &world, [640, 360], u32::MAX),
+        trial("1920x1080", &world, [1920, 1080]),
     ];
     let judgement = judge(&world, &trials, || ()).unwrap();
     print!("{}: exact {:.1}", world.source.name, judgement.mean_exact());

@@ -13,7 +13,7 @@ use visibility_core::{
     Aabb, Culler, FrustumCuller, OcclusionCuller, Pipeline, Pose, Scene, View, VisibleSet,
     backface::BackfaceCuller,
     casters::{CasterCuller, Light},
-    occlusion::{HardwareQueries, LateAnswers, Preparation, QueryDevice, Selection},
+    occlusion::{HardwareQueries, LateAnswers, Preparation, QueryDevice},
     view::Window,
 };
 use visibility_examples::built_in;
@@ -130,7 +130,7 @@ fn object_space() {
         show(
             &what,
             &world,
-            OcclusionCuller::new(OcclusionTree::new().with_polygons(count)).with_budget(count),
+            OcclusionCuller::new(OcclusionTree::new().with_polygons(count)).with_price(count as u32),
         );
         for coherent in [false, true] {
             let culler =
@@ -166,17 +166,11 @@ impl QueryDevice for Silent {
 fn core_and_image_space() {
     let mut world = world("town:1");
     for count in COUNTS {
-        let what = format!("a budget of {count}");
-        let selections =
-            [Selection::LastVisible, Selection::Nearest, Selection::Interleaved, Selection::Ordered];
-        for selection in selections {
-            let map = Hzb::new(64, 64).unwrap();
-            show(&what, &world, OcclusionCuller::new(map).with_selection(selection).with_budget(count));
-        }
-        show(&what, &world, HzbCuller::new(Hzb::new(64, 64).unwrap()).with_budget(count));
+        let what = format!("a price of {}", count as u32);
+        show(&what, &world, HzbCuller::new(Hzb::new(64, 64).unwrap()).with_price(count as u32));
         let frames = count as u32;
         let device = HardwareQueries::new(Silent, LateAnswers::Trusted { frames });
-        show(&what, &world, OcclusionCuller::new(device).with_budget(count));
+        show(&what, &world, OcclusionCuller::new(device).with_price(count as u32));
         assert!(Hzb::new(count, 64).is_err() || Hzb::new(count, 64).is_ok_and(|map| map.width() == count));
         assert!(Hom::new(64, count).is_err() || Hom::new(64, count).is_ok_and(|map| map.height() == count));
         check_memory(&what);

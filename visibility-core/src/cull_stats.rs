@@ -19,6 +19,8 @@ pub struct CullStats {
     pub accepted_subtrees: u64,
     /// Number of tests of one bounding box against one plane, one occlusion map or similar.
     pub tests: u64,
+    /// Number of occluders added to an occlusion map.
+    pub occluders: u64,
     /// Number of objects left in the set. `+=` takes this number from the right-hand side instead of adding,
     /// since the later stage removed objects from the same set.
     pub visible: u64,
@@ -29,6 +31,7 @@ impl AddAssign for CullStats {
         self.nodes += other.nodes;
         self.accepted_subtrees += other.accepted_subtrees;
         self.tests += other.tests;
+        self.occluders += other.occluders;
         self.visible = other.visible;
     }
 }

@@ -10,7 +10,7 @@ use visibility_core::{
     casters::{CasterCuller, Light},
     draw_list::{DrawIndexedIndirect, DrawList},
     geometry::Plane,
-    occlusion::{Occlusion, Selection},
+    occlusion::Occlusion,
 };
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator, LIVE};
 use visibility_testing::{Octree, Random};
@@ -224,7 +224,7 @@ impl OcclusionMap for Curtain {
     }
 }
 
-/// Tests every selection of occluders, over the scene's own hierarchy and another.
+/// Tests the occlusion driver over the scene's own hierarchy and another.
 #[test]
 fn occlusion_allocates_nothing_once_warm() {
     let mut world = World::new(5_000, 50, false);
@@ -235,28 +235,24 @@ fn occlusion_allocates_nothing_once_warm() {
         world.scene.set_mesh(id, mesh, Affine3A::from_translation(place)).unwrap();
         world.scene.set_occluder(id, true).unwrap();
     }
-    for selection in
-        [Selection::SolidAngle, Selection::LastVisible, Selection::Nearest, Selection::Interleaved]
-    {
-        let own = OcclusionCuller::new(Curtain { nearest: 0.0 }).with_selection(selection);
-        let octree = Octree::new(&world.scene, 5);
-        let foreign = OcclusionCuller::over(Curtain { nearest: 0.0 }, octree).with_selection(selection);
-        let mut pipelines = [
-            Pipeline::new().with(FrustumCuller::new()).with(own),
-            Pipeline::new().with(FrustumCuller::new()).with(foreign),
-        ];
-        let mut visible = VisibleSet::new();
-        let mut before = 0;
-        for frame in 0..300 {
-            if frame == 150 {
-                before = ALLOCATIONS.get();
-            }
-            for pipeline in &mut pipelines {
-                world.frame(pipeline, &mut visible, false);
-            }
+    let own = OcclusionCuller::new(Curtain { nearest: 0.0 });
+    let octree = Octree::new(&world.scene, 5);
+    let foreign = OcclusionCuller::over(Curtain { nearest: 0.0 }, octree);
+    let mut pipelines = [
+        Pipeline::new().with(FrustumCuller::new()).with(own),
+        Pipeline::new().with(FrustumCuller::new()).with(foreign),
+    ];
+    let mut visible = VisibleSet::new();
+    let mut before = 0;
+    for frame in 0..300 {
+        if frame == 150 {
+            before = ALLOCATIONS.get();
         }
-        assert_eq!(ALLOCATIONS.get() - before, 0, "{selection:?}");
+        for pipeline in &mut pipelines {
+            world.frame(pipeline, &mut visible, false);
+        }
     }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
 }
 
 #[test]

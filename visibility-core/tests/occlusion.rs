@@ -1,17 +1,18 @@
 //! Tests of the occlusion driver over a plain depth map: what it must hide, what it must not hide, and its
 //! cost.
 
-use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use std::cell::Cell;
+use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, OcclusionMap,
-    Pipeline, Pose, Scene, View, VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller,
+    OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
     geometry::Plane,
-    occlusion::{HardwareQueries, LateAnswers, Occlusion, Preparation, QueryDevice, Selection, prepare},
+    occlusion::{HardwareQueries, LateAnswers, Occlusion, Preparation, QueryDevice, prepare},
     scene::{SceneError, Triangle},
     view::Window,
-    walk::{BoxHierarchy, Child},
+    walk::{BoxHierarchy, Child, SceneHierarchy},
 };
-use visibility_testing::{Octree, PlainMap};
+use visibility_testing::{Octree, PlainMap, Random};
 
 fn view_from(eye: DVec3, target: DVec3) -> View {
     View::perspective(Pose::look_at(eye, target, DVec3::Z), 1.0, 1.6, 0.1, f64::INFINITY).unwrap()
@@ -50,40 +51,34 @@ fn visible(pipeline: &mut Pipeline, scene: &Scene, view: &View) -> Vec<ObjectId>
     ids
 }
 
-fn pipeline(selection: Selection) -> Pipeline {
-    let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_selection(selection);
+/// Makes a pipeline of frustum culling and occlusion culling over a plain map of 96 x 60 pixels.
+fn pipeline() -> Pipeline {
+    let culler = OcclusionCuller::new(PlainMap::new(96, 60));
     Pipeline::new().with(FrustumCuller::new()).with(culler)
 }
-
-const SELECTIONS: [Selection; 4] =
-    [Selection::SolidAngle, Selection::LastVisible, Selection::Nearest, Selection::Interleaved];
 
 #[test]
 fn a_wall_hides_what_is_behind_it_and_nothing_else() {
     let Street { scene, wall, before, beside, .. } = street();
-    for selection in SELECTIONS {
-        let mut pipeline = pipeline(selection);
-        for frame in 0..3 {
-            let seen = visible(&mut pipeline, &scene, &along_x());
-            assert_eq!(seen, [wall, before, beside], "{selection:?}, frame {frame}");
-        }
-        assert_eq!(pipeline.accuracy(), Accuracy::Conservative);
+    let mut pipeline = pipeline();
+    for frame in 0..3 {
+        let seen = visible(&mut pipeline, &scene, &along_x());
+        assert_eq!(seen, [wall, before, beside], "frame {frame}");
     }
+    assert_eq!(pipeline.accuracy(), Accuracy::Conservative);
 }
 
 #[test]
 fn a_door_that_opens_hides_nothing() {
     let Street { mut scene, wall, .. } = street();
-    for selection in SELECTIONS {
-        let mut pipeline = pipeline(selection);
-        assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3);
-        let before = scene.revision();
-        scene.set_occluder(wall, false).unwrap();
-        assert!(matches!(scene.changes_since(before), visibility_core::scene::Changes::Objects([_])));
-        assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "{selection:?}: open");
-        scene.set_occluder(wall, true).unwrap();
-        assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3, "{selection:?}: shut");
-    }
+    let mut pipeline = pipeline();
+    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3);
+    let before = scene.revision();
+    scene.set_occluder(wall, false).unwrap();
+    assert!(matches!(scene.changes_since(before), visibility_core::scene::Changes::Objects([_])));
+    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "open");
+    scene.set_occluder(wall, true).unwrap();
+    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 3, "shut");
 }
 
 #[test]
@@ -135,30 +130,20 @@ fn an_occluder_moves_with_its_transform() {
     scene.set_mesh(wall, mesh, Affine3A::from_translation(away)).unwrap();
     let old = scene.bounds(wall).unwrap();
     scene.set_bounds(wall, Aabb::new(old.min + away, old.max + away)).unwrap();
-    for selection in SELECTIONS {
-        // The wall itself is out of view.
-        assert_eq!(visible(&mut pipeline(selection), &scene, &along_x()).len(), 502, "{selection:?}");
-    }
+    // The wall itself is out of view.
+    assert_eq!(visible(&mut pipeline(), &scene, &along_x()).len(), 502);
 }
 
 #[test]
 fn every_hierarchy_gives_the_same_answer() {
     let Street { scene, .. } = street();
     for view in [along_x(), view_from(DVec3::new(3.0, 8.0, 2.0), DVec3::new(14.0, 0.0, 0.0))] {
-        let own = visible(&mut pipeline(Selection::SolidAngle), &scene, &view);
+        let own = visible(&mut pipeline(), &scene, &view);
         for depth in [0, 2, 6] {
             let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, depth));
             let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
             assert_eq!(visible(&mut pipeline, &scene, &view), own, "octree of depth {depth}");
         }
-        let greene = visible(&mut pipeline(Selection::Interleaved), &scene, &view);
-        let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, 6));
-        let mut foreign =
-            Pipeline::new().with(FrustumCuller::new()).with(culler.with_selection(Selection::Interleaved));
-        // Occluders are added in different orders, so different hidden objects are found; visible objects
-        // must be in every result.
-        let foreign = visible(&mut foreign, &scene, &view);
-        assert!(own.iter().all(|id| greene.contains(id) && foreign.contains(id)));
     }
 }
 
@@ -182,7 +167,7 @@ fn a_hidden_node_is_not_looked_into() {
         Aabb::new(min, min + 0.05)
     });
     scene.insert_batch(heap.collect::<Vec<_>>());
-    let mut pipeline = pipeline(Selection::SolidAngle);
+    let mut pipeline = pipeline();
     let mut set = VisibleSet::new();
     pipeline.cull(&scene, &along_x(), &mut set);
     assert_eq!(set.count(&scene), 3);
@@ -191,39 +176,29 @@ fn a_hidden_node_is_not_looked_into() {
 }
 
 #[test]
-fn a_budget_of_nothing_hides_nothing() {
+fn at_a_price_of_nothing_nothing_is_drawn() {
     let Street { scene, .. } = street();
-    let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_budget(11);
+    let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_price(0);
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
-    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503, "the wall has 12 triangles");
+    assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), 503);
+    assert_eq!(pipeline.stages().nth(1).unwrap().1.occluders, 0);
 }
 
-/// Tests two walls with a box behind each and a budget of one occluder: the set's order decides which wall is
-/// drawn.
+/// A wall of 12 triangles that covers a fiftieth of the view, before three boxes. At a price of 1 it is too
+/// expensive, even though as many as 256 objects are taken to wait behind it.
 #[test]
-fn occluders_are_taken_in_the_order_of_the_set() {
+fn an_occluder_is_drawn_if_what_it_may_hide_is_worth_its_cost() {
     let mut scene = Scene::new();
-    let mut side = |y: f32| {
-        let bounds = Aabb::from_arrays([10.0, y - 2.0, -2.0], [10.5, y + 2.0, 2.0]);
-        let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
-        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
-        scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
-        [wall, scene.insert(Aabb::from_arrays([14.0, y - 0.5, -0.5], [15.0, y + 0.5, 0.5]))]
-    };
-    let sides = [side(-2.5), side(2.5)];
-    for first in [0, 1] {
-        for budget in [11, 12, 23, 24] {
-            let mut culler = OcclusionCuller::new(PlainMap::new(96, 60))
-                .with_selection(Selection::Ordered)
-                .with_budget(budget);
-            let mut visible = VisibleSet::new();
-            visible.fill(&scene, &along_x());
-            visible.order_first(&scene, &[sides[first][0]]);
-            culler.cull(&scene, &along_x(), &mut visible);
-            let hidden =
-                [sides[first], sides[1 - first]].map(|[_, behind]| !visible.contains(&scene, behind));
-            assert_eq!(hidden, [budget >= 12, budget >= 24], "{first} first, {budget} triangles");
-        }
+    let bounds = Aabb::from_arrays([10.0, -1.0, -1.0], [10.5, 1.0, 1.0]);
+    let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+    scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+    let behind = |x: f32| Aabb::from_arrays([x, -0.5, -0.5], [x + 0.5, 0.5, 0.5]);
+    scene.insert_batch([20.0, 21.0, 22.0].map(behind));
+    for (price, left) in [(1, 4), (4, 1), (24, 1), (u32::MAX, 1)] {
+        let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_price(price);
+        let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+        assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), left, "price {price}");
     }
 }
 
@@ -232,10 +207,8 @@ fn a_box_around_the_eye_or_through_the_near_plane_is_visible() {
     let Street { mut scene, .. } = street();
     let around = scene.insert(Aabb::from_arrays([-5.0; 3], [50.0, 1.0, 1.0]));
     let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
-    for selection in SELECTIONS {
-        let seen = visible(&mut pipeline(selection), &scene, &along_x());
-        assert!(seen.contains(&around) && seen.contains(&nan), "{selection:?}");
-    }
+    let seen = visible(&mut pipeline(), &scene, &along_x());
+    assert!(seen.contains(&around) && seen.contains(&nan));
 }
 
 #[test]
@@ -253,7 +226,7 @@ fn an_open_mesh_hides_only_from_its_front_unless_two_sided() {
         let mesh = scene.add_mesh(mesh.with_two_sided(two_sided));
         scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
         let behind = scene.insert(Aabb::from_arrays([20.0, -1.0, -1.0], [21.0, 1.0, 1.0]));
-        let seen = visible(&mut pipeline(Selection::SolidAngle), &scene, &along_x());
+        let seen = visible(&mut pipeline(), &scene, &along_x());
         assert_eq!(!seen.contains(&behind), hides, "{order:?}, two-sided {two_sided}");
     }
 }
@@ -324,7 +297,7 @@ fn by_queries(latency: u32, late: LateAnswers, eyes: &[DVec3]) -> Vec<(usize, bo
         visible_set.fill(&scene, &view);
         FrustumCuller::new().cull(&scene, &view, &mut visible_set);
         culler.cull(&scene, &view, &mut visible_set);
-        let exact = visible(&mut pipeline(Selection::SolidAngle), &scene, &view);
+        let exact = visible(&mut pipeline(), &scene, &view);
         let lost = exact.iter().any(|&id| !visible_set.contains(&scene, id));
         result.push((visible_set.count(&scene), lost));
     }
@@ -343,26 +316,22 @@ fn late_answers_count_as_visible_until_they_are_there() {
 
 #[test]
 fn answers_about_other_occluders_do_not_count() {
-    for selection in SELECTIONS {
-        let Street { mut scene, wall, .. } = street();
-        let map = HardwareQueries::new(SimulatedCard::new(2), LateAnswers::Visible);
-        let mut culler = OcclusionCuller::new(map).with_selection(selection);
-        let mut visible = VisibleSet::new();
-        let mut frame = |scene: &Scene| {
-            visible.fill(scene, &along_x());
-            FrustumCuller::new().cull(scene, &along_x(), &mut visible);
-            culler.cull(scene, &along_x(), &mut visible);
-            visible.count(scene)
-        };
-        let still = (0..20).map(|_| frame(&scene)).last();
-        if selection != Selection::Interleaved {
-            assert_eq!(still, Some(3), "{selection:?}");
-        }
-        // The wall stops being an occluder between two frames; all known and pending answers are about the
-        // old state.
-        scene.set_occluder(wall, false).unwrap();
-        assert!((0..20).all(|_| frame(&scene) == 503), "{selection:?}");
-    }
+    let Street { mut scene, wall, .. } = street();
+    let map = HardwareQueries::new(SimulatedCard::new(2), LateAnswers::Visible);
+    let mut culler = OcclusionCuller::new(map);
+    let mut visible = VisibleSet::new();
+    let mut frame = |scene: &Scene| {
+        visible.fill(scene, &along_x());
+        FrustumCuller::new().cull(scene, &along_x(), &mut visible);
+        culler.cull(scene, &along_x(), &mut visible);
+        visible.count(scene)
+    };
+    let still = (0..20).map(|_| frame(&scene)).last();
+    assert_eq!(still, Some(3));
+    // The wall stops being an occluder between two frames; all known and pending answers are about the
+    // old state.
+    scene.set_occluder(wall, false).unwrap();
+    assert!((0..20).all(|_| frame(&scene) == 503));
 }
 
 /// Tests a change of scene where the engine draws its occluders itself, so that the occluders given to the
@@ -442,13 +411,11 @@ fn what_a_clip_plane_cuts_hides_nothing() {
     let Street { scene, .. } = street();
     // Clip planes: one that cuts the wall, one that does not touch it.
     let section = |z: f64| along_x().with_clip_planes(&[Plane::new(DVec3::NEG_Z, z)]).unwrap();
-    for selection in SELECTIONS {
-        assert_eq!(visible(&mut pipeline(selection), &scene, &section(0.0)).len(), 503, "{selection:?}: cut");
-        assert_eq!(visible(&mut pipeline(selection), &scene, &section(5.0)).len(), 3, "{selection:?}: whole");
-        let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, 4));
-        let mut foreign = Pipeline::new().with(FrustumCuller::new()).with(culler.with_selection(selection));
-        assert_eq!(visible(&mut foreign, &scene, &section(0.0)).len(), 503, "{selection:?}: cut, octree");
-    }
+    assert_eq!(visible(&mut pipeline(), &scene, &section(0.0)).len(), 503, "cut");
+    assert_eq!(visible(&mut pipeline(), &scene, &section(5.0)).len(), 3, "whole");
+    let culler = OcclusionCuller::over(PlainMap::new(96, 60), Octree::new(&scene, 4));
+    let mut foreign = Pipeline::new().with(FrustumCuller::new()).with(culler);
+    assert_eq!(visible(&mut foreign, &scene, &section(0.0)).len(), 503, "cut, octree");
 }
 
 #[test]
@@ -456,9 +423,7 @@ fn an_orthographic_eye_sees_past_no_wall() {
     let Street { scene, wall, before, beside } = street();
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::orthographic(pose, Window::centered(8.0, 5.0), 0.0, 100.0).unwrap();
-    for selection in SELECTIONS {
-        assert_eq!(visible(&mut pipeline(selection), &scene, &view), [wall, before, beside], "{selection:?}");
-    }
+    assert_eq!(visible(&mut pipeline(), &scene, &view), [wall, before, beside]);
 }
 
 #[test]
@@ -474,7 +439,7 @@ fn a_door_that_swings_or_is_mirrored_hides_where_it_is() {
                 * Affine3A::from_rotation_z(turn)
                 * Affine3A::from_scale(Vec3::new(1.0, mirror, 1.0));
             scene.set_mesh(wall, mesh, turned).unwrap();
-            let seen = visible(&mut pipeline(Selection::SolidAngle), &scene, &along_x()).len();
+            let seen = visible(&mut pipeline(), &scene, &along_x()).len();
             assert_eq!(seen < 50, hides, "turned by {turn}, mirrored {mirror}: {seen}");
         }
     }
@@ -515,7 +480,7 @@ fn eight_cullers_on_threads_answer_as_one_after_another() {
     let views: Vec<View> = (0..8)
         .map(|i| view_from(DVec3::new(0.0, f64::from(i) - 4.0, 0.5), DVec3::new(12.0, 0.0, 0.0)))
         .collect();
-    let alone = |view: &View| SELECTIONS.map(|selection| visible(&mut pipeline(selection), &scene, view));
+    let alone = |view: &View| visible(&mut pipeline(), &scene, view);
     let expected: Vec<_> = views.iter().map(alone).collect();
     let together: Vec<_> = std::thread::scope(|scope| {
         let running: Vec<_> = views.iter().map(|view| scope.spawn(|| alone(view))).collect();
@@ -533,4 +498,181 @@ fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
     assert!(trusting.iter().any(|(_, lost)| *lost), "what comes into view pops in late");
     let sum = |frames: &[(usize, bool)]| frames.iter().map(|(count, _)| count).sum::<usize>();
     assert!(sum(&trusting) < sum(&safe), "and that is what it gains");
+}
+
+/// A map that counts how often the driver asks what an occluder costs, adds one and tests a box.
+struct Counting {
+    map: PlainMap,
+    costs: Cell<u64>,
+    added: u64,
+    tests: Cell<u64>,
+}
+
+impl Counting {
+    fn new() -> Self {
+        Self { map: PlainMap::new(96, 60), costs: Cell::new(0), added: 0, tests: Cell::new(0) }
+    }
+}
+
+impl OcclusionMap for Counting {
+    fn name(&self) -> &str {
+        "counting"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        self.map.accuracy()
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        self.map.begin(view, origin);
+    }
+
+    fn cost(&self, occluder: &OccluderMesh) -> usize {
+        self.costs.set(self.costs.get() + 1);
+        self.map.cost(occluder)
+    }
+
+    fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        self.added += 1;
+        self.map.add(occluder, transform);
+    }
+
+    fn flush(&mut self) {
+        self.map.flush();
+    }
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        self.tests.set(self.tests.get() + 1);
+        self.map.test(bounds)
+    }
+}
+
+/// A city of `side` x `side` solid houses, 10 m x 10 m, at 16 m from each other, from x = 0 on.
+fn city(side: usize) -> Scene {
+    let mut random = Random(7);
+    let mut scene = Scene::new();
+    let cube = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap());
+    for i in 0..side * side {
+        let min = Vec3::new((i / side) as f32 * 16.0, ((i % side) as f32 - side as f32 / 2.0) * 16.0, 0.0);
+        let size = Vec3::new(10.0, 10.0, random.range(6.0, 12.0) as f32);
+        let house = scene.insert(Object { occluder: true, ..Object::new(Aabb::new(min, min + size)) });
+        let place = Affine3A::from_scale_rotation_translation(size, Quat::IDENTITY, min);
+        scene.set_mesh(house, cube, place).unwrap();
+    }
+    scene.rebuild();
+    scene
+}
+
+/// Culls one frame over a hierarchy. Returns the objects in the frustum, the counters of the driver and what
+/// the map counted.
+fn count(
+    scene: &Scene,
+    hierarchy: impl BoxHierarchy,
+    eye: DVec3,
+    target: DVec3,
+) -> (usize, CullStats, Counting) {
+    let view = view_from(eye, target);
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, &view);
+    let in_view = FrustumCuller::new().cull(scene, &view, &mut visible).visible as usize;
+    let mut culler = OcclusionCuller::over(Counting::new(), hierarchy);
+    let stats = culler.cull(scene, &view, &mut visible);
+    (in_view, stats, std::mem::replace(culler.map_mut(), Counting::new()))
+}
+
+/// In the street the first houses hide the city, whose size must not matter: neither are all occluders in the
+/// frustum looked at, nor all boxes tested.
+#[test]
+fn the_cost_of_a_frame_follows_what_is_seen() {
+    let street = (DVec3::new(-8.0, 3.0, 1.7), DVec3::new(100.0, 30.0, 1.7));
+    let mut small_tests = 0;
+    for (side, least_in_view) in [(40, 700), (600, 150_000)] {
+        let scene = city(side);
+        let (in_view, stats, map) = count(&scene, SceneHierarchy, street.0, street.1);
+        assert!(in_view > least_in_view, "{side}: {in_view} in view are no test");
+        assert!(stats.visible < 100, "{side}: {stats:?}");
+        assert!(map.costs.get() < 150, "{side}: {} occluders were looked at", map.costs.get());
+        assert_eq!(stats.occluders, map.added);
+        assert!(map.added < 100, "{side}: {} occluders were drawn", map.added);
+        assert_eq!(stats.tests, map.tests.get());
+        small_tests = if small_tests == 0 { stats.tests } else { small_tests };
+        assert!(stats.tests < 4 * small_tests, "{side}: {stats:?}, {small_tests} tests in the small city");
+    }
+}
+
+/// A bird sees all roofs. No occluder hides anything, so only few are tried.
+#[test]
+fn where_nothing_is_hidden_little_is_drawn() {
+    let scene = city(450);
+    let (eye, target) = (DVec3::new(-2000.0, 0.0, 5000.0), DVec3::new(3600.0, 0.0, 0.0));
+    let (in_view, stats, map) = count(&scene, SceneHierarchy, eye, target);
+    assert!(in_view > 150_000, "{in_view} in view are no test");
+    assert!(stats.visible as usize * 10 > in_view * 9, "{stats:?}");
+    assert!(map.costs.get() < 2_500 && map.added < 250, "{} of {} were drawn", map.added, map.costs.get());
+}
+
+/// Another hierarchy over the same objects: the nodes differ, what is looked at does not grow.
+#[test]
+fn over_another_hierarchy_the_cost_follows_what_is_seen_too() {
+    let scene = city(200);
+    let octree = Octree::new(&scene, 8);
+    let (in_view, stats, map) =
+        count(&scene, octree, DVec3::new(-8.0, 3.0, 1.7), DVec3::new(100.0, 30.0, 1.7));
+    assert!(in_view > 15_000 && stats.visible < 100, "{in_view} in view, {stats:?}");
+    assert!(map.costs.get() < 150 && stats.tests < 10_000, "{} looked at, {stats:?}", map.costs.get());
+}
+
+/// Sound at every price: an object that a ray from the eye hits first is never hidden.
+#[test]
+fn what_a_ray_meets_first_is_never_hidden() {
+    let mut random = Random(3);
+    let (mut hits, mut hidden) = (0, 0);
+    for _ in 0..40 {
+        let mut scene = Scene::new();
+        let cube = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap());
+        let mut boxes = Vec::new();
+        for _ in 0..600 {
+            let (min, size) = (random.vec3(-30.0, 30.0), random.vec3(0.2, 6.0));
+            let bounds = Aabb::new(min, min + size);
+            let id = scene.insert(Object { occluder: random.below(3) > 0, ..Object::new(bounds) });
+            let place = Affine3A::from_scale_rotation_translation(size, Quat::IDENTITY, min);
+            scene.set_mesh(id, cube, place).unwrap();
+            boxes.push((id, bounds));
+        }
+        let eye = random.vector(30.0);
+        let target = eye + random.direction();
+        let view = view_from(eye, target);
+        let exits: Vec<(ObjectId, DVec3)> = boxes
+            .iter()
+            .filter_map(|(id, bounds)| {
+                let corner = |t: f64| bounds.min.as_dvec3().lerp(bounds.max.as_dvec3(), t);
+                let [x, y, z] = [(); 3].map(|()| corner(random.range(0.01, 0.99)));
+                let point = DVec3::new(x.x, y.y, z.z);
+                let clip = view.clip_from(DVec3::ZERO) * point.extend(1.0);
+                let in_view = clip.w > 0.2 && clip.x.abs() < clip.w && clip.y.abs() < clip.w;
+                let is_first = boxes.iter().all(|other| other.0 == *id || !meets(eye, point, &other.1));
+                (in_view && is_first).then_some((*id, point))
+            })
+            .collect();
+        for price in [1, 24, u32::MAX] {
+            let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_price(price);
+            let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+            let mut set = VisibleSet::new();
+            pipeline.cull(&scene, &view, &mut set);
+            for (id, point) in &exits {
+                assert!(set.contains(&scene, *id), "price {price}: {point} of {id} is seen from {eye}");
+                hits += 1;
+            }
+            let stats: Vec<_> = pipeline.stages().map(|(_, stats)| stats.visible).collect();
+            hidden += stats[0] - stats[1];
+        }
+    }
+    assert!(hits > 1_000 && hidden > 1_000, "{hits} hits and {hidden} hidden are no test");
+}
+
+/// Returns whether a segment meets a box that is enlarged by a micrometre.
+fn meets(from: DVec3, to: DVec3, bounds: &Aabb) -> bool {
+    let (min, max) = (bounds.min.as_dvec3() - 1e-6, bounds.max.as_dvec3() + 1e-6);
+    let (a, b) = ((min - from) / (to - from), (max - from) / (to - from));
+    a.min(b).max_element().max(0.0) <= a.max(b).min_element().min(1.0)
 }

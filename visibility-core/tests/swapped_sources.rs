@@ -7,7 +7,6 @@ use visibility_core::{
     Aabb, FrustumCuller, OcclusionCuller, Scene,
     backface::BackfaceCuller,
     casters::{CasterCuller, Light},
-    occlusion::Selection,
     pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells},
     scene::SceneCursor,
     walk::{BoxHierarchy, Child, SceneHierarchy},
@@ -93,14 +92,11 @@ impl Swapped for Sets {
 
 /// The occlusion driver over a plain depth map. Objects that remain with all occluders drawn must not be
 /// hidden.
-struct Occlusion {
-    selection: Selection,
-    budget: usize,
-}
+struct Occlusion;
 
 impl Occlusion {
-    fn with_budget(&self, budget: usize) -> OcclusionCuller<PlainMap, SceneHierarchy> {
-        OcclusionCuller::new(PlainMap::new(18, 12)).with_selection(self.selection).with_budget(budget)
+    fn with_price(price: u32) -> OcclusionCuller<PlainMap, SceneHierarchy> {
+        OcclusionCuller::new(PlainMap::new(18, 12)).with_price(price)
     }
 }
 
@@ -111,17 +107,13 @@ impl Swapped for Occlusion {
     fn derive(&self, _: &Scene, _: &mut Random) {}
 
     fn make(&self, (): &()) -> Self::Culler {
-        self.with_budget(self.budget)
+        Self::with_price(24)
     }
 
     fn give(&self, _: &mut Self::Culler, (): &(), _: &Scene) {}
 
     fn truth(&self, (): &()) -> Self::Culler {
-        self.with_budget(usize::MAX)
-    }
-
-    fn is_free_of_memory(&self) -> bool {
-        self.selection != Selection::LastVisible
+        Self::with_price(u32::MAX)
     }
 }
 
@@ -184,9 +176,7 @@ fn pvs() {
 
 #[test]
 fn occlusion() {
-    for selection in [Selection::SolidAngle, Selection::LastVisible, Selection::Interleaved] {
-        hold(&Occlusion { selection, budget: 48 }, 100);
-    }
+    hold(&Occlusion, 300);
 }
 
 #[test]

@@ -99,9 +99,9 @@ pub use hzb::Hzb;
 /// instead.
 ///
 /// ```
-/// use visibility_core::{occlusion::Selection, Culler};
+/// use visibility_core::Culler;
 /// use visibility_hzb::{Hzb, HzbCuller};
-/// let culler = HzbCuller::new(Hzb::default()).with_selection(Selection::LastVisible).with_budget(20_000);
+/// let culler = HzbCuller::new(Hzb::default());
 /// assert!(culler.accuracy().never_hides());
 /// ```
 pub type HzbCuller = visibility_core::OcclusionCuller<Hzb>;

@@ -1,11 +1,8 @@
-//! Which occluders are drawn: those that the database accepts, and of these the nearest within a budget.
+//! Tests of the occluders that the database accepts.
 
-use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
-    occlusion::Selection, scene::Triangle,
-};
-use visibility_hzb::{DepthEstimate, Hom, HomCuller, OccluderCriteria, OccluderDatabase};
+use visibility_core::glam::{Affine3A, Vec3};
+use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene, scene::Triangle};
+use visibility_hzb::{OccluderCriteria, OccluderDatabase};
 
 /// Inserts an occluder with the given mesh in scene coordinates. Returns its id.
 fn add(scene: &mut Scene, mesh: OccluderMesh) -> ObjectId {
@@ -68,33 +65,4 @@ fn of_many_in_one_place_the_largest_stays() {
     assert_eq!((database.occluders().len(), database.redundant()), (1, 2999));
     let size = |id: &ObjectId| scene.bounds(*id).unwrap().max.x;
     assert_eq!(size(&database.occluders()[0]), 5.976);
-}
-
-#[test]
-fn with_a_small_budget_the_nearest_hide_what_one_plane_can() {
-    let mut scene = Scene::new();
-    // A near wall, something behind it, and a larger wall far behind both.
-    let near = add_box(&mut scene, [5.0, -4.0, -4.0], [5.2, 4.0, 4.0]);
-    let thing = scene.insert(Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0]));
-    let far = add_box(&mut scene, [100.0, -300.0, -300.0], [101.0, 300.0, 300.0]);
-    scene.rebuild();
-    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
-    let view = View::perspective(pose, 1.5, 16.0 / 9.0, 0.1, f64::INFINITY).unwrap();
-    let seen = |selection: Selection, budget: usize| {
-        let map = Hom::new(320, 180).unwrap().with_depth_estimate(DepthEstimate::Plane);
-        let culler = HomCuller::new(map).with_selection(selection).with_budget(budget);
-        assert!(culler.accuracy().never_hides());
-        let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
-        let mut visible = VisibleSet::new();
-        pipeline.cull(&scene, &view, &mut visible);
-        let mut seen: Vec<_> = visible.iter(&scene).collect();
-        seen.sort_unstable();
-        seen
-    };
-    // A box counts as two triangles.
-    assert_eq!(seen(Selection::Nearest, 2), [near, far]);
-    // The far wall fills more of the view. Once the far wall is drawn, the depth plane lies behind it.
-    assert_eq!(seen(Selection::SolidAngle, 2), [near, thing, far]);
-    assert_eq!(seen(Selection::SolidAngle, 4), [near, thing, far]);
-    assert_eq!(seen(Selection::Nearest, 1), [near, thing, far]);
 }

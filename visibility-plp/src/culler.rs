@@ -77,9 +77,7 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     }
 
     /// Sets whether objects beyond the budget stay in the set. If true, the culler only sorts: the objects
-    /// within the budget come first, the other objects follow.
-    /// [`Selection::Ordered`](visibility_core::occlusion::Selection::Ordered) chooses occluders in that
-    /// order. False by default.
+    /// within the budget come first, the other objects follow. False by default.
     pub fn with_all_kept(mut self, keep_all: bool) -> Self {
         self.keep_all = keep_all;
         self

@@ -4,9 +4,7 @@
 use clap::Parser;
 use std::error::Error;
 use std::process::ExitCode;
-use visibility_core::{
-    Culler, FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, VisibleSet, occlusion::Selection,
-};
+use visibility_core::{Culler, FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, VisibleSet};
 use visibility_examples::picture_size::parse_size;
 use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{built_in, load};
@@ -27,10 +25,6 @@ struct Arguments {
     /// Number of frames of each scene, spread evenly over its walks.
     #[arg(long, default_value_t = 60, value_name = "N")]
     frames: usize,
-
-    /// Budget in triangles of the rows that draw the nearest occluders.
-    #[arg(long, default_value_t = 500, value_name = "N")]
-    few: usize,
 
     /// Size of the finest occlusion map, in pixels.
     #[arg(long, default_value = "512x288", value_name = "WxH", value_parser = parse_size::<usize>)]
@@ -61,13 +55,10 @@ fn sweep(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let hom = Hom::new(width, height)?;
         let plane = || hom.clone().with_depth_estimate(DepthEstimate::Plane);
         let buffer = || hom.clone().with_depth_estimate(DepthEstimate::Buffer);
-        let nearest = |map| culler(map).with_selection(Selection::Nearest).with_budget(arguments.few);
         let mut cullers: Vec<(String, Box<dyn Culler + Send>)> = vec![
             ("hzb".into(), Box::new(culler(Hzb::new(width, height)?))),
             ("hom:1, plane".into(), Box::new(culler(plane()))),
-            ("hom:1, plane, nearest few".into(), Box::new(nearest(plane()))),
             ("hom:1, buffer".into(), Box::new(culler(buffer()))),
-            ("hom:1, buffer, nearest few".into(), Box::new(nearest(buffer()))),
         ];
         for threshold in &arguments.thresholds {
             let map = hom.clone().with_threshold(*threshold);
@@ -99,9 +90,8 @@ fn sweep(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     println!(
         "\nFor one frame: the median time to cull it on one thread, and on average boxes tested, objects and triangles reported, visible \
-         objects hidden, pixels that are wrong then. Maps of {width}x{height}; errors as an item buffer of {}x{} sees them; \
-         occluders by solid angle, 8192 triangles at most, or the nearest {}.",
-        arguments.size[0], arguments.size[1], arguments.few
+         objects hidden, pixels that are wrong then. Maps of {width}x{height}; errors as an item buffer of {}x{} sees them.",
+        arguments.size[0], arguments.size[1]
     );
     Ok(())
 }

@@ -93,7 +93,7 @@ impl Stage {
             order: Vec::new(),
             frustum: FrustumCuller::new(),
             boxes,
-            culler: OcclusionCuller::new(map),
+            culler: OcclusionCuller::new(map).with_price(0),
             visible: VisibleSet::new(),
         })
     }

@@ -8,8 +8,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Accuracy, CullStats, Culler, ObjectId, OcclusionCuller, Scene, View, VisibleSet, occlusion::Selection,
-    view::Eye,
+    Accuracy, CullStats, Culler, ObjectId, OcclusionCuller, Scene, View, VisibleSet, view::Eye,
 };
 
 /// Culls boxes that are behind a single large polygon, or behind two that share an edge. Answers are cached
@@ -65,8 +64,7 @@ pub struct LargeOccludersCuller {
 impl LargeOccludersCuller {
     /// Creates the culler of one view. It uses up to 64 polygons at a time and caches answers.
     pub fn new(occluders: Arc<Occluders>) -> Self {
-        let inner =
-            OcclusionCuller::new(GroupMap::new()).with_selection(Selection::Interleaved).with_budget(0);
+        let inner = OcclusionCuller::new(GroupMap::new()).with_price(0);
         let pitch = pitch_of(&occluders);
         Self {
             occluders,

@@ -5,9 +5,7 @@ use crate::clip_projection::ClipProjection;
 use crate::occluders::{Occluders, Selector};
 use crate::view_volume::ViewVolume;
 use alloc::sync::Arc;
-use visibility_core::{
-    Accuracy, CullStats, Culler, OcclusionCuller, Scene, View, VisibleSet, occlusion::Selection, view::Eye,
-};
+use visibility_core::{Accuracy, CullStats, Culler, OcclusionCuller, Scene, View, VisibleSet, view::Eye};
 
 /// Culls objects behind the large occluder polygons of a scene, with an [`OcclusionTree`] that is rebuilt
 /// every frame. Shadows of several polygons fuse. Conservative: an object for which rounding leaves the
@@ -50,8 +48,7 @@ impl OcclusionTreeCuller {
     /// objects in the image.
     pub fn new(occluders: Arc<Occluders>) -> Self {
         // The meshes are represented by the polygons, so the inner culler adds no meshes.
-        let inner =
-            OcclusionCuller::new(OcclusionTree::new()).with_selection(Selection::Interleaved).with_budget(0);
+        let inner = OcclusionCuller::new(OcclusionTree::new()).with_price(0);
         Self { occluders, selector: Selector::default(), inner }
     }
 

@@ -9,8 +9,7 @@ use alloc::sync::Arc;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet,
-    occlusion::{Occlusion, Selection},
-    view::Eye,
+    occlusion::Occlusion, view::Eye,
 };
 
 /// Occlusion map made of the shadow frusta of one frame.
@@ -52,7 +51,7 @@ impl ShadowFrustaCuller {
     /// Creates the culler of one view. `frusta` can be shared by the cullers of all views.
     pub fn new(frusta: Arc<ShadowFrusta>) -> Self {
         let map = Frusta { projection: ClipProjection::BLIND, shadows: Shadows::default() };
-        let inner = OcclusionCuller::new(map).with_selection(Selection::Interleaved).with_budget(0);
+        let inner = OcclusionCuller::new(map).with_price(0);
         Self { frusta, selector: Selector::default(), inner }
     }
 

@@ -19,7 +19,6 @@ pub use culler::OcclusionCuller;
 pub use mesh::{Edge, MeshError, OccluderMesh};
 pub use prepare::{Preparation, prepare};
 pub use queries::{HardwareQueries, LateAnswers, QueryDevice};
-pub use selection::Selection;
 
 use crate::scene::{Boxes64, lanes};
 use crate::{Aabb, Accuracy, View};
@@ -101,10 +100,16 @@ pub trait OcclusionMap {
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A);
 
     /// Returns an upper bound on the cost of adding an occluder, in triangles, the unit of the
-    /// [budget](OcclusionCuller::with_budget). The default is the number of triangles of the mesh. Maps that
-    /// draw some meshes more cheaply than triangle by triangle return less.
+    /// [price](OcclusionCuller::with_price) of hiding an object. The default is the number of triangles of
+    /// the mesh. Maps that draw some meshes more cheaply than triangle by triangle return less.
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         occluder.triangles().len()
+    }
+
+    /// Returns whether tests take the occluders into account that were flushed in the same frame. If not, as
+    /// with a device that answers frames later, the driver adds all occluders before it tests the first box.
+    fn answers_at_once(&self) -> bool {
+        true
     }
 
     /// Makes the occluders added so far take effect in [`test`](Self::test).

@@ -226,6 +226,10 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         self.late.accuracy()
     }
 
+    fn answers_at_once(&self) -> bool {
+        false
+    }
+
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.frame += 1;
         self.drawn = [Fingerprint::new(), self.drawn[0]];

@@ -1,59 +1,272 @@
-//! Which occluders are worth their cost from where the eye is.
+//! Selection of the occluders of a frame: nearest first, as long as drawing them pays.
+//!
+//! A priority queue holds nodes and occluders by distance, so that boxes come front to back (Greene, Kass and
+//! Miller, "Hierarchical Z-Buffer Visibility", 1993). Each box is tested against the occluders drawn so far:
+//! a hidden node yields no occluders, and a hidden occluder is not drawn. The search therefore visits what is
+//! seen, however many occluders the frustum holds.
+//!
+//! Drawing has a price. An occluder that covers a share `s` of the view hides about `s * n` of the `n`
+//! objects that wait behind it, if these are spread evenly over the view. It is drawn if its cost in
+//! triangles is at most `price * s * n`. (The share is the area facing the eye over the squared distance, as
+//! in Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997.) In addition,
+//! all work is paid from a credit, which each object found hidden raises by the price. Where nothing is
+//! hidden, as seen by a bird, the search ends after [`INITIAL_CREDIT`].
 
+use super::{OccluderMesh, Occlusion, OcclusionMap};
+use crate::scene::lanes;
+use crate::walk::{BoxHierarchy, Child, Walk};
 use crate::{
-    Aabb, ObjectId, OccluderMesh, Scene,
+    Aabb, ObjectId, View,
     view::{Eye, ViewPlanes},
 };
-use alloc::vec::Vec;
-use core::cmp::Ordering;
-use glam::{Affine3A, Vec3};
+use alloc::collections::BinaryHeap;
+use core::cmp::{Ordering, Reverse};
+use glam::{Affine3A, DVec3, Vec3};
 
-/// How occluders are chosen each frame.
-///
-/// ```
-/// use visibility_core::occlusion::Selection;
-/// assert_eq!(Selection::default(), Selection::SolidAngle);
-/// ```
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum Selection {
-    /// Those among the candidates that fill most of the view: by `-A (N . V) / |D|^2`, area facing the eye
-    /// over squared distance (Coorg and Teller, "Real-Time Occlusion Culling for Models with Large
-    /// Occluders", 1997), nearest first.
-    #[default]
-    SolidAngle,
-    /// First those that were visible in the frame before, since what hides now most likely hid then, and as
-    /// far as the budget lasts the others; both by solid angle.
-    LastVisible,
-    /// The nearest, whatever their size (Zhang, Manocha, Hudson and Hoff, "Visibility Culling using
-    /// Hierarchical Occlusion Maps", 1997): for small budgets, and for maps whose estimate of depth
-    /// suffers from occluders far away.
-    Nearest,
-    /// Each occluder as it is found visible on the way from front to back (Greene, Kass and Miller,
-    /// "Hierarchical Z-Buffer Visibility", 1993): nothing hidden is ever added, and all that could be is,
-    /// up to the budget.
-    Interleaved,
-    /// In the order of the set that the stage before left, as far as the budget lasts: prioritized-layered
-    /// projection, say, as the one who knows what is most likely seen (Klosowski and Silva, "The
-    /// Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000, section 6, extension
-    /// 1). A set without an order is in that of the hierarchy.
-    Ordered,
+/// Number of occluders added between two flushes. More waste draws on occluders that are hidden already,
+/// fewer waste flushes (measured with the z-buffer).
+const BATCH: u32 = 8;
+
+/// Work, in triangles, that a frame may spend before an object is found hidden, beyond the price of one. It
+/// must last until the first batch has been drawn and the boxes behind have been tested.
+const INITIAL_CREDIT: f32 = 2048.0;
+
+/// Work of testing the children of a node, in triangles (measured with the z-buffer). Testing or refusing one
+/// box counts as one triangle.
+const BLOCK_WORK: f32 = 6.0;
+
+/// Number of objects that an unopened node stands for: those of a full leaf. Higher nodes hold more.
+const OBJECTS_PER_NODE: f32 = 64.0;
+
+/// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
+/// culled as tightly as a large one (measured).
+const LEAST_BEHIND: f32 = 256.0;
+
+/// A node or an occluder that waits in the queue of [`OccluderSearch`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Waiting {
+    /// Order of the queue: [`distance_key`] of `bounds`.
+    distance_key: f32,
+    /// Number of flushes before `bounds` was tested last.
+    tested: u32,
+    child: Child,
+    bounds: Aabb,
 }
 
-/// How much of the sky an occluder covers, in steradians, at best.
-pub(super) fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> f32 {
+impl Waiting {
+    /// Returns the number of objects that the entry stands for.
+    fn objects(&self) -> f32 {
+        objects_of(matches!(self.child, Child::Node(_)))
+    }
+}
+
+/// Returns the number of objects that a child stands for, which is a node or an object.
+fn objects_of(is_node: bool) -> f32 {
+    if is_node { OBJECTS_PER_NODE } else { 1.0 }
+}
+
+impl Ord for Waiting {
+    /// Compares by distance, then nodes before objects, then by number, so that the order is total and the
+    /// same on every machine.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let number = |waiting: &Self| match waiting.child {
+            Child::Node(node) => (0, node),
+            Child::Object(id) => (1, id.index()),
+        };
+        let by_number = || number(self).cmp(&number(other));
+        self.distance_key.total_cmp(&other.distance_key).then_with(by_number)
+    }
+}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Waiting {}
+
+/// Nodes and occluders to be visited, nearest first. Kept between frames for its memory only.
+pub(super) type Queue = BinaryHeap<Reverse<Waiting>>;
+
+/// The search for the occluders of one frame.
+pub(super) struct OccluderSearch<'a, M> {
+    map: &'a mut M,
+    eye: Eye,
+    clip_planes: ViewPlanes,
+    queue: &'a mut Queue,
+    /// Triangles that hiding one object is worth.
+    price: f32,
+    /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
+    /// parallel view at any distance. May be NaN or infinite for a degenerate view.
+    share_per_area: f32,
+    /// Work that may still be spent, in triangles. The search ends when it is 0 or less.
+    credit: f32,
+    /// Objects not found hidden so far, as far as none of them is known to lie in front of the occluders to
+    /// come. Unopened nodes count as [`OBJECTS_PER_NODE`].
+    undecided: f32,
+    /// Number of flushes in this frame.
+    flushes: u32,
+    /// Number of occluders added since the last flush.
+    unflushed: u32,
+}
+
+impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
+    /// Prepares a search for a map on which [`OcclusionMap::begin`] has been called with the same `view` and
+    /// `origin`. With a `price` of 0 the search adds no occluder.
+    pub(super) fn new(map: &'a mut M, queue: &'a mut Queue, view: &View, origin: DVec3, price: u32) -> Self {
+        let eye = view.eye(origin);
+        Self {
+            map,
+            clip_planes: view.clip_planes_from(origin),
+            queue,
+            price: price as f32,
+            share_per_area: share_per_area(view, &eye, origin),
+            eye,
+            credit: if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 },
+            undecided: 0.0,
+            flushes: 0,
+            unflushed: 0,
+        }
+    }
+
+    /// Adds the occluders of the frame to the map and flushes it. In the scene's own hierarchy, also drops
+    /// the objects and nodes that it finds hidden on the way.
+    pub(super) fn run<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>) {
+        self.queue.clear();
+        if self.credit > 0.0 {
+            // The map may begin the frame with occluders of its own.
+            self.flush();
+            self.open(walk, None);
+        }
+        while self.credit > 0.0
+            && let Some(Reverse(next)) = self.queue.pop()
+        {
+            self.undecided -= next.objects();
+            if self.has_become_hidden(walk, &next) {
+                self.credit += self.price * next.objects();
+                continue;
+            }
+            match next.child {
+                Child::Node(node) => self.open(walk, Some(node)),
+                Child::Object(id) => self.consider(walk, id),
+            }
+        }
+        self.map.flush();
+        // The walk that follows counts what is left.
+        walk.stats.visible = 0;
+    }
+
+    /// Tests the box of an entry again if the map has been flushed since the last test.
+    fn has_become_hidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, next: &Waiting) -> bool {
+        if next.tested == self.flushes {
+            return false;
+        }
+        self.credit -= 1.0;
+        walk.stats.tests += 1;
+        self.map.test(&next.bounds) == Occlusion::Hidden
+    }
+
+    /// Tests the children of a node (`None`: the top of the hierarchy) and queues the nodes and occluders
+    /// that are not hidden.
+    fn open<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, node: Option<usize>) {
+        if self.unflushed > 0 {
+            self.flush();
+        }
+        walk.visit(node, |walk, block, candidates| {
+            let hidden = if self.map.answers_at_once() {
+                self.credit -= BLOCK_WORK;
+                walk.stats.tests += u64::from(candidates.count_ones());
+                self.map.test_64(block.boxes(), candidates).hidden
+            } else {
+                0
+            };
+            let (objects, found) = (block.objects(candidates), candidates & !hidden);
+            for (mask, is_node) in [(candidates & !objects, true), (objects, false)] {
+                let count = |mask: u64| mask.count_ones() as f32 * objects_of(is_node);
+                self.credit += self.price * count(mask & hidden);
+                self.undecided += count(mask & found);
+            }
+            for lane in lanes(found & (!objects | block.occluders())) {
+                let (child, bounds) = (block.child(lane), block.boxes().get(lane));
+                let distance_key = distance_key(&self.eye, &bounds);
+                self.queue.push(Reverse(Waiting { distance_key, tested: self.flushes, child, bounds }));
+            }
+            // In another hierarchy, dropping a node means listing all objects below it: once is enough.
+            if H::IS_OF_SCENE { found } else { candidates }
+        });
+    }
+
+    /// Adds the occluder of an object that is not hidden, if the object has one and it is worth its cost.
+    fn consider<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, id: ObjectId) {
+        self.credit -= 1.0;
+        let Some((mesh, transform)) = walk.scene().occluder(id) else { return };
+        let cost = self.map.cost(mesh) as f32;
+        let share = solid_angle(mesh, transform, &self.eye) * self.share_per_area;
+        let worth = self.price * self.undecided.max(LEAST_BEHIND) * share.min(1.0);
+        // In a degenerate view a share may be NaN, which counts as the whole view.
+        let is_worth_it = cost <= worth && cost <= self.credit;
+        if is_worth_it && mesh.is_inside(&self.clip_planes, transform) {
+            self.credit -= cost;
+            walk.stats.occluders += 1;
+            self.map.add(mesh, transform);
+            self.unflushed += 1;
+            if self.unflushed == BATCH {
+                self.flush();
+            }
+        }
+    }
+
+    /// Makes the occluders added so far count, for a map that can be tested before all are there.
+    fn flush(&mut self) {
+        if self.map.answers_at_once() {
+            self.map.flush();
+            self.flushes += 1;
+            self.unflushed = 0;
+        }
+    }
+}
+
+/// Returns the share of the view that one square metre covers in the middle of the view, facing the eye at a
+/// distance of one metre; for a parallel view at any distance.
+///
+/// Normalized device coordinates `x / w` grow by `|X| / |W|` for each metre across, at a distance of one
+/// metre, where `X` and `W` are the linear parts of the rows of the clip matrix. The view is 2 x 2 units of
+/// them. In a parallel view `w` is constant.
+fn share_per_area(view: &View, eye: &Eye, origin: DVec3) -> f32 {
+    let clip = view.clip_from(origin);
+    let [x, y, w] = [0, 1, 3].map(|row| clip.row(row));
+    let w_squared = match eye {
+        Eye::Point(_) => w.truncate().length_squared(),
+        Eye::Direction(_) => w.w * w.w,
+    };
+    (x.truncate().length() * y.truncate().length() / (4.0 * w_squared)) as f32
+}
+
+/// Returns the solid angle in steradians that a mesh covers at most, as seen from the eye; for a parallel
+/// view the area in square metres that faces the eye. 0 if `transform` is degenerate.
+///
+/// An estimate from the middle of the mesh: up to 1.7 times too large where parts of the mesh face away from
+/// the axes or cover each other.
+fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> f32 {
     let center = transform.transform_point3(mesh.bounds().center());
     let (direction, distance_squared) = match eye {
         Eye::Point(eye) => {
             let d = eye.as_vec3() - center;
-            // No nearer than its own size: the formula is for occluders that are small from where they are
-            // seen.
+            // No nearer than the mesh's own size: the formula is for occluders that are small from the eye.
             let size = mesh.bounds().half_extent().length_squared().max(f32::MIN_POSITIVE);
             (d.normalize_or_zero(), d.length_squared().max(size))
         }
         Eye::Direction(along) => (-along.as_vec3(), 1.0),
     };
-    // The areas are those of the untransformed mesh: turn the direction back instead, and scale by how areas
-    // scale.
+    // Areas are known for the untransformed mesh: the direction is turned back instead, and the result scaled
+    // as areas are.
     let inverse = transform.matrix3.inverse();
     let scale = transform.matrix3.determinant().abs();
     let turned: Vec3 = (inverse * glam::Vec3A::from(direction)).into();
@@ -61,113 +274,10 @@ pub(super) fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) 
     if area.is_finite() { area / distance_squared } else { 0.0 }
 }
 
-/// An occluder that may be chosen.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
-    pub(super) id: ObjectId,
-    pub(super) angle: f32,
-    pub(super) distance: f32,
-    /// Grows with the distance of its nearest point.
-    pub(super) gap: f32,
-    /// In triangles.
-    pub(super) cost: usize,
-    /// Whether it is to be preferred.
-    pub(super) seen: bool,
-}
-
-impl Candidate {
-    pub(super) fn new(
-        scene: &Scene,
-        id: ObjectId,
-        eye: &Eye,
-        clip_planes: &ViewPlanes,
-        cost: impl FnOnce(&OccluderMesh) -> usize,
-    ) -> Option<Self> {
-        let (mesh, transform) =
-            scene.occluder(id).filter(|(mesh, transform)| mesh.is_inside(clip_planes, transform))?;
-        let bounds = scene.bounds(id).ok()?;
-        let center = bounds.center().as_dvec3();
-        let distance = match eye {
-            Eye::Point(eye) => center.distance_squared(*eye),
-            Eye::Direction(along) => center.dot(*along),
-        };
-        let angle = solid_angle(mesh, transform, eye);
-        Some(Self {
-            id,
-            angle,
-            distance: distance as f32,
-            gap: distance_key(eye, &bounds),
-            cost: cost(mesh),
-            seen: false,
-        })
-    }
-}
-
-/// Keeps those that were seen and then those that cover most, or the nearest, within a budget of triangles,
-/// nearest first. One that does not fit is passed over, since a smaller one behind it may.
-pub(super) fn choose(candidates: &mut Vec<Candidate>, budget: usize, nearest: bool) {
-    candidates.retain(|candidate| candidate.angle > 0.0);
-    let best_first = |a: &Candidate, b: &Candidate| {
-        let by_gap = if nearest { a.gap.total_cmp(&b.gap) } else { Ordering::Equal };
-        let by_angle = b.angle.total_cmp(&a.angle);
-        b.seen.cmp(&a.seen).then(by_gap).then(by_angle).then(a.id.cmp(&b.id))
-    };
-    let mut left = budget;
-    let taken = take(candidates, &mut left, &best_first);
-    candidates.truncate(taken);
-    candidates.sort_unstable_by(|a, b| {
-        a.gap.total_cmp(&b.gap).then(a.distance.total_cmp(&b.distance)).then(a.id.cmp(&b.id))
-    });
-}
-
-/// So few are put in order at once.
-const FEW: usize = 16;
-
-/// Moves to the front those that fit into what is left of a budget, taken one after another in an order;
-/// returns how many. Those that surely all fit, or surely none, are not put in order: most of a large scene's
-/// occluders are on one side or the other.
-fn take(
-    candidates: &mut [Candidate],
-    left: &mut usize,
-    order: &impl Fn(&Candidate, &Candidate) -> Ordering,
-) -> usize {
-    let (mut all, mut least) = (0usize, usize::MAX);
-    for candidate in candidates.iter() {
-        all = all.saturating_add(candidate.cost);
-        least = least.min(candidate.cost);
-    }
-    if all <= *left {
-        *left -= all;
-        return candidates.len();
-    }
-    if least > *left {
-        return 0;
-    }
-    if candidates.len() <= FEW {
-        candidates.sort_unstable_by(order);
-        let mut taken = 0;
-        for i in 0..candidates.len() {
-            if candidates[i].cost <= *left {
-                *left -= candidates[i].cost;
-                candidates.swap(taken, i);
-                taken += 1;
-            }
-        }
-        return taken;
-    }
-    let middle = candidates.len() / 2;
-    candidates.select_nth_unstable_by(middle, order);
-    let (first, second) = candidates.split_at_mut(middle);
-    let taken = take(first, left, order);
-    let more = take(second, left, order);
-    for i in 0..more {
-        candidates.swap(taken + i, middle + i);
-    }
-    taken + more
-}
-
-/// Grows with the distance of a box from the eye. Only an order: rounding does no harm.
-pub(super) fn distance_key(eye: &Eye, bounds: &Aabb) -> f32 {
+/// Returns a number that grows with the distance of a box from the eye: the squared distance of its nearest
+/// point, in square metres; for a parallel view the coordinate of the nearest point along the view direction,
+/// in metres. Not rounded conservatively, since only the order of draws depends on it.
+fn distance_key(eye: &Eye, bounds: &Aabb) -> f32 {
     match eye {
         Eye::Point(eye) => {
             let eye = eye.as_vec3();
@@ -175,56 +285,8 @@ pub(super) fn distance_key(eye: &Eye, bounds: &Aabb) -> f32 {
         }
         Eye::Direction(along) => {
             let along = along.as_vec3();
-            let nearest = glam::Vec3::select(along.cmpge(glam::Vec3::ZERO), bounds.min, bounds.max);
+            let nearest = Vec3::select(along.cmpge(Vec3::ZERO), bounds.min, bounds.max);
             nearest.dot(along)
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn those_are_chosen_that_fit_one_after_another() {
-        let mut state = 1u32;
-        let mut random = |below: u32| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) % below
-        };
-        let mut passed_over = 0;
-        for trial in 0..2_000 {
-            let mut candidates: Vec<Candidate> = (0..random(120))
-                .map(|index| Candidate {
-                    id: ObjectId { index, generation: 0 },
-                    angle: random(20) as f32 * 0.1,
-                    distance: random(9) as f32,
-                    gap: random(9) as f32,
-                    cost: random(if trial % 3 == 0 { 3 } else { 40 }) as usize,
-                    seen: random(4) == 0,
-                })
-                .collect();
-            let (budget, nearest) = (random(1_500) as usize, random(2) == 0);
-            let mut ordered = candidates.clone();
-            ordered.sort_by(|a, b| {
-                let by_gap = if nearest { a.gap.total_cmp(&b.gap) } else { Ordering::Equal };
-                (b.seen.cmp(&a.seen)).then(by_gap).then(b.angle.total_cmp(&a.angle)).then(a.id.cmp(&b.id))
-            });
-            let (mut left, mut expected, mut refused) = (budget, Vec::new(), false);
-            for candidate in ordered.iter().filter(|candidate| candidate.angle > 0.0) {
-                if candidate.cost <= left {
-                    left -= candidate.cost;
-                    expected.push((candidate.gap, candidate.distance, candidate.id));
-                    passed_over += usize::from(refused);
-                } else {
-                    refused = true;
-                }
-            }
-            expected.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-            choose(&mut candidates, budget, nearest);
-            let chosen: Vec<_> = candidates.iter().map(|c| (c.gap, c.distance, c.id)).collect();
-            assert_eq!(chosen, expected, "{trial}: budget {budget}");
-        }
-        assert!(passed_over > 1_000, "{passed_over}");
     }
 }

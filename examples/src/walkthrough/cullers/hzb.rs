@@ -1,9 +1,8 @@
 //! Entries of the hierarchical z-buffer, with dials for its resolution, its rule of pixel coverage, and the
-//! triangles that it draws per frame.
+//! price of hiding an object.
 
 use super::known::{Known, Made};
 use crate::picture_size::parse_size;
-use visibility_core::occlusion::Selection;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};
 
 pub(super) const KNOWN: &[Known] = &[
@@ -20,27 +19,13 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, _| made(dial, Coverage::Sampled),
     },
     Known {
-        name: "hzb-budget",
-        what: "as hzb, with at most so many triangles drawn a frame: hzb-budget:2048",
-        dials: &["65536", "16384", "2048"],
+        name: "hzb-price",
+        what: "as hzb, drawing at most so many triangles of occluders to hide an object: hzb-price:8, by default 24",
+        dials: &["64", "8", "2"],
         make: |dial, _| {
             let refused = || format!("its dial is a number of triangles, not `{}`", dial.unwrap_or_default());
-            let budget = dial.and_then(|dial| dial.parse().ok()).ok_or_else(refused)?;
-            Ok(Box::new(HzbCuller::new(map(None)?).with_budget(budget)))
-        },
-    },
-    Known {
-        name: "hzb-by",
-        what: "as hzb, with occluders chosen otherwise than by solid angle: last frame's visible ones first, the nearest, or on the way",
-        dials: &["last", "nearest", "interleaved"],
-        make: |dial, _| {
-            let selection = match dial {
-                Some("last") => Selection::LastVisible,
-                Some("nearest") => Selection::Nearest,
-                Some("interleaved") => Selection::Interleaved,
-                _ => return Err("its dial is last, nearest or interleaved".to_owned()),
-            };
-            Ok(Box::new(HzbCuller::new(map(None)?).with_selection(selection)))
+            let price = dial.and_then(|dial| dial.parse().ok()).ok_or_else(refused)?;
+            Ok(Box::new(HzbCuller::new(map(None)?).with_price(price)))
         },
     },
 ];

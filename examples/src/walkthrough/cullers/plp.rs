@@ -4,10 +4,7 @@
 use super::known::Known;
 use crate::walkthrough::World;
 use std::sync::Arc;
-use visibility_core::{
-    Accuracy, CullStats, Culler, ObjectId, OcclusionCuller, Scene, View, VisibleSet, occlusion::Selection,
-    view::Eye,
-};
+use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, view::Eye};
 use visibility_hzb::Hzb;
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
@@ -38,21 +35,6 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
     Known {
-        name: "hzb-plp",
-        what: "a z-buffer of 512x288 of the occluders that plp finds for a share of all triangles (hzb-plp:2%)",
-        dials: SHARES,
-        make: |dial, world| {
-            let budget = budget(dial, world)?;
-            let Budget::Cost(triangles) = budget else { return Err("no budget".to_owned()) };
-            let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
-            let occlusion = OcclusionCuller::new(map).with_selection(Selection::Ordered);
-            Ok(Box::new(Selected {
-                order: PlpCuller::new(octree_of(world)?, budget).with_all_kept(true),
-                occlusion: occlusion.with_budget(usize::try_from(triangles).unwrap_or(usize::MAX)),
-            }))
-        },
-    },
-    Known {
         name: "cplp",
         what: "a share of all triangles as plp (cplp:1%), then all that a z-buffer of 512x288 of them does not hide",
         dials: SHARES,
@@ -80,28 +62,6 @@ pub(super) const KNOWN: &[Known] = &[
 /// Returns the world's octree of default fineness, built on the first call. Never returns an error.
 fn octree_of(world: &World) -> Result<Arc<OctreeTessellation>, String> {
     world.prepared.get("an octree", || Ok(OctreeTessellation::new(&world.scene)))
-}
-
-/// Culler of two stages: projection sorts the objects by priority, and an occlusion culler takes its
-/// occluders in that order.
-struct Selected {
-    order: PlpCuller<Arc<OctreeTessellation>>,
-    occlusion: OcclusionCuller<Hzb>,
-}
-
-impl Culler for Selected {
-    fn name(&self) -> &str {
-        "hzb-plp"
-    }
-
-    fn accuracy(&self) -> Accuracy {
-        self.order.accuracy().and(self.occlusion.accuracy())
-    }
-
-    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        self.order.cull(scene, view, visible);
-        self.occlusion.cull(scene, view, visible)
-    }
 }
 
 /// Returns a budget in triangles from a dial such as `10%` of all triangles. Without a dial the budget is 10
