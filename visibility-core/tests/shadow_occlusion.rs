@@ -4,7 +4,6 @@
 
 use visibility_core::casters::{CasterCuller, Light};
 use visibility_core::glam::{Affine3A, DVec3};
-use visibility_core::occlusion::Selection;
 use visibility_core::view::Window;
 use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pose, Scene, View,
@@ -75,8 +74,8 @@ fn what_is_left_throws_every_shadow_of_all_casters() {
         };
         let view = view.unwrap().with_layers(CASTERS);
 
-        let selection = [Selection::SolidAngle, Selection::Interleaved, Selection::LastVisible][round % 3];
-        occlusion = occlusion.with_selection(selection);
+        let price = [24, 1, u32::MAX][round % 3];
+        occlusion = occlusion.with_price(price);
         set.fill(&scene, &view);
         CasterCuller::new(light).unwrap().cull(&scene, &camera, &mut set);
         FrustumCuller::new().cull(&scene, &view, &mut set);
@@ -100,7 +99,7 @@ fn what_is_left_throws_every_shadow_of_all_casters() {
                 let mut kept = casters.iter().filter(|(id, _)| set.contains(&scene, *id));
                 assert!(
                     kept.any(|(_, bounds)| hits(bounds, 1e-6, p, ray)),
-                    "{p} lost the shadow of {blocker:?} from {light:?}, {selection:?}"
+                    "{p} lost the shadow of {blocker:?} from {light:?}, price {price}"
                 );
                 shadows += 1;
             }
