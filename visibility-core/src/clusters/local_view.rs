@@ -86,7 +86,7 @@ impl Placement {
 
     /// Returns a plane in mesh coordinates, `None` if it has no direction there. See the module's
     /// documentation for the errors.
-    fn plane(&self, ViewPlane { plane, error }: &ViewPlane, reach: DVec3) -> Option<ViewPlane> {
+    pub(super) fn plane(&self, ViewPlane { plane, error }: &ViewPlane, reach: DVec3) -> Option<ViewPlane> {
         let n = plane.normal;
         let normal = DVec3::from_array(self.axes.map(|axis| n.dot(axis)));
         let offset = n.dot(self.translation) + plane.offset;
@@ -122,7 +122,7 @@ impl Placement {
 
     /// Returns `A^-1 v` and a bound on its distance from the exact vector. Each component of `v` may be off
     /// by `u` of itself and by `error`.
-    fn inverse(&self, v: DVec3, error: f64) -> (DVec3, f64) {
+    pub(super) fn inverse(&self, v: DVec3, error: f64) -> (DVec3, f64) {
         let p = DVec3::from_array(self.rows.map(|row| row.dot(v) / self.determinant));
         let radius = self.rows.iter().zip(p.to_array()).fold(0.0, |sum, (row, x)| {
             let size = row.abs().dot(v.abs());

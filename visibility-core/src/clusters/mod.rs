@@ -18,6 +18,8 @@
 mod culler;
 mod local_view;
 mod mesh;
+#[cfg(test)]
+mod tests;
 
 pub use culler::{ClusterInstance, ClusterView, VisibleCluster};
 pub use mesh::ClusterMesh;
