@@ -3,8 +3,8 @@
 
 use core::cmp::Ordering;
 
-/// A candidate in a binary heap, whose greatest entry is chosen next: by gain, then by `tie_break`, then the
-/// lower number.
+/// A candidate of a greedy choice (an occluder to use next), as an entry of a binary heap. The greatest entry
+/// is chosen next: greatest gain, then greatest `tie_break`, then lowest `number`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Candidate {
     /// Gain of choosing the candidate, in the caller's unit; an upper bound once further candidates have

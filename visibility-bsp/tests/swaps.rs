@@ -111,7 +111,8 @@ impl Place {
         Self { scene, occluders, frusta, tree }
     }
 
-    /// Changes one random object of the scene: its layers, its occluder flag, its index or its position.
+    /// Changes one random object of the scene: its layers, its occluder flag, its index (the object is
+    /// replaced by another with that index) or its position.
     fn mutate(&mut self, random: &mut Random) {
         let ids: Vec<ObjectId> = self.scene.ids().collect();
         let id = ids[random.below(ids.len())];

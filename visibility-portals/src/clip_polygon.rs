@@ -94,8 +94,9 @@ pub(crate) fn clip_range(
     }
 }
 
-/// Clips `polygon` like [`clip`] and replaces the content of `out` with the result. `out` is empty afterwards
-/// if the polygon is empty or lies outside the plane.
+/// Clips `polygon` to the side of `plane` that its normal points to, merging vertices no farther apart than
+/// `merge` like [`clip`], and replaces the content of `out` with the result. `out` is empty afterwards if the
+/// polygon is empty or lies outside the plane.
 pub(crate) fn clip_into(polygon: &[DVec3], plane: &Plane, merge: f64, out: &mut Vec<DVec3>) {
     out.clear();
     if polygon.is_empty() {

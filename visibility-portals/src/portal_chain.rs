@@ -18,7 +18,8 @@ use visibility_core::glam::DVec3;
 pub(crate) struct ChainFrame {
     /// Index of the directed portal in `DirectedPortals::all`.
     pub(crate) portal: u32,
-    /// The part of the first portal that lines of the chain can come from, a range of `PortalChain::points`.
+    /// The part of the chain's first portal that lines of the chain can come from, a range of
+    /// `PortalChain::points`.
     pub(crate) source: Range<usize>,
     /// The part of this portal that lines of the chain can pass, a range of `PortalChain::points`.
     pub(crate) pass: Range<usize>,

@@ -174,7 +174,7 @@ impl Arena {
     }
 
     /// Splits a tree by the plane of the node `by`, whose region must be that of the tree. Returns the roots
-    /// of the parts behind and in front of the plane.
+    /// of the parts behind and in front of the plane, in this order.
     pub(super) fn partition(&mut self, tree: u32, by: &Node) -> [u32; 2] {
         if is_leaf(tree) {
             return [tree; 2];

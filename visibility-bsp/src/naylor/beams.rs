@@ -483,8 +483,8 @@ fn witness(part: &[ImageCorner]) -> Witness {
     Witness { x, y, width: if longest > 0.0 { 0.5 * area.abs() / longest } else { 0.0 } }
 }
 
-/// Returns the point at which the edge from `p` to `q` meets a line with signed distances `dp` and `dq` at
-/// its ends, of opposite signs. Swapping the ends gives the same bits.
+/// Returns the point in NDC at which the edge from `p` to `q` meets a line with signed distances `dp` and
+/// `dq` (NDC) at its ends, which must have opposite signs. Swapping the ends gives the same bits.
 fn crossing(p: ImageCorner, q: ImageCorner, dp: f64, dq: f64) -> ImageCorner {
     let (p, q, dp, dq) = if (p.x, p.y) <= (q.x, q.y) { (p, q, dp, dq) } else { (q, p, dq, dp) };
     let t = dp / (dp - dq);

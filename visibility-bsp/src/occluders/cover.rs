@@ -80,7 +80,8 @@ impl Grid {
         row * self.columns() + column
     }
 
-    /// Returns the half-open ranges of columns and rows between two corners, which must lie on grid lines.
+    /// Returns the half-open ranges of columns and of rows of the rectangle from `low` to `high`, corners in
+    /// metres along the plane's two axes, which must lie on grid lines.
     fn range(&self, low: [f64; 2], high: [f64; 2]) -> [core::ops::Range<usize>; 2] {
         [0, 1].map(|i| {
             let line_index = |x: f64| self.lines[i].partition_point(|&line| line < x);

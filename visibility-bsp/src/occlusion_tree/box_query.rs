@@ -254,7 +254,8 @@ impl Part {
         Self { corners: [[0.0; 3]; MOST], count: 0, slack }
     }
 
-    /// Creates the part outlined by the corners of a box with the given numbers, in boundary order.
+    /// Creates the part outlined by the corners `numbers` of a projected box, in boundary order. Bits 0, 1
+    /// and 2 of a corner number choose max x, y and z.
     fn new(cone: &BoxProjection, numbers: &[u8]) -> Self {
         let mut part = Self { count: numbers.len(), ..Self::empty(cone.slack) };
         for (corner, &number) in part.corners.iter_mut().zip(numbers) {
@@ -263,9 +264,10 @@ impl Part {
         part
     }
 
-    /// Clips the part by a half-space: replaces the corners of `out` by the part of this polygon where `sign
-    /// * value >= limit`, with `values` holding one value per corner. The slack of `out` is left to the
-    /// caller. Returns false if `out` would get more than [`MOST`] corners.
+    /// Clips the part by a plane through the eye and stores the corners of the result in `out`. `values` are
+    /// the plane's values at this part's corners. The result is where the value times `sign` is at least
+    /// `limit`. The slack of `out` is left to the caller. Returns false if `out` would get more than [`MOST`]
+    /// corners.
     fn beyond(&self, values: &[f64; MOST], sign: f64, limit: f64, out: &mut Self) -> bool {
         let mut count = 0;
         let mut j = self.count - 1;

@@ -34,10 +34,11 @@ pub struct OcclusionTreeCuller {
     inner: OcclusionCuller<OcclusionTree>,
 }
 
-/// Number of candidate polygons kept after ranking by a bound on the solid angle, per polygon used.
+/// Number of polygons that pass the first ranking, by a bound on the solid angle from the eye, for each
+/// polygon that may be inserted in the frame's occlusion tree.
 const CANDIDATES_PER_POLYGON: usize = 6;
-/// Number of candidate polygons kept after ranking by estimated worth (objects that the shadow may hide), per
-/// polygon used.
+/// Number of polygons that pass the second ranking, by estimated worth (objects that the shadow may hide),
+/// for each polygon that may be inserted in the frame's occlusion tree.
 const RANKED_PER_POLYGON: usize = 2;
 /// Worth in objects per steradian given to a polygon so close or large that its worth cannot be estimated. It
 /// ranks such polygons before all others, in the order of their solid angles.

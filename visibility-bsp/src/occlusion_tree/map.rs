@@ -30,8 +30,8 @@ pub(super) struct QueuedPolygon {
 /// Gain at or below which a polygon is not inserted, in steradians or objects as [`Worth`] measures it.
 const LEAST_GAIN: f32 = 1e-6;
 
-/// A shadow is inserted without being queued again if its gain is at least this fraction of the greatest gain
-/// still in the queue.
+/// A shadow taken from the queue, its gain computed again, is inserted at once if its gain is at least this
+/// fraction of the greatest gain still in the queue.
 const NEARLY: f32 = 0.7;
 
 /// An occlusion map in object space, exact up to rounding and independent of the image resolution.
@@ -82,8 +82,8 @@ pub struct OcclusionTree {
     heap: BinaryHeap<Candidate>,
     /// Scratch: triangles of the mesh being added.
     triangles: Vec<OccluderTriangle>,
-    /// Number of objects in each part of the image, if known. Shadows are then chosen by the number of
-    /// objects that they may hide.
+    /// Number of objects in each part of the image; `None` if not known. With it, shadows are chosen by the
+    /// number of objects that they may hide, otherwise by solid angle.
     pub(super) density: Option<ScreenDensity>,
 }
 

@@ -9,7 +9,8 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 
-/// Child of a node: the index of another node, or a leaf (`VISIBLE`, `OUTSIDE` or `HIDDEN | index`).
+/// Child of a node: the index in `Nodes::nodes` of another node, or a leaf (`VISIBLE`, `OUTSIDE` or `HIDDEN |
+/// index`).
 pub(crate) type Child = u32;
 /// Leaf of view directions in which no inserted polygon hides anything.
 pub(crate) const VISIBLE: Child = u32::MAX;
@@ -163,10 +164,10 @@ impl Nodes {
         number
     }
 
-    /// Takes the outline of shadow `number` down to the leaves and returns the gain of inserting the
-    /// shadow, measured by `worth`. Fragments in visible leaves count in full. Fragments in shadow leaves
-    /// count one tenth of the parts in front of the polygons inserted there, since the shadow then newly
-    /// hides only objects between the two.
+    /// Takes the outline of shadow `number` (its index in `Shadows::list`) down to the leaves and returns the
+    /// gain of inserting the shadow, measured by `worth`. Fragments in visible leaves count in full.
+    /// Fragments in shadow leaves count one tenth of the parts in front of the polygons inserted there, since
+    /// the shadow then newly hides only objects between the two.
     pub(super) fn descend(
         &mut self,
         projection: &ClipProjection,
@@ -224,8 +225,9 @@ impl Nodes {
         gain
     }
 
-    /// Inserts shadow `number`, which must have been taken down by `descend` just before. In the leaves that
-    /// its fragments have reached, directions inside all its edges become shadowed.
+    /// Inserts shadow `number` (its index in `Shadows::list`), which must have been taken down by `descend`
+    /// just before. In the leaves that its fragments have reached, directions inside all the shadow's edges
+    /// become shadowed.
     pub(crate) fn add(&mut self, projection: &ClipProjection, shadows: &Shadows, number: usize) {
         let shadow = &shadows.list[number];
         let plane = self.planes.len() as u32;
@@ -240,8 +242,9 @@ impl Nodes {
         }
     }
 
-    /// Returns the part of a shadow fragment in front of all back planes of a leaf, `None` if that part is
-    /// empty. The corners of a new part are appended to `corners`.
+    /// Returns the part of the shadow fragment `task` that lies in front of all back planes of a leaf's
+    /// occluders, on the eye's side of each, `None` if that part is empty. The corners of a new part are
+    /// appended to `corners`.
     fn before(&mut self, task: &Task, leaf: Child) -> Option<Task> {
         let (mut task, mut leaf) = (*task, leaf);
         for _ in 0..MOST_PLANES {
@@ -252,8 +255,9 @@ impl Nodes {
         Some(task)
     }
 
-    /// Returns the part of a shadow fragment in front of back plane number `plane`, `None` if that part is
-    /// empty. The corners of a new part are appended to `corners`.
+    /// Returns the part of the shadow fragment `task` that lies in front of back plane `plane` (an index in
+    /// `Nodes::planes`), on the eye's side, `None` if that part is empty. The corners of a new part are
+    /// appended to `corners`.
     fn before_plane(&mut self, task: &Task, plane: u32) -> Option<Task> {
         let plane = self.planes[plane as usize];
         let size = plane.offset.abs() * 1e-12;
@@ -458,16 +462,17 @@ enum Parted {
     Both(Task, Task),
 }
 
-/// Returns the corner at which a segment meets a plane through the eye; `at_a` and `at_b` are the plane's
-/// values at the ends' directions. Each direction has its own scale, so the values are first multiplied by
-/// the corners' `size`. `None` if the segment does not meet the plane.
+/// Returns the corner at which the segment from `a` to `b` meets a plane through the eye; `at_a` and `at_b`
+/// are the plane's values at the clip-space directions of `a` and `b`. Each direction has its own scale, so
+/// the values are first multiplied by the corners' `size`. `None` if the segment does not meet the plane.
 fn crossing(a: &ShadowCorner, b: &ShadowCorner, at_a: f64, at_b: f64) -> Option<ShadowCorner> {
     let (at_a, at_b) = (at_a * a.size, at_b * b.size);
     between(a, b, at_a / (at_a - at_b))
 }
 
-/// Returns the corner at `a + t (b - a)` on a segment of points, with `edge` none (`u8::MAX`). `None` if `t`
-/// is not from 0 to 1, or if the point has no finite direction.
+/// Returns the corner at the fraction `t` of the segment from corner `a` to corner `b`, interpolated in space
+/// (metres relative to `Scene::origin`). Its `edge` is `u8::MAX`: no polygon edge follows. `None` if `t` is
+/// not from 0 to 1, or if the point has no finite direction.
 fn between(a: &ShadowCorner, b: &ShadowCorner, t: f64) -> Option<ShadowCorner> {
     let v = [0, 1, 2].map(|i| a.v[i] * a.size * (1.0 - t) + b.v[i] * b.size * t);
     let size = v[0].abs().max(v[1].abs()).max(v[2].abs());

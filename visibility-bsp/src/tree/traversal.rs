@@ -32,7 +32,7 @@ struct Step {
     /// Child visited second: the child on the far side of the node's plane, or on the near side in a
     /// back-to-front walk.
     far: u32,
-    /// The marks that `Walk::enter` returned for the node.
+    /// The visitor's value for the node, returned by `Walk::enter` and passed on to `Walk::visit`.
     marks: u32,
 }
 

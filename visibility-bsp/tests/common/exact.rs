@@ -93,7 +93,8 @@ pub fn side(a: &[Exact; 3], b: &[Exact; 3], c: &[Exact; 3]) -> i32 {
 pub struct Cone {
     /// Exact clip-space (x, y, w) of the triangle's corners.
     corners: [[Exact; 3]; 3],
-    /// Sign of the determinant of the three corners; 0 for a triangle seen edge on.
+    /// Sign (1 or -1) of the determinant of the three corners, which tells their orientation in the image; 0
+    /// for a triangle seen edge on.
     turn: i32,
 }
 

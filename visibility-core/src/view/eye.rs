@@ -3,7 +3,7 @@
 use super::depth::Depth;
 use glam::{DMat4, DVec3, DVec4};
 
-/// Unit round-off of `f64`.
+/// Unit round-off of `f64`: 2^-53, the relative error of one rounded operation.
 const U: f64 = f64::EPSILON / 2.0;
 
 /// Where a view is seen from: a point for perspective views, a direction for parallel ones. Points are

@@ -29,7 +29,7 @@ use super::eye::eye_error;
 use super::{Depth, Eye, View};
 use glam::{DVec3, DVec4};
 
-/// Unit round-off of `f64`.
+/// Unit round-off of `f64`: 2^-53, the relative error of one rounded operation.
 const U: f64 = f64::EPSILON / 2.0;
 
 /// An affine function of points in metres relative to a [`ViewProjection`]'s anchor, with a bound on its

@@ -19,7 +19,7 @@ use crate::geometry::{Corners, clip_outward};
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Unit round-off of `f64`.
+/// Unit round-off of `f64`: 2^-53, the relative error of one rounded operation.
 const U: f64 = f64::EPSILON / 2.0;
 
 /// Least determinant of three unit normals, in magnitude, at which rounding leaves its sign certain; twice

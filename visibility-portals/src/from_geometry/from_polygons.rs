@@ -68,8 +68,8 @@ impl Default for PolygonSettings<'_> {
     }
 }
 
-/// Maximum number of planes that are scored for one split: those with the greatest covered area in the
-/// region.
+/// Maximum number of planes that are compared as split planes of one region: those with the greatest covered
+/// area in the region.
 const CANDIDATES: usize = 12;
 
 /// An input polygon, or the part of one inside the region of a node, in world space.
@@ -167,7 +167,7 @@ pub fn from_polygons(
 }
 
 /// The [`PolygonSettings`], with lengths in world units and areas in square world units, and the maximum
-/// number of leaves.
+/// number of leaf regions, with all defaults resolved.
 struct Limits {
     lengths: Lengths,
     share: f64,

@@ -36,8 +36,8 @@ const UNDERFLOW: f64 = 1e-300;
 /// relative errors.
 const UP: f64 = 1.0 + 1e-12;
 
-/// Returns a lower bound of `sum l_i s_i` and an upper bound of `sum |r_k| B_k`, the two sides of the
-/// inequality at the head of this module, for the multipliers `l_i` (one per row), the rows' least values
+/// Returns a lower bound of `sum l_i s_i` and an upper bound of `sum |r_k| B_k`, two numbers that prove
+/// infeasibility if the first is greater, for the multipliers `l_i` (one per row), the rows' least values
 /// `s_i`, the weighted sum `r` of the rows' normals, and `bounds` as `B_k`.
 fn proof_sides<const K: usize>(
     rows: &[Row<K>],

@@ -191,8 +191,8 @@ impl Chains {
 
     /// Marks the targets seen in the cell behind directed portal `portal`. If other unseen targets may be
     /// seen beyond that cell, appends the portal to the chain, with the planes from index `planes` on, and
-    /// returns `true`. `source` and `pass` are the fields of the new [`ChainFrame`]. `points` is the length
-    /// of the chain's points to restore later.
+    /// returns `true`. `source`, `pass` and `points` become the fields of that name of the new
+    /// [`ChainFrame`].
     fn enter(
         &mut self,
         search: &Search,
