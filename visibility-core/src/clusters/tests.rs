@@ -1,5 +1,5 @@
-//! Tests that the bounds on the rounding of planes and eye in mesh coordinates hold, and that they are needed,
-//! in exact arithmetic. Tests of whole views do not show this: the margins of the `f32` kernels are wider.
+//! Tests in exact arithmetic that the bounds on the rounding of planes and eye in mesh coordinates hold, and
+//! that they are needed. Tests of whole views show neither: the margins of the `f32` kernels are wider.
 
 use super::local_view::Placement;
 use crate::geometry::Plane;
