@@ -41,7 +41,7 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 pub struct BspOrderCuller<S> {
     /// The tree of the scene's triangles, usually shared by the cullers of several views.
     shared: S,
-    /// Objects that have changed since the tree was last synchronized with the scene.
+    /// Objects that have changed since the tree was last synchronized with the scene; they stay visible.
     stale: StaleObjects,
     /// Stack of the walk through the BSP tree, kept between frames to avoid allocation.
     stack: TraversalStack,

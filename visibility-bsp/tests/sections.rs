@@ -96,8 +96,8 @@ fn what_is_before_the_section_within_a_solid_is_not_hidden() {
     }
 }
 
-/// Asserts that no culler hides the box `target` behind the boxes `solids`, since the view's eye sees it.
-/// Boxes are in metres relative to `Scene::origin`.
+/// Asserts that no culler removes the box `target` in a scene with the occluder boxes `solids`. The view's
+/// eye must see the target. Boxes are in metres relative to `Scene::origin`.
 fn nothing_hides(solids: &[Aabb], view: &View, target: Aabb) {
     let (scene, ids) = scene_of(solids, &[target]);
     for polygons in [1, 64] {

@@ -211,9 +211,9 @@ impl DirectedPortals {
     }
 }
 
-/// Returns the part of a convex polygon that is farther than [`Margins::inset`] from the polygon's edges, in
-/// order around `normal`. Empty if nothing is left. The vertices of the input run counter-clockwise around
-/// the unit vector `normal`.
+/// Returns the part of a convex world-space polygon that is farther than [`Margins::inset`] from the
+/// polygon's edges, in order around `normal`. Empty if nothing is left. The vertices of the input run
+/// counter-clockwise around the unit vector `normal`.
 fn shrunk_polygon(vertices: &[DVec3], normal: DVec3, margins: &Margins) -> Vec<DVec3> {
     let mut polygon = vertices.to_vec();
     let mut next = Vec::new();

@@ -11,8 +11,9 @@ pub(super) fn bounds_of(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
     points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)))
 }
 
-/// Reorders `order`, indices into `centers`, so that consecutive runs of [`BLOCK`] indices are compact in
-/// space. Splits recursively at the median of the longest axis.
+/// Reorders `order`, indices into the points `centers` (metres relative to `Scene::origin`), so that
+/// consecutive runs of [`BLOCK`] indices are compact in space. Splits recursively at the median of the
+/// longest axis.
 pub(super) fn halve(order: &mut [u32], centers: &[DVec3]) {
     if order.len() <= BLOCK {
         return;

@@ -25,7 +25,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// Lays out a group of rectangles. `None` if the grid has more than [`MOST_CELLS`] cells.
+    /// Builds the grid of a group of rectangles of one plane and marks the covered cells. `None` if the grid
+    /// has more than [`MOST_CELLS`] cells.
     fn new(group: &[&Rectangle]) -> Option<Self> {
         let lines = [0, 1].map(|i| {
             let mut lines: Vec<f64> = group.iter().flat_map(|r| [r.low[i], r.high[i]]).collect();

@@ -29,8 +29,8 @@ const NONE: u32 = u32::MAX;
 /// Coordinates are in metres along the plane's axes.
 #[derive(Clone, Copy)]
 struct Interval {
-    /// Of the rectangles that span this interval but not its parent's, the one with the greatest end along
-    /// the sweep. [`NONE`] without such a rectangle.
+    /// Index of a rectangle: of those stored here, which span this interval but not its parent's, the one
+    /// with the greatest end along the sweep. [`NONE`] without such a rectangle.
     spanning: u32,
     /// Index of any one rectangle in the subtree, [`NONE`] if there is none.
     any: u32,
@@ -124,10 +124,10 @@ impl Sweep<'_> {
         self.leaders[a.max(b) as usize] = a.min(b);
     }
 
-    /// Unites rectangle `number` with all rectangles stored in the subtree `node` that it meets, and stores
-    /// it there. `range` is the rectangle's extent across the sweep and `span` that of the node. Both are
-    /// half-open ranges of indices into the sorted coordinates at which rectangles begin or end across the
-    /// sweep.
+    /// Unites rectangle `number` with all rectangles stored in the subtree `node` that overlap or touch the
+    /// rectangle, and stores `number` in this subtree. `range` is the rectangle's extent across the sweep and
+    /// `span` that of the node. Both are half-open ranges of indices into the sorted coordinates at which
+    /// rectangles begin or end across the sweep.
     fn insert(&mut self, node: usize, span: [usize; 2], range: [usize; 2], number: u32) {
         if range[0].max(span[0]) >= range[1].min(span[1]) {
             return;

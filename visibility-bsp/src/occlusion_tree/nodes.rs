@@ -48,7 +48,8 @@ pub(crate) struct Node {
     ends: [DVec3; 2],
 }
 
-/// A fragment of a shadow's outline and the position in the tree that it has reached.
+/// A fragment of a shadow's outline (a convex part of the image) and the child of a node that the fragment
+/// has reached on its way down the tree.
 #[derive(Clone, Copy, Debug)]
 struct Task {
     /// Slot that the fragment enters: twice the parent's index, plus 1 for the inside child. `NO_PARENT` for
@@ -392,9 +393,10 @@ impl Nodes {
         *self.child_mut(parent) = HIDDEN | hide;
     }
 
-    /// Returns a mask of the edges (bit i for `edges[i]`) that may be left out, because without them the
-    /// leaf's directions still are in the shadow. `middle` is a clip-space direction in the fragment,
-    /// `present` the mask of edges that bound the fragment, and `parent` the leaf's slot.
+    /// Returns a mask of the edges of a shadow (bit i for `edges[i]`) that may be left out, because without
+    /// them the leaf's directions still are in the shadow. `middle` is a clip-space direction in the shadow's
+    /// fragment that reached the leaf, `present` the mask of edges that bound this fragment, and `parent` the
+    /// leaf's slot in its parent.
     fn needless(
         &self,
         edges: &[crate::shadow::ShadowEdge],

@@ -56,8 +56,8 @@ impl ScreenDensity {
         }
     }
 
-    /// Returns the number of centres below and to the left of a position in cells, with the centres of each
-    /// cell taken as evenly spread.
+    /// Returns the number of centres below and to the left of a position `[x, y]` in grid cells from the
+    /// bottom left of the image, with the centres of each cell taken as evenly spread.
     fn below(&self, [x, y]: [f64; 2]) -> f64 {
         let [column, row] = [x, y].map(|a| (a as usize).min(CELLS - 1));
         let (s, t) = (x - column as f64, y - row as f64);
@@ -67,7 +67,8 @@ impl ScreenDensity {
         low * (1.0 - t) + high * t
     }
 
-    /// Returns the worth of the rectangle from `low` to `high` (in cells) in objects, and its area in cells.
+    /// Returns the worth (number of objects that a shadow there may hide) of the rectangle from `low` to
+    /// `high` (in grid cells from the bottom left of the image) in objects, and its area in cells.
     fn rectangle(&self, low: [f64; 2], high: [f64; 2]) -> (f64, f64) {
         let count = self.below(high) - self.below([low[0], high[1]]) - self.below([high[0], low[1]])
             + self.below(low);

@@ -136,7 +136,8 @@ impl BspTree {
         Ok(())
     }
 
-    /// Returns a reference to the child link that a task's pieces enter: a node index or a leaf.
+    /// Returns a reference to the link of the node's child that the pieces of `task` are to be sorted into: a
+    /// node index or a leaf.
     fn child_mut(&mut self, task: Task) -> &mut u32 {
         if task.parent == NONE {
             &mut self.root
@@ -145,8 +146,8 @@ impl BspTree {
         }
     }
 
-    /// Makes a node in place of the leaf that a task's pieces have reached, and writes the side of each piece
-    /// to `builder.sides`. Returns the node's index.
+    /// Makes a node in place of the leaf that the pieces of `task` have reached, and writes the side of each
+    /// piece to `builder.sides`. Returns the node's index.
     fn divide_leaf(&mut self, builder: &mut Builder, task: Task) -> u32 {
         let set = &builder.pieces[task.begin..];
         // An axis-aligned plane is used if it splits well. It must leave fewer pieces on each side than there
@@ -192,8 +193,9 @@ impl BspTree {
         }
     }
 
-    /// Moves the pieces of a task into node `node` and its two children, as `builder.sides` says. Pieces
-    /// across the plane are cut. Returns the number of cut pieces.
+    /// Distributes the pieces of a task: `builder.sides` tells for each piece whether it lies in the plane of
+    /// node `node`, and so becomes a fragment there, or in front or behind, and so goes to a new task for
+    /// that child. Pieces across the plane are cut. Returns the number of cut pieces.
     fn distribute(&mut self, builder: &mut Builder, Task { begin, level, .. }: Task, node: u32) -> usize {
         let Builder { sources, pieces, tasks, sides, front, back, cut, .. } = builder;
         let plane = self.nodes[node as usize].plane;

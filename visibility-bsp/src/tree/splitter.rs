@@ -12,7 +12,7 @@ use visibility_core::{
 const BOXES: usize = 12;
 /// Maximum number of pieces on which a candidate plane's cost is evaluated.
 const SAMPLE: usize = 96;
-/// Maximum number of polygons whose planes are evaluated as candidates.
+/// Maximum number of polygons whose planes are compared as splitting planes of one set of pieces.
 const CANDIDATES: usize = 10;
 /// Maximum number of boxes whose sides give axis-aligned candidate planes; each box gives six.
 const PLANES: usize = 12;

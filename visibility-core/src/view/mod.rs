@@ -127,8 +127,8 @@ impl View {
         self.origin
     }
 
-    /// Returns the matrix that maps points relative to `origin`, a point of the world such as the scene's
-    /// origin, to clip space. The view's own origin is subtracted from `origin` in `f64` first.
+    /// Returns the matrix that maps points in metres relative to `origin` (a point of the world, such as the
+    /// scene's origin) to clip space. The view's own origin is subtracted from `origin` in `f64` first.
     pub fn clip_from(&self, origin: DVec3) -> DMat4 {
         let offset = origin - self.origin;
         let mut matrix = self.clip_from_local;
@@ -136,8 +136,8 @@ impl View {
         matrix
     }
 
-    /// Returns the eye of this view: a point relative to `origin`, a point of the world, or the direction of
-    /// a parallel view.
+    /// Returns the eye of this view: a point in metres relative to `origin`, which is a point of the world,
+    /// or the unit direction of a parallel view, away from the viewer.
     pub fn eye(&self, origin: DVec3) -> Eye {
         match eye_of(&self.clip_from_local, self.depth) {
             Eye::Point(eye) => Eye::Point(eye + (self.origin - origin)),

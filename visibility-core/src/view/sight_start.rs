@@ -72,7 +72,8 @@ struct SightPlanes {
     sides: [ViewPlane; 4],
     /// The planes that view rays may begin on: the near plane, then the clip planes in their order.
     start_planes: SmallVec<[ViewPlane; 11]>,
-    /// The eye, relative to the anchor, and the bound on its error in metres; `None` for parallel views.
+    /// The eye, in metres relative to the anchor, and a bound on its error in metres; `None` for parallel
+    /// views.
     eye: Option<(DVec3, f64)>,
 }
 

@@ -442,7 +442,8 @@ impl PortalWalk {
     /// Returns the window behind a portal whose plane passes, up to rounding, through the eye: `window`,
     /// further bounded to lines of sight close to that plane. Returns a copy of `window` where no such bound
     /// is known. `vertices` are the portal's, in world space, with the normal of `outline`. `error` bounds
-    /// the distance between `self.polygon` and the exact visible part, in world units.
+    /// the distance between the corners in `self.polygon`, the computed visible part of the portal, and the
+    /// exact visible part, in world units.
     ///
     /// Without this bound, an eye in the plane of a wall would see through all doors of the wall, and back
     /// through all other doors.

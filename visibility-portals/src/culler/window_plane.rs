@@ -32,7 +32,8 @@ pub(super) struct WindowPlane {
 }
 
 impl WindowPlane {
-    /// Converts a plane of the view, given for points relative to the anchor, and derives its error terms.
+    /// Returns the half-space of a plane of the view (anchor-relative, normal into the view), with `slope`
+    /// and `slack` derived from the plane's error bound.
     pub(super) fn of_view(plane: &ViewPlane) -> Self {
         // With the unit round-off `u` = 2^-53, each component of the normal has a relative error of up to
         // `16u`, which contributes `16u |x|` to the product with a point `x`. Evaluating the product rounds

@@ -112,7 +112,8 @@ pub struct Chains {
     flood: CellFlood,
 }
 
-/// Input of a search that stays the same for all chains with the same first portal.
+/// Input of the search for the objects seen through one directed portal of the viewcell, the first portal of
+/// all chains of the search.
 struct Search<'a> {
     portals: &'a DirectedPortals,
     matrix: &'a CellMatrix,

@@ -82,9 +82,10 @@ impl FlowScratch {
         self.chain.frames.push(ChainFrame { portal, source, pass, planes, set, children, points });
     }
 
-    /// Tests whether some goal can still be reached: whether three bitsets over the candidates have a bit in
-    /// common, namely the set at offset `set` in the chain's sets, the row at offset `row` in `rows`, and
-    /// `goals`. `false` if no goal can be reached.
+    /// Tests whether some goal (a candidate that leads to a cell not yet known to be seen) can still be
+    /// reached. True if three bitsets over the candidates have a bit in common, namely the set at offset
+    /// `set` in the chain's sets, the row at offset `row` in `rows`, and `goals`. `false` if no goal can be
+    /// reached.
     fn leads_to_goal(&self, set: usize, row: usize) -> bool {
         let sets = self.chain.sets[set..].iter().zip(self.row_words(row)).zip(&self.goals);
         sets.into_iter().any(|((a, b), c)| a & b & c != 0)
@@ -98,7 +99,8 @@ impl FlowScratch {
         }
     }
 
-    /// Removes the candidates that lead to `cell` from `goals`, since the cell is now known to be seen.
+    /// Removes the candidates that lead to `cell` from `goals`, the bitset of candidates whose cell is still
+    /// to be found. Called once the cell is known to be seen.
     fn drop_goals(&mut self, cell: u32) {
         for (i, _) in self.to.iter().enumerate().filter(|(_, to)| **to == cell) {
             self.goals[i / 64] &= !(1 << (i % 64));
@@ -106,8 +108,8 @@ impl FlowScratch {
     }
 
     /// Appends to the chain's sets the bitset of the candidates that are in the set at offset `from` and in
-    /// the row at offset `row` in `rows`, can be reached from `cell` by a flood fill through cells, and are
-    /// not outside any of `planes`, a range of the chain's planes.
+    /// the row at offset `row` in `rows`, can be reached from `cell` by a flood fill through cells, and whose
+    /// portals are not outside any of `planes`, a range of the chain's planes with normals to the inside.
     fn push_reachable_set(
         &mut self,
         input: &FlowInput,
