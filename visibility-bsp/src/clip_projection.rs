@@ -133,7 +133,7 @@ impl BoxProjection {
     }
 }
 
-/// The projection of one frame's view: clip-space rows as linear functions of scene points relative to an
+/// The projection of one frame's view: clip-space rows as linear functions of points in metres relative to an
 /// anchor, with bounds on their rounding errors.
 #[derive(Clone, Debug)]
 pub(crate) struct ClipProjection {

@@ -12,7 +12,7 @@ pub(crate) struct Candidate {
     pub(crate) gain: f64,
     /// Rank among candidates of equal gain; the greater comes first.
     pub(crate) tie_break: f64,
-    /// Index of the candidate in the caller's list.
+    /// Index of the candidate (occluder) in the caller's list of those to choose from.
     pub(crate) number: u32,
     /// Number of candidates that had been chosen when `gain` was computed; `u32::MAX` for an initial
     /// estimate.

@@ -55,8 +55,9 @@ pub enum BakeError {
         /// coordinate.
         least: f64,
     },
-    /// The graph has more than 65,536 cells or more than 65,536 portals. With more portals, the candidate
-    /// matrix of ordered pairs of directed portals, one bit each, would take more than 2 GiB.
+    /// The graph has more than 65,536 cells or more than 65,536 portals. With more portals, the baker's bit
+    /// matrix of ordered pairs of directed portals that a line may pass one after the other would take more
+    /// than 2 GiB.
     TooLarge {
         /// Number of cells of the graph.
         cells: usize,

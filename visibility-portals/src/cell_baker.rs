@@ -76,8 +76,8 @@ pub struct CellBaker {
     /// Cells known to be seen: the bit of the ordered pair of cells (a, b) is 1 once b counts as seen from
     /// a, with or without proof, and 0 before. See [`FlowInput::seen`].
     seen: CellMatrix,
-    /// Number of candidates of each directed portal, by portal index: the number of set bits in its row of
-    /// `rows`.
+    /// By directed portal: the number of its candidates, the directed portals that a line through this
+    /// portal may later pass. Equals the number of set bits in the portal's row of `rows`.
     counts: Vec<u32>,
     steps: Vec<u64>,
     /// Number of portals whose search reached the limit of steps, by index of the cell that they lead from.
@@ -149,8 +149,8 @@ impl CellBaker {
         }
     }
 
-    /// Clears the candidate bit of `(a, b)`: no line passes directed portal `a` and later directed portal
-    /// `b`.
+    /// Clears in `rows` the bit of the ordered pair `(a, b)`, since no line passes directed portal `a` and
+    /// later directed portal `b`.
     fn clear(&mut self, a: u32, b: u32) {
         let word = &mut self.rows[a as usize * self.stride + b as usize / 64];
         let bit = 1 << (b % 64);
@@ -209,8 +209,8 @@ impl Baker for CellBaker {
         found.steps
     }
 
-    /// Builds the matrix. For the directed portals in `waiting`, whose flow was not computed, all candidates
-    /// count as visible.
+    /// Builds the matrix. For the directed portals in `waiting`, whose flow was not computed, all their
+    /// candidates (portals that a line through them may later pass) count as visible.
     fn finish(mut self, waiting: &[u32]) -> Outcome {
         for &source in waiting {
             let from = self.portals.all[source as usize].from as usize;

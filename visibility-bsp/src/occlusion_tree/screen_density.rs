@@ -18,8 +18,9 @@ const EVEN: f64 = 0.25;
 /// is harmless.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ScreenDensity {
-    /// By crossing of grid lines, row by row from the bottom left: the number of centres below and to the
-    /// left. Counts per cell before `finish`.
+    /// By crossing of grid lines, row by row from the bottom left: the number of object centres below and to
+    /// the left of that crossing in the image. Before `finish`: the number of centres in the cell whose top
+    /// right corner is the crossing.
     sums: Vec<f32>,
     /// Number of object centres counted.
     all: f64,

@@ -60,7 +60,8 @@ struct Bake<'a> {
     occluders: &'a Occluders,
     /// Centres of the sampled objects, in metres relative to `Scene::origin`.
     objects: Vec<DVec3>,
-    /// Finds candidate polygons by their solid angle from an eye.
+    /// Finds the polygons with the greatest solid angle from a sample eye, among which a region's polygons
+    /// are chosen.
     selector: Selector,
     /// Maximum number of polygons chosen per region.
     most: usize,

@@ -10,11 +10,12 @@ use visibility_core::{
 /// Number of pieces above which a set is first split by axis-aligned planes between objects, rather than by
 /// planes of polygons.
 const BOXES: usize = 12;
-/// Maximum number of pieces on which a candidate plane's cost is evaluated.
+/// Maximum number of pieces, of the set to be split, on which the cost of each possible splitting plane is
+/// evaluated.
 const SAMPLE: usize = 96;
 /// Maximum number of polygons whose planes are compared as splitting planes of one set of pieces.
 const CANDIDATES: usize = 10;
-/// Maximum number of boxes whose sides give axis-aligned candidate planes; each box gives six.
+/// Maximum number of piece bounding boxes whose six sides each are compared as axis-aligned splitting planes.
 const PLANES: usize = 12;
 /// Cost of cutting one piece, in units of one piece of imbalance between the two sides.
 const CUT: f32 = 6.0;

@@ -31,8 +31,8 @@ impl FlowScratch {
     }
 
     /// Tests whether it is certain that no line passes all portals of the chain and then directed portal
-    /// `target`. Points `a` and `b` give an approximate line to start from. `false` if undecided, or if the
-    /// test in Pluecker space is disabled (`input.exact` is `None`).
+    /// `target`. The world-space points `a` and `b` lie on an approximate line from which the linear program
+    /// starts. `false` if undecided, or if the test in Pluecker space is disabled (`input.exact` is `None`).
     pub(crate) fn is_excluded(&mut self, input: &FlowInput, target: u32, [a, b]: [DVec3; 2]) -> bool {
         let (Some(clearance), Some(direction)) = (input.exact, (b - a).try_normalize()) else { return false };
         if self.is_refuted(target) {

@@ -91,8 +91,8 @@ impl FlowScratch {
         sets.into_iter().any(|((a, b), c)| a & b & c != 0)
     }
 
-    /// Marks as reached the candidates that are both in the set at offset `set` in the chain's sets and in
-    /// the row at offset `row` in `rows`.
+    /// Marks in `reached` the candidates (portals that may be seen through the source) that are both in the
+    /// set at offset `set` in the chain's sets and in the row at offset `row` in `rows`.
     fn reach_all(&mut self, set: usize, row: usize) {
         for i in 0..self.words {
             self.reached[i] |= self.chain.sets[set + i] & self.rows[row + i];

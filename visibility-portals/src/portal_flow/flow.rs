@@ -6,7 +6,8 @@ use crate::cell_matrix::bits;
 use alloc::vec::Vec;
 
 /// Computes the portals and cells that can be seen through the directed portal `source`. After `limit` steps
-/// every candidate not proven hidden counts as seen, and `FlowResult::gave_up` is set.
+/// every candidate (a directed portal that a line through `source` may later pass) not proven hidden counts
+/// as seen, and `FlowResult::gave_up` is set.
 pub(crate) fn portal_flow(
     input: &FlowInput,
     source: u32,

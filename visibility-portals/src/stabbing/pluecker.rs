@@ -298,7 +298,8 @@ fn edge_row(edge: &Edge, origin: DVec3, unit: f64) -> Row<6> {
 
 /// Returns the half-space `N . d >= 6 c^2` of an opening, where `d` is the direction of a line, `c` the
 /// clearance and `N` twice the opening's area along its normal: a line that passes the opening with this
-/// clearance is not parallel to its plane.
+/// clearance is not parallel to the opening's plane. `origin` is the world-space point that edges are taken
+/// relative to.
 fn area_row(opening: &Opening, origin: DVec3, clearance: f64) -> Row<6> {
     let (mut sum, mut error) = ([DoubleDouble::ZERO; 3], f64::MIN_POSITIVE);
     for i in 0..opening.edges.len() {
