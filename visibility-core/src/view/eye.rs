@@ -6,8 +6,8 @@ use glam::{DMat4, DVec3, DVec4};
 /// Unit round-off of `f64`: 2^-53, the relative error of one rounded operation.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Where a view is seen from: a point for perspective views, a direction for parallel ones. Points are
-/// relative to the origin that was passed to [`View::eye`](crate::View::eye).
+/// Where a view is seen from: a point for perspective views, a direction for parallel ones. Points are in
+/// metres, relative to the origin that was passed to [`View::eye`](crate::View::eye).
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, view::Eye, Pose, View};

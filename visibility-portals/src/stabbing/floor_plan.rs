@@ -94,9 +94,9 @@ impl FloorPlan {
     }
 
     /// Returns the certificate that the segment ends in the linear program's last conflict contradict each
-    /// other. `square` is the segment for which lines are scaled to `n . (left - right) = 1` (see the module
-    /// head), and `origin` the point that the program's coordinates are relative to. `None` if no proof is
-    /// found.
+    /// other. `square` is the segment (left end, right end) that scales lines: a line's normal `n` has `n .
+    /// (left - right) = 1`. `origin` is the point that the program's coordinates are relative to. `None` if
+    /// no proof is found.
     fn certificate(
         &self,
         segments: &[[DVec2; 2]],
