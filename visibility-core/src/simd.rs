@@ -1,4 +1,5 @@
-//! The SIMD kernels of the hierarchy tests: 64 boxes against planes, and 64 cones against an eye.
+//! The SIMD kernels of the hierarchy tests: 64 boxes against planes or a least size, and 64 cones against an
+//! eye.
 //!
 //! Each kernel has one body of safe loops, which compilers turn into SIMD code. The body is compiled once for
 //! the instruction set that the program is built for and, on x86-64 with `std`, also for AVX2 and AVX-512;
@@ -9,6 +10,7 @@
 //! the program does not assume, and loads of arrays into SIMD registers.
 
 use crate::backface::{Cones64, SplitEye, inside};
+use crate::lod::SizeTest;
 use crate::scene::Boxes64;
 use crate::test_plane::TestPlane;
 use crate::view::MAX_PLANES;
@@ -108,6 +110,50 @@ impl Simd {
             _ => inside_cones::<16>(cones, eye, signs_portable),
         }
     }
+
+    /// Returns a mask of the lanes whose box is certainly too small; bit i stands for lane i.
+    #[allow(unsafe_code)]
+    pub(crate) fn small_boxes(self, boxes: &Boxes64, test: &SizeTest) -> u64 {
+        match self.0 {
+            // SAFETY: a value with this path exists only where the processor was found to have AVX2.
+            #[cfg(all(target_arch = "x86_64", feature = "std"))]
+            SimdLevel::Avx2 => unsafe { small_boxes_avx2(boxes, test) },
+            // SAFETY: a value with this path exists only where the processor was found to have these
+            // extensions.
+            #[cfg(all(target_arch = "x86_64", feature = "std"))]
+            SimdLevel::Avx512 => unsafe { small_boxes_avx512(boxes, test) },
+            _ => small_boxes::<16>(boxes, test, signs_portable),
+        }
+    }
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[target_feature(enable = "avx2")]
+fn small_boxes_avx2(boxes: &Boxes64, test: &SizeTest) -> u64 {
+    small_boxes::<32>(boxes, test, |values| signs_avx2(values))
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+fn small_boxes_avx512(boxes: &Boxes64, test: &SizeTest) -> u64 {
+    small_boxes::<64>(boxes, test, |values| signs_avx512(values))
+}
+
+/// Body of the size kernel: evaluates [`SizeTest::small`] for `WIDTH` lanes at a time and returns a mask of
+/// the lanes whose box is certainly too small, bit i for lane i. `signs` returns a mask of the negative
+/// numbers of its argument.
+#[inline(always)]
+fn small_boxes<const WIDTH: usize>(
+    boxes: &Boxes64,
+    test: &SizeTest,
+    signs: impl Fn(&[f32; WIDTH]) -> u64,
+) -> u64 {
+    let mut mask = 0;
+    for chunk in 0..64 / WIDTH {
+        let rows = boxes.coordinates.each_ref().map(|row| &row.as_chunks::<WIDTH>().0[chunk]);
+        mask |= signs(&test.small(rows)) << (chunk * WIDTH);
+    }
+    mask
 }
 
 #[cfg(all(target_arch = "x86_64", feature = "std"))]

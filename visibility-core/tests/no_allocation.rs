@@ -10,7 +10,9 @@ use visibility_core::{
     casters::{CasterCuller, Light},
     draw_list::{DrawIndexedIndirect, DrawList},
     geometry::Plane,
+    lod::{ContributionCuller, LodSelector},
     occlusion::Occlusion,
+    scene::DrawRange,
 };
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator, LIVE};
 use visibility_testing::{Octree, Random};
@@ -193,6 +195,34 @@ fn many_views_allocate_nothing_once_warm() {
     }
     assert_eq!(ALLOCATIONS.get() - before, 0);
     assert!(world.drawn > 0 && world.appeared > 0);
+}
+
+/// Tests levels of detail: moving objects with draw ranges and HLOD parents, some of which change.
+#[test]
+fn levels_of_detail_allocate_nothing_once_warm() {
+    let mut world = World::new(20_000, 200, false);
+    let ids: Vec<ObjectId> = world.scene.ids().collect();
+    for &id in ids.iter().step_by(3) {
+        world.scene.set_draw_range(id, DrawRange { end: 150.0, ..DrawRange::ALWAYS }).unwrap();
+    }
+    let parent = world.scene.insert(Aabb::from_arrays([-20.0; 3], [20.0; 3]));
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(ContributionCuller::new(1080.0, 2.0));
+    let (mut visible, mut lods) = (VisibleSet::new(), LodSelector::new(1080.0));
+    let mut before = 0;
+    for frame in 0..600 {
+        if frame == 200 {
+            before = ALLOCATIONS.get();
+        }
+        let begin = DrawRange { begin: (frame % 50) as f32, ..DrawRange::ALWAYS };
+        world.scene.set_draw_range(parent, begin).unwrap();
+        let child = ids[frame % 300];
+        world.scene.set_hlod_parent(child, (frame % 2 == 0).then_some(parent)).unwrap();
+        world.frame(&mut pipeline, &mut visible, false);
+        lods.select(&world.scene, &view(frame), &visible, 0.02, |_| &[100.0, 20.0]);
+        world.drawn += lods.selected().len();
+    }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert!(world.drawn > 0);
 }
 
 /// An occlusion map that hides boxes far behind the nearest occluder, and allocates nothing itself.

@@ -78,6 +78,8 @@ impl Tree {
             }
         }
         self.clear();
+        // Objects without a slot cannot stand in for others while the leaves are measured.
+        unculled.iter().for_each(|(_, payload)| self.slots[payload.id.index()] = Slot::NONE);
         self.fill(&objects, generations);
         for (bounds, payload) in &unculled {
             self.insert_unculled(bounds, *payload);
@@ -109,6 +111,8 @@ impl Tree {
             }
             self.push_leaf(&taken[..chunk.len()], generations);
         }
+        // An object is measured by its parent, which may be in any leaf.
+        (0..leaves).for_each(|leaf| self.measure_leaf(leaf));
         let mut level: Vec<u32> = (0..leaves as u32).collect();
         let mut height = 0;
         while level.len() > 1 {

@@ -54,6 +54,7 @@ impl Tree {
             }
             done.budget_used += 1;
             self.tighten(node);
+            self.lower(node);
             let mut group = self.neighbours(node);
             group.truncate(1 + (budget - done.budget_used) / REGROUP_COST);
             let sparse = self.occupied[node as usize].count_ones() <= MERGE_BELOW;

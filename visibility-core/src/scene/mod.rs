@@ -6,6 +6,8 @@ mod build;
 mod changes;
 mod cursor;
 mod curve;
+mod detail;
+mod draw_range;
 mod maintain;
 mod object;
 mod placement;
@@ -19,9 +21,10 @@ pub(crate) use boxes64::lanes;
 pub use changes::Changes;
 pub use cursor::SceneCursor;
 pub(crate) use curve::Curve;
+pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
-pub(crate) use tree::{NONE, Tree};
+pub(crate) use tree::{DetailBounds, NONE, Slot, Tree, diagonal_squared};
 
 use crate::serial::{next_generation, next_range};
 use crate::{Aabb, OccluderMesh, stamp::Stamp};
@@ -31,7 +34,7 @@ use changes::ChangeLog;
 use glam::DVec3;
 use placement::Placements;
 use queue::Queue;
-use tree::{Payload, Scratch, Slot};
+use tree::{Payload, Scratch};
 
 /// The store of objects: bounds, layers, costs, flags, triangles and occluder meshes, in a hierarchy of
 /// bounding boxes that every culler walks.
@@ -321,6 +324,7 @@ impl Scene {
         let payload = self.tree.payload(slot);
         self.layered -= usize::from(payload.layers != u32::MAX);
         self.meshless -= usize::from(payload.occluder && !self.has_mesh(id));
+        self.forget_details(id);
         self.tree.remove(slot);
         self.queue.push(slot.node());
         self.generations[id.index()] = id.generation.wrapping_add(1);
@@ -379,6 +383,7 @@ impl Scene {
             self.insert_into_tree(bounds, payload);
         }
         self.queue.push(slot.node());
+        self.raise_children(id);
     }
 
     /// Sets the bounds of many objects, as [`set_bounds`](Self::set_bounds) does for one, or of none of them
@@ -427,6 +432,10 @@ impl Scene {
                 let (id, bounds) = &moved[position as usize];
                 self.move_object(self.tree.slots[id.index()], *id, bounds);
             }
+            if !self.tree.details.is_empty() {
+                // An object may have been measured by a parent that moved after it.
+                moved.iter().for_each(|&(id, _)| self.raise_children(id));
+            }
             return;
         }
         for (some, slots) in moved.chunks(32).zip(scratch.slots.chunks(32)) {
@@ -448,6 +457,8 @@ impl Scene {
         let slot = self.slot(id)?;
         let old = core::mem::replace(&mut self.tree.layers[slot.node()][slot.lane()], layers);
         self.layered = self.layered + usize::from(layers != u32::MAX) - usize::from(old != u32::MAX);
+        self.tree.raise_to_object(slot);
+        self.raise_children(id);
         self.log.push(id, self.generations.len());
         Ok(())
     }

@@ -157,6 +157,11 @@ pub enum SceneError {
     NoLocalBounds(ObjectId),
     /// The origin for the scene has a NaN or infinite coordinate.
     NonFiniteOrigin,
+    /// The draw range for this object has a NaN, a negative or infinite `begin`, an `end` less than `begin`,
+    /// or a negative `margin`.
+    InvalidDrawRange(ObjectId),
+    /// The HLOD parent for this object is the object itself or below it.
+    ParentCycle(ObjectId),
 }
 
 impl fmt::Display for SceneError {
@@ -169,6 +174,8 @@ impl fmt::Display for SceneError {
                 write!(f, "object {id} has no local bounds that a transform could move")
             }
             Self::NonFiniteOrigin => write!(f, "the origin of the scene is not finite"),
+            Self::InvalidDrawRange(id) => write!(f, "the draw range of object {id} is not a range"),
+            Self::ParentCycle(id) => write!(f, "the HLOD parent of object {id} is below the object itself"),
         }
     }
 }

@@ -9,16 +9,20 @@
 //! Each field of the nodes has an array of its own, because a frame reads the bounds of the nodes that it
 //! tests, but only the `occupied` masks of the nodes that it accepts whole.
 
+mod bounding;
+mod detail_bounds;
 mod moving;
 pub(super) mod pack;
 mod regroup;
 mod scratch;
 mod slot;
 
+pub(crate) use detail_bounds::{DetailBounds, diagonal_squared};
 pub(super) use scratch::Scratch;
 pub(crate) use slot::{NONE, Slot};
 
 use super::boxes64::{Boxes64, lanes};
+use super::draw_range::Detail;
 use crate::{Aabb, ObjectId, geometry::longest_axis};
 use alloc::vec::Vec;
 
@@ -62,6 +66,13 @@ pub(crate) struct Tree {
     free: Vec<u32>,
     /// For each object index, the slot that holds the object; `Slot::NONE` for indices that no object has.
     pub(crate) slots: Vec<Slot>,
+    /// For each node, bounds on the size and the draw distance of the objects below.
+    pub(crate) detail_bounds: Vec<DetailBounds>,
+    /// For leaves, a mask of the objects whose details are set, bit i for lane i; 0 for inner nodes.
+    pub(crate) detailed: Vec<u64>,
+    /// Draw range and HLOD parent of each object, indexed by object index. Shorter than the index range, and
+    /// empty until an object first gets either.
+    pub(crate) details: Vec<Detail>,
     pub(super) scratch: Scratch,
 }
 
@@ -79,11 +90,14 @@ impl Tree {
             unculled: Vec::new(),
             free: Vec::new(),
             slots: Vec::new(),
+            detail_bounds: Vec::new(),
+            detailed: Vec::new(),
+            details: Vec::new(),
             scratch: Scratch::EMPTY,
         }
     }
 
-    /// Removes all nodes but keeps their memory. `slots` is left as it is.
+    /// Removes all nodes but keeps their memory. `slots` and `details` are left as they are.
     pub(super) fn clear(&mut self) {
         self.root = NONE;
         self.bounds.clear();
@@ -93,6 +107,8 @@ impl Tree {
         self.occluders.clear();
         self.parents.clear();
         self.levels.clear();
+        self.detail_bounds.clear();
+        self.detailed.clear();
         self.unculled.clear();
         self.free.clear();
     }
@@ -106,6 +122,8 @@ impl Tree {
         self.occluders.reserve(nodes);
         self.parents.reserve(nodes);
         self.levels.reserve(nodes);
+        self.detail_bounds.reserve(nodes);
+        self.detailed.reserve(nodes);
     }
 
     /// Returns the number of nodes, free ones included: the length of arrays indexed by node.
@@ -151,10 +169,12 @@ impl Tree {
         self.occluders.push(occluders);
         self.parents.push(Slot::NONE);
         self.levels.push(level);
+        self.detail_bounds.push(DetailBounds::NONE);
+        self.detailed.push(0);
         node
     }
 
-    /// Writes an object into a lane of a leaf and records its slot. Bounds of the nodes above are not
+    /// Writes an object into a lane of a leaf and records its slot. The boxes of the nodes above are not
     /// updated.
     pub(super) fn write(&mut self, slot: Slot, bounds: &Aabb, payload: Payload) {
         let (node, lane) = (slot.node(), slot.lane());
@@ -164,6 +184,7 @@ impl Tree {
         self.layers[node][lane] = payload.layers;
         self.occluders[node] = self.occluders[node] & !(1 << lane) | u64::from(payload.occluder) << lane;
         self.slots[payload.id.index()] = slot;
+        self.raise_to_object(slot);
     }
 
     /// Returns what a lane of a leaf holds besides bounds. The slot must be occupied.
@@ -177,19 +198,21 @@ impl Tree {
     }
 
     /// Makes a node the child in a lane of an inner node, with the hull of the child as the lane's bounds.
-    /// Bounds of the nodes above are not updated.
+    /// The boxes of the nodes above are not updated.
     pub(super) fn attach(&mut self, parent: Slot, child: u32) {
         let hull = self.bounds[child as usize].hull();
         self.bounds[parent.node()].set(parent.lane(), &hull);
         self.occupied[parent.node()] |= 1 << parent.lane();
         self.ids[parent.node()][parent.lane()] = ObjectId { index: child, generation: 0 };
         self.parents[child as usize] = parent;
+        self.raise(parent.node() as u32, self.detail_bounds[child as usize]);
     }
 
     fn clear_lane(&mut self, slot: Slot) {
         self.bounds[slot.node()].set(slot.lane(), &Aabb::EMPTY);
         self.occupied[slot.node()] &= !(1 << slot.lane());
         self.occluders[slot.node()] &= !(1 << slot.lane());
+        self.detailed[slot.node()] &= !(1 << slot.lane());
         self.ids[slot.node()][slot.lane()] = ObjectId::PLACEHOLDER;
         self.layers[slot.node()][slot.lane()] = u32::MAX;
     }
@@ -264,6 +287,7 @@ impl Tree {
 
     fn release(&mut self, node: u32) {
         self.parents[node as usize] = Slot::NONE;
+        self.detail_bounds[node as usize] = DetailBounds::NONE;
         self.free.push(node);
     }
 
@@ -296,6 +320,9 @@ impl Tree {
             + size_of_val(&self.unculled[..])
             + size_of_val(&self.free[..])
             + size_of_val(&self.slots[..])
+            + size_of_val(&self.detail_bounds[..])
+            + size_of_val(&self.detailed[..])
+            + size_of_val(&self.details[..])
             + self.scratch.memory()
     }
 

@@ -2,6 +2,7 @@
 //! table of its entries. Data that a culler needs from the scene is made when the culler is first asked for.
 
 mod bsp;
+mod contribution;
 mod hom;
 mod hzb;
 mod known;
@@ -16,7 +17,9 @@ use visibility_core::{FrustumCuller, Pipeline};
 
 /// Returns the entries of all cullers except `frustum`, with which every pipeline begins.
 pub fn known() -> impl Iterator<Item = &'static Known> {
-    [hom::KNOWN, hzb::KNOWN, bsp::KNOWN, portals::KNOWN, pvs::KNOWN, plp::KNOWN].into_iter().flatten()
+    [contribution::KNOWN, hom::KNOWN, hzb::KNOWN, bsp::KNOWN, portals::KNOWN, pvs::KNOWN, plp::KNOWN]
+        .into_iter()
+        .flatten()
 }
 
 /// Pipelines of two and three stages that are worth comparing. A pipeline with a stage that does not suit the

@@ -12,6 +12,7 @@ impl Tree {
     pub(in crate::scene) fn move_within(&mut self, slot: Slot, bounds: &Aabb) -> bool {
         let Some(above) = self.parent(slot.node() as u32) else {
             self.bounds[slot.node()].set(slot.lane(), bounds);
+            self.raise_to_object(slot);
             return true;
         };
         let home = self.bounds[above.node()].get(above.lane());
@@ -19,6 +20,7 @@ impl Tree {
             return false;
         }
         self.bounds[slot.node()].set(slot.lane(), bounds);
+        self.raise_to_object(slot);
         let new = home.union(bounds);
         if new != home {
             self.bounds[above.node()].set(above.lane(), &new);
@@ -92,6 +94,7 @@ impl Tree {
                     leavers.push(position);
                 } else {
                     self.bounds[leaf].set(lane as usize, bounds);
+                    self.raise_to_object(Slot::new(leaf as u32, lane as usize));
                 }
             }
             queue.push(leaf);

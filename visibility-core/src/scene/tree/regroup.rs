@@ -146,11 +146,12 @@ impl Tree {
         let level = self.levels[nodes[0] as usize];
         let mut ids = [[ObjectId::PLACEHOLDER; 64]; GROUP];
         let mut layers = [[0; 64]; GROUP];
-        let mut occluders = [0; GROUP];
+        let (mut occluders, mut detailed) = ([0; GROUP], [0; GROUP]);
         for (member, &node) in nodes.iter().enumerate() {
             ids[member] = self.ids[node as usize];
             layers[member] = self.layers[node as usize];
             occluders[member] = self.occluders[node as usize];
+            detailed[member] = self.detailed[node as usize];
         }
         let mut free = (1u32 << nodes.len()) - 1;
         let mut moved = 0;
@@ -164,13 +165,14 @@ impl Tree {
             let mut new_boxes = Boxes64::EMPTY;
             let mut new_ids = [ObjectId::PLACEHOLDER; 64];
             let mut new_layers = [u32::MAX; 64];
-            let mut new_occluders = 0;
+            let (mut new_occluders, mut new_detailed) = (0, 0);
             for (lane, &word) in order[start..end].iter().enumerate() {
                 let (from, old) = (number(word) / 64, number(word) % 64);
                 new_boxes.set(lane, &boxes[number(word)]);
                 new_ids[lane] = ids[from][old];
                 new_layers[lane] = layers[from][old];
                 new_occluders |= (occluders[from] >> old & 1) << lane;
+                new_detailed |= (detailed[from] >> old & 1) << lane;
                 moved += usize::from(from != member);
             }
             let slots = if level == 0 { &mut self.slots } else { &mut self.parents };
@@ -182,6 +184,7 @@ impl Tree {
             self.layers[node] = new_layers;
             self.occluders[node] = new_occluders;
             self.occupied[node] = if end - start == 64 { u64::MAX } else { (1 << (end - start)) - 1 };
+            self.detailed[node] = new_detailed;
         }
         for member in lanes(free.into()) {
             let node = nodes[member] as usize;
@@ -189,12 +192,14 @@ impl Tree {
             self.ids[node] = [ObjectId::PLACEHOLDER; 64];
             self.layers[node] = [u32::MAX; 64];
             self.occluders[node] = 0;
+            self.detailed[node] = 0;
             self.occupied[node] = 0;
             self.remove_empty(node as u32);
         }
         for (member, &node) in nodes.iter().enumerate() {
             if free >> member & 1 == 0 {
                 self.tighten(node);
+                self.lower(node);
             }
         }
         Some(moved)

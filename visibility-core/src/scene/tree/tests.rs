@@ -1,6 +1,7 @@
 //! Invariants of the hierarchy, checked from the inside after random sequences of changes.
 
 use super::*;
+use crate::scene::DrawRange;
 use crate::{Object, Scene};
 use std::collections::HashSet;
 use std::vec::Vec;
@@ -13,6 +14,8 @@ struct Seen {
     height: u8,
     free: usize,
     unculled: usize,
+    /// Number of objects for which a parent stands in.
+    substituted: usize,
 }
 
 /// Asserts that the tree is internally consistent and holds exactly the scene's objects. Raises the
@@ -24,10 +27,11 @@ fn check(scene: &Scene, seen: &mut Seen) {
         assert_eq!(length, nodes);
     }
     assert_eq!((tree.parents.len(), tree.levels.len()), (nodes, nodes));
+    assert_eq!((tree.detail_bounds.len(), tree.detailed.len()), (nodes, nodes));
 
     let mut reached: HashSet<usize> = HashSet::new();
     let mut objects: HashSet<ObjectId> = HashSet::new();
-    let check_leaf = |leaf: usize, objects: &mut HashSet<ObjectId>| {
+    let check_leaf = |leaf: usize, objects: &mut HashSet<ObjectId>, seen: &mut Seen| {
         assert_ne!(tree.occupied[leaf], 0, "leaf {leaf} is empty and not free");
         for lane in 0..64 {
             if tree.occupied[leaf] >> lane & 1 == 0 {
@@ -39,6 +43,7 @@ fn check(scene: &Scene, seen: &mut Seen) {
             assert!(scene.contains(id), "{id} is in the scene");
             assert!(objects.insert(id), "{id} is there once");
             let object = scene.object(id).unwrap();
+            seen.substituted += usize::from(check_detail(scene, leaf, lane, id));
             assert_eq!(
                 object.is_unculled(),
                 tree.is_unculled_leaf(leaf),
@@ -57,11 +62,11 @@ fn check(scene: &Scene, seen: &mut Seen) {
     while let Some(node) = stack.pop() {
         assert!(reached.insert(node), "node {node} is reached once");
         if tree.levels[node] == 0 {
-            check_leaf(node, &mut objects);
+            check_leaf(node, &mut objects, seen);
             continue;
         }
         assert_ne!(tree.occupied[node], 0, "inner node {node} is empty and not free");
-        assert_eq!(tree.occluders[node], 0);
+        assert_eq!((tree.occluders[node], tree.detailed[node]), (0, 0));
         for lane in 0..64 {
             if tree.occupied[node] >> lane & 1 == 0 {
                 check_lane_is_free(tree, node, lane);
@@ -75,6 +80,8 @@ fn check(scene: &Scene, seen: &mut Seen) {
                 hull.is_finite() && bounds.min.cmple(hull.min).all() && bounds.max.cmpge(hull.max).all(),
                 "{bounds:?} above node {child} contains {hull:?}"
             );
+            let (above, below) = (tree.detail_bounds[node], tree.detail_bounds[child]);
+            assert!(above.diagonal_squared >= below.diagonal_squared && above.end >= below.end);
             stack.push(child);
         }
     }
@@ -83,7 +90,7 @@ fn check(scene: &Scene, seen: &mut Seen) {
         let leaf = leaf as usize;
         assert!(reached.insert(leaf), "leaf {leaf} is in the tree or outside");
         assert_eq!((tree.levels[leaf], tree.parents[leaf].0 as usize), (UNCULLED, place));
-        check_leaf(leaf, &mut objects);
+        check_leaf(leaf, &mut objects, seen);
     }
     let free: HashSet<usize> = tree.free.iter().map(|&node| node as usize).collect();
     assert_eq!(free.len(), tree.free.len(), "a node is freed once");
@@ -104,7 +111,35 @@ fn check_lane_is_free(tree: &Tree, node: usize, lane: usize) {
     assert_eq!(tree.bounds[node].get(lane), Aabb::EMPTY, "free lane {lane} of node {node} bounds nothing");
     assert_eq!(tree.ids[node][lane], ObjectId::PLACEHOLDER);
     assert_eq!(tree.layers[node][lane], u32::MAX, "free lane {lane} of node {node} is on all layers");
-    assert_eq!(tree.occluders[node] >> lane & 1, 0);
+    assert_eq!((tree.occluders[node] >> lane & 1, tree.detailed[node] >> lane & 1), (0, 0));
+}
+
+/// Asserts that the bounds of a leaf on size and draw distance cover the object in a lane. Returns whether a
+/// parent stands in for the object.
+fn check_detail(scene: &Scene, leaf: usize, lane: usize, id: ObjectId) -> bool {
+    let tree = scene.tree();
+    let (range, parent) = (scene.draw_range(id).unwrap(), scene.hlod_parent(id).unwrap());
+    if range != DrawRange::ALWAYS || parent.is_some() {
+        assert_eq!(tree.detailed[leaf] >> lane & 1, 1, "{id} is marked");
+    }
+    if tree.is_unculled_leaf(leaf) {
+        return false;
+    }
+    let object = scene.object(id).unwrap();
+    let diagonal = |bounds: &Aabb| bounds.max.as_dvec3().distance(bounds.min.as_dvec3());
+    let bounds = tree.detail_bounds[leaf];
+    assert!(bounds.diagonal_squared.sqrt() >= diagonal(&object.bounds) * (1.0 - 1e-12));
+    let mut end = f64::from(range.end);
+    let parent = parent.map(|parent| (parent, scene.object(parent).unwrap()));
+    let parent = parent.filter(|(_, parent)| {
+        let joint = parent.bounds.union(&object.bounds);
+        !parent.is_unculled() && joint == parent.bounds && object.layers & !parent.layers == 0
+    });
+    if let Some((parent, above)) = parent {
+        end = end.min(f64::from(scene.draw_range(parent).unwrap().begin) + diagonal(&above.bounds));
+    }
+    assert!(f64::from(bounds.end) >= end, "{id} is drawn up to {end} m, its leaf up to {} m", bounds.end);
+    parent.is_some()
 }
 
 /// Returns a small random box in a cube of side `spread` metres, or, one time in eight, a degenerate one:
@@ -158,8 +193,33 @@ fn step(rng: &mut Random, scene: &mut Scene, ids: &mut Vec<ObjectId>, grow: usiz
         15 => {
             scene.maintain(rng.below(20));
         }
+        17 if !ids.is_empty() => {
+            let (begin, margin) = (rng.pick(&[0.0, 1.0, 20.0]), rng.pick(&[0.0, 3.0]));
+            let end = if rng.below(50) == 0 { f32::INFINITY } else { rng.pick(&[begin, 30.0, 1e6]) };
+            scene.set_draw_range(ids[some(rng)], DrawRange { begin, end, margin }).unwrap();
+        }
+        18 if !ids.is_empty() => {
+            // Parents are few and large, so that they contain other objects and have many children.
+            let (id, parent) = (ids[some(rng)], ids[rng.below(ids.len().min(20))]);
+            if rng.below(4) == 0 {
+                let half = glam::Vec3::splat([5.0, 500.0, 1e6][rng.below(3)]);
+                scene.set_bounds(parent, Aabb::new(-half, half)).unwrap();
+            }
+            let _cycle = scene.set_hlod_parent(id, (rng.below(4) > 0).then_some(parent));
+        }
         16 if rng.below(100) == 0 => scene.rebuild(),
-        _ => ids.push(scene.insert(random_object(rng, spread))),
+        _ => {
+            ids.push(scene.insert(random_object(rng, spread)));
+            limit(rng, scene, &ids[ids.len() - 1..]);
+        }
+    }
+}
+
+/// Gives objects a draw range with an end, mostly near: leaves have a finite bound only if all objects do.
+fn limit(rng: &mut Random, scene: &mut Scene, ids: &[ObjectId]) {
+    for &id in ids {
+        let end = if rng.below(50) == 0 { 1e6 } else { 5.0 };
+        scene.set_draw_range(id, DrawRange { end, ..DrawRange::ALWAYS }).unwrap();
     }
 }
 
@@ -176,6 +236,7 @@ fn the_tree_stays_consistent_from_empty_to_three_levels_and_back() {
         check(&scene, &mut seen);
     }
     assert!(seen.height >= 2 && seen.unculled >= 4, "{} {}", seen.height, seen.unculled);
+    assert!(seen.substituted > 100, "{}", seen.substituted);
     while !ids.is_empty() {
         for _ in 0..400.min(ids.len()) {
             scene.remove(ids.swap_remove(rng.below(ids.len()))).unwrap();
@@ -196,16 +257,25 @@ fn the_tree_stays_consistent_under_batches_and_churn() {
         let count = [0, 1, 64, 65, 4097, 8000][seed as usize];
         let mut ids =
             scene.insert_batch((0..count).map(|_| random_object(&mut rng, 300.0)).collect::<Vec<_>>());
+        limit(&mut rng, &mut scene, &ids);
         check(&scene, &mut seen);
         for round in 0..12 {
             for _ in 0..150 {
                 step(&mut rng, &mut scene, &mut ids, 0);
             }
             check(&scene, &mut seen);
+            // A few parents move before or after their children, most objects once.
+            let moved: Vec<_> = (0..rng.pick(&[5, 1000]).min(ids.len()))
+                .map(|_| (ids[rng.below(ids.len())], random_bounds(&mut rng, 300.0)))
+                .collect();
+            scene.set_bounds_batch(&moved).unwrap();
+            check(&scene, &mut seen);
             let added = [0, 3, 200, 9000][if round == 5 { 3 } else { rng.below(3) }];
             ids.extend(
                 scene.insert_batch((0..added).map(|_| random_object(&mut rng, 300.0)).collect::<Vec<_>>()),
             );
+            let new = &ids[ids.len() - added..];
+            limit(&mut rng, &mut scene, new);
             check(&scene, &mut seen);
             let from = rng.below(ids.len() + 1);
             let gone = ids.split_off(ids.len() - (ids.len() - from).min([5, 500, 5000][rng.below(3)]));

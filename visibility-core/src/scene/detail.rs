@@ -1,0 +1,165 @@
+//! Draw ranges and HLOD parents of a scene: at which distances from the eye an object is drawn, and which
+//! object stands in for it from afar. The scene only stores them; the culler is
+//! [`ContributionCuller`](crate::lod::ContributionCuller).
+//!
+//! HLOD is for hierarchical levels of detail: Erikson, Manocha and Baxter, "HLODs for Faster Display of Large
+//! Static and Dynamic Environments", 2001.
+
+use super::draw_range::{Detail, DrawRange, Link};
+use super::{Scene, SceneError, Slot};
+use crate::ObjectId;
+use core::num::NonZeroU32;
+
+fn link(id: ObjectId) -> Link {
+    NonZeroU32::new(id.index + 1)
+}
+
+fn linked(link: Link) -> Option<usize> {
+    link.map(|number| number.get() as usize - 1)
+}
+
+impl Scene {
+    /// Sets the distances at which an object is drawn. Objects are drawn at every distance by default.
+    ///
+    /// Takes logarithmic time, and time in proportion to the number of children for an [HLOD
+    /// parent](Self::set_hlod_parent). Whole nodes are culled by the new range after
+    /// [`maintain`](Self::maintain) or [`rebuild`](Self::rebuild).
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::InvalidDrawRange`] for a NaN,
+    /// a negative or infinite `begin`, an `end` less than `begin`, or a negative `margin`.
+    pub fn set_draw_range(&mut self, id: ObjectId, range: DrawRange) -> Result<(), SceneError> {
+        self.slot(id)?;
+        if !range.is_valid() {
+            return Err(SceneError::InvalidDrawRange(id));
+        }
+        if range != self.tree.detail(id.index()).range {
+            self.grow_details();
+            self.tree.details[id.index()].range = range;
+            self.details_changed(id);
+        }
+        Ok(())
+    }
+
+    /// Returns the distances at which an object is drawn, [`DrawRange::ALWAYS`] if none were set.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    pub fn draw_range(&self, id: ObjectId) -> Result<DrawRange, SceneError> {
+        self.slot(id)?;
+        Ok(self.tree.detail(id.index()).range)
+    }
+
+    /// Sets the object that stands in for `id` from afar: the parent is one cheap mesh for a whole block of
+    /// houses. The parent's [draw range](Self::set_draw_range) says from which distance on: nearer than its
+    /// `begin` the children are drawn, from there on the parent, never both and never neither. `None` takes
+    /// the object's parent away. Parents may have parents, with a greater `begin`.
+    ///
+    /// The parent's bounds must contain those of its children, and the parent must be on all layers that
+    /// they are on. A child for which this does not hold, because it has moved away or was put on another
+    /// layer, is drawn as if it had no parent, and so are the children of a parent that is never culled. The
+    /// children of a removed parent have no parent.
+    ///
+    /// Takes time in proportion to the number of parents above `parent`. Moving a parent takes time in
+    /// proportion to the number of its children.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` or `parent` is not in the scene, and [`SceneError::ParentCycle`]
+    /// if `parent` is the object itself or below it.
+    pub fn set_hlod_parent(&mut self, id: ObjectId, parent: Option<ObjectId>) -> Result<(), SceneError> {
+        self.slot(id)?;
+        let mut above = parent;
+        while let Some(object) = above {
+            self.slot(object)?;
+            if object == id {
+                return Err(SceneError::ParentCycle(id));
+            }
+            above = self.hlod_parent(object)?;
+        }
+        if parent == self.hlod_parent(id)? {
+            return Ok(());
+        }
+        self.grow_details();
+        self.unlink(id);
+        if let Some(parent) = parent {
+            let details = &mut self.tree.details;
+            let next = core::mem::replace(&mut details[parent.index()].first_child, link(id));
+            if let Some(next) = linked(next) {
+                details[next].previous = link(id);
+            }
+            (details[id.index()].parent, details[id.index()].next) = (link(parent), next);
+            self.details_changed(parent);
+        }
+        self.details_changed(id);
+        Ok(())
+    }
+
+    /// Returns the object that stands in for `id` from afar, `None` if none was set or it was removed.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    pub fn hlod_parent(&self, id: ObjectId) -> Result<Option<ObjectId>, SceneError> {
+        self.slot(id)?;
+        Ok(linked(self.tree.detail(id.index()).parent).and_then(|index| self.id_at(index)))
+    }
+
+    /// Makes `details` as long as the index range.
+    fn grow_details(&mut self) {
+        self.tree.details.resize(self.generations.len(), Detail::NONE);
+    }
+
+    /// Takes an object out of its parent's list of children.
+    fn unlink(&mut self, id: ObjectId) {
+        let details = &mut self.tree.details;
+        let Detail { parent, next, previous, .. } = details[id.index()];
+        match (linked(previous), linked(parent)) {
+            (Some(previous), _) => details[previous].next = next,
+            (None, Some(parent)) => details[parent].first_child = next,
+            (None, None) => {}
+        }
+        if let Some(next) = linked(next) {
+            details[next].previous = previous;
+        }
+        let detail = &mut details[id.index()];
+        (detail.parent, detail.next, detail.previous) = (None, None, None);
+    }
+
+    /// Brings the bounds of the hierarchy up to date with the changed details of an object.
+    fn details_changed(&mut self, id: ObjectId) {
+        self.raise_bounds(self.tree.slots[id.index()]);
+        self.raise_children(id);
+        self.log.push(id, self.generations.len());
+    }
+
+    /// Raises the bounds above the object in a slot, and lets [`maintain`](Self::maintain) lower them.
+    fn raise_bounds(&mut self, slot: Slot) {
+        self.tree.raise_to_object(slot);
+        self.queue.push(slot.node());
+    }
+
+    /// Raises the bounds above the children of an object, which are drawn to another distance if the object
+    /// has changed.
+    pub(super) fn raise_children(&mut self, id: ObjectId) {
+        let mut child = linked(self.tree.detail(id.index()).first_child);
+        while let Some(index) = child {
+            self.raise_bounds(self.tree.slots[index]);
+            child = linked(self.tree.details[index].next);
+        }
+    }
+
+    /// Forgets the details of an object that is being removed. Its children have no parent from then on.
+    pub(super) fn forget_details(&mut self, id: ObjectId) {
+        if self.tree.detail(id.index()) == Detail::NONE {
+            return;
+        }
+        self.unlink(id);
+        while let Some(child) = linked(self.tree.details[id.index()].first_child) {
+            self.unlink(ObjectId { index: child as u32, generation: 0 });
+            self.raise_bounds(self.tree.slots[child]);
+            if let Some(child) = self.id_at(child) {
+                self.log.push(child, self.generations.len());
+            }
+        }
+        self.tree.details[id.index()] = Detail::NONE;
+    }
+}

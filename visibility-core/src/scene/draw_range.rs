@@ -1,0 +1,68 @@
+//! Draw ranges, and what else the scene stores of objects with levels of detail.
+
+use core::num::NonZeroU32;
+
+/// The distances from the eye at which an object is drawn, in metres, and how it fades there. Distance is
+/// that of the nearest point of the object's bounds, 0 for an eye inside them.
+///
+/// ```
+/// use visibility_core::scene::DrawRange;
+/// let lamp = DrawRange { end: 100.0, margin: 20.0, ..DrawRange::ALWAYS };
+/// assert_eq!([80.0, 90.0, 100.0].map(|distance| lamp.opacity(distance)), [1.0, 0.5, 0.0]);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct DrawRange {
+    /// Least distance at which the object is drawn, in metres, inclusive; finite and not negative.
+    pub begin: f32,
+    /// Greatest distance at which the object is drawn, in metres, inclusive; at least `begin`, or infinite.
+    pub end: f32,
+    /// Length in metres, inside the range, over which the object fades in from `begin` on and out up to
+    /// `end`; 0 for no fading. A range from 0 does not fade in.
+    pub margin: f32,
+}
+
+impl DrawRange {
+    /// The range of an object that is drawn at every distance: the default.
+    pub const ALWAYS: Self = Self { begin: 0.0, end: f32::INFINITY, margin: 0.0 };
+
+    /// Returns the opacity of an object at a distance in metres, from 0 at the ends of the range and beyond
+    /// to 1 inside its margins. 0 for a NaN distance.
+    pub fn opacity(&self, distance: f32) -> f32 {
+        if !(distance >= self.begin && distance <= self.end) {
+            return 0.0;
+        }
+        let ramp = |depth: f32| if depth < self.margin { depth / self.margin } else { 1.0 };
+        let fade_in = if self.begin > 0.0 { ramp(distance - self.begin) } else { 1.0 };
+        fade_in.min(ramp(self.end - distance))
+    }
+
+    pub(super) fn is_valid(&self) -> bool {
+        self.begin >= 0.0 && self.begin.is_finite() && self.end >= self.begin && self.margin >= 0.0
+    }
+}
+
+impl Default for DrawRange {
+    fn default() -> Self {
+        Self::ALWAYS
+    }
+}
+
+/// Index of an object plus one.
+pub(crate) type Link = Option<NonZeroU32>;
+
+/// What the scene stores of an object that has a draw range, an HLOD parent or children. The children of a
+/// parent are a doubly linked list.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Detail {
+    pub(crate) range: DrawRange,
+    pub(crate) parent: Link,
+    pub(super) first_child: Link,
+    pub(super) next: Link,
+    pub(super) previous: Link,
+}
+
+impl Detail {
+    /// Details of an object that none were set for.
+    pub(crate) const NONE: Self =
+        Self { range: DrawRange::ALWAYS, parent: None, first_child: None, next: None, previous: None };
+}

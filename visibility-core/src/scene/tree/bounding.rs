@@ -1,0 +1,114 @@
+//! Keeps [`DetailBounds`] for every node, with which a culler by size or distance drops whole nodes.
+//!
+//! Like the boxes, these bounds are raised at once where an object is written, and tightened by
+//! [`maintain`](super::super::maintain) and by a rebuild: too high a bound only costs time.
+
+use super::detail_bounds::{DetailBounds, diagonal_squared, diagonals_squared};
+use super::{Slot, Tree};
+use crate::scene::boxes64::lanes;
+use crate::scene::draw_range::Detail;
+
+impl Tree {
+    /// Returns the data of an object that has draw range, parent or children; of any other, the default.
+    pub(crate) fn detail(&self, index: usize) -> Detail {
+        self.details.get(index).copied().unwrap_or(Detail::NONE)
+    }
+
+    /// Returns the slot of the HLOD parent that stands in for the object in a slot from the parent's range
+    /// on. `None` if there is none, or if the parent cannot stand in: it is never culled, is not on all of
+    /// the object's layers, or its bounds do not contain those of the object, which has moved away.
+    pub(crate) fn substitute(&self, slot: Slot) -> Option<Slot> {
+        let parent = self.detail(self.ids[slot.node()][slot.lane()].index()).parent?;
+        let above = *self.slots.get(parent.get() as usize - 1)?;
+        if above == Slot::NONE || self.is_unculled(above) {
+            return None;
+        }
+        let [layers, layers_above] = [slot, above].map(|slot| self.layers[slot.node()][slot.lane()]);
+        let [bounds, around] = [slot, above].map(|slot| self.bounds[slot.node()].get(slot.lane()));
+        let contains = around.min.cmple(bounds.min).all() && bounds.max.cmple(around.max).all();
+        (contains && layers & !layers_above == 0).then_some(above)
+    }
+
+    /// Returns a bound on the distance in metres to which the object in a slot is drawn, as it is now.
+    fn draw_end(&self, slot: Slot) -> f32 {
+        let end = self.detail(self.ids[slot.node()][slot.lane()].index()).range.end;
+        let Some(above) = self.substitute(slot) else { return end };
+        // The parent is nearer than `begin` while the object is drawn, and contains the object: no point of
+        // the object is farther from the nearest point of the parent than the parent's diagonal. The factor
+        // exceeds the roundings of the sum, of the root and to f32.
+        let begin = self.detail(self.ids[above.node()][above.lane()].index()).range.begin;
+        let bounds = self.bounds[above.node()].get(above.lane());
+        let diagonal = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length();
+        end.min((((f64::from(begin) + diagonal) * (1.0 + 1e-6)) as f32).next_up())
+    }
+
+    /// Returns the bounds of a leaf or inner node, made from what the node holds now.
+    fn measured(&self, node: usize) -> DetailBounds {
+        if self.levels[node] > 0 && !self.is_unculled_leaf(node) {
+            let below = lanes(self.occupied[node]).map(|lane| self.detail_bounds[self.child(node, lane)]);
+            return below.fold(DetailBounds::NONE, DetailBounds::max);
+        }
+        let diagonals = diagonals_squared(&self.bounds[node]);
+        let diagonal_squared =
+            diagonals.into_iter().fold(0.0, |most, diagonal| if diagonal > most { diagonal } else { most });
+        let undetailed = self.occupied[node] & !self.detailed[node];
+        let end = lanes(self.detailed[node]).map(|lane| self.draw_end(Slot::new(node as u32, lane)));
+        let end = if undetailed == 0 { end.fold(0.0, f32::max) } else { f32::INFINITY };
+        DetailBounds { diagonal_squared, end }
+    }
+
+    /// Marks the lanes of a leaf whose objects have details, and sets the leaf's bounds to what it holds.
+    pub(in crate::scene) fn measure_leaf(&mut self, leaf: usize) {
+        let mask = if self.details.is_empty() { 0 } else { self.occupied[leaf] };
+        let detailed = lanes(mask).filter(|&lane| self.detail(self.ids[leaf][lane].index()) != Detail::NONE);
+        self.detailed[leaf] = detailed.fold(0, |mask, lane| mask | 1 << lane);
+        self.detail_bounds[leaf] = self.measured(leaf);
+    }
+
+    /// Raises the bounds of the leaf of a slot, and of all nodes above, to cover the object in the slot, and
+    /// marks the slot's lane if the object has details.
+    pub(in crate::scene) fn raise_to_object(&mut self, slot: Slot) {
+        let (node, lane) = (slot.node(), slot.lane());
+        let mut bounds = DetailBounds {
+            diagonal_squared: diagonal_squared(&self.bounds[node].get(lane)),
+            end: f32::INFINITY,
+        };
+        if !self.details.is_empty() {
+            let is_detailed = self.detail(self.ids[node][lane].index()) != Detail::NONE;
+            self.detailed[node] = self.detailed[node] & !(1 << lane) | u64::from(is_detailed) << lane;
+            if is_detailed {
+                bounds.end = self.draw_end(slot);
+            }
+        }
+        self.raise(node as u32, bounds);
+    }
+
+    /// Raises the bounds of a node and of all nodes above it, stopping at the first that is high enough.
+    pub(super) fn raise(&mut self, node: u32, bounds: DetailBounds) {
+        let mut node = node as usize;
+        loop {
+            let raised = self.detail_bounds[node].max(bounds);
+            if raised == self.detail_bounds[node] {
+                return;
+            }
+            self.detail_bounds[node] = raised;
+            let Some(above) = self.parent(node as u32) else { return };
+            node = above.node();
+        }
+    }
+
+    /// Sets the bounds of a node and of the nodes above it to what they hold, stopping at the first that
+    /// does not change.
+    pub(in crate::scene) fn lower(&mut self, node: u32) {
+        let mut node = node as usize;
+        loop {
+            let measured = self.measured(node);
+            if measured == self.detail_bounds[node] {
+                return;
+            }
+            self.detail_bounds[node] = measured;
+            let Some(above) = self.parent(node as u32) else { return };
+            node = above.node();
+        }
+    }
+}
