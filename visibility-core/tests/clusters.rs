@@ -72,18 +72,20 @@ fn a_cluster_with_a_corner_in_view_is_listed_and_one_clear_of_a_plane_is_not() {
     let mut rng = Random(1);
     let (mut seen, mut clear, mut dropped) = (0, 0, 0);
     for _ in 0..60_000 {
-        let exponents = [0; 3].map(|_| rng.between(-4, 4));
+        // Sizes from a trillionth to a trillion.
+        let scale = rng.between(-40, 40);
+        let exponents = [0; 3].map(|_| scale + rng.between(-4, 4));
         let (mut camera, base) = random_camera(&mut rng, exponents);
         // Far from the scene's origin, the offsets of the planes in mesh coordinates are small differences
         // of large numbers.
         if rng.one_in(2) {
-            camera.origin = rng.vector(1.0).round() * power_of_two(rng.between(10, 40));
+            camera.origin = rng.vector(1.5).round() * power_of_two(scale + rng.between(10, 40));
             camera.scene_origin = if rng.one_in(2) { camera.origin } else { DVec3::ZERO };
         }
         let Some(view) = view_of(&camera) else { continue };
         let Some((q, n, d)) = aimed_point(&mut rng, &camera, &base, exponents) else { continue };
         let q = Vec3::from_array(q).as_dvec3();
-        let mut transform = random_transform(&mut rng, 1.0);
+        let mut transform = random_transform(&mut rng, power_of_two(scale));
         if rng.one_in(2) {
             transform.translation = q.as_vec3a();
         }
@@ -100,10 +102,10 @@ fn a_cluster_with_a_corner_in_view_is_listed_and_one_clear_of_a_plane_is_not() {
         for _ in 0..rng.below(3) {
             p[axis] = if local_n[axis] > 0.0 { p[axis].next_up() } else { p[axis].next_down() };
         }
-        if !p.is_finite() || p.abs().max_element() > 1e20 {
+        if !p.is_finite() || p.abs().max_element() > 1e30 {
             continue;
         }
-        let sizes = [0; 3].map(|_| rng.between(-6, 3));
+        let sizes = [0; 3].map(|_| scale + rng.between(-6, 3));
         let bounds = box_behind(&mut rng, p.to_array(), local_n, sizes);
         let mesh = ClusterMesh::new([(bounds, NormalCone::OPEN)]);
         let mut scene = Scene::new();
