@@ -66,9 +66,9 @@ pub struct VisibleCluster {
 /// hides the cluster's whole box.
 ///
 /// # Cost
-/// Per instance: planes and eye are transformed once, 0.3 us. Per block of 64 clusters that the planes do not
-/// reject: the box test and the cone test, some 50 ns. The occlusion map is asked last, only for clusters
-/// that planes and cones left.
+/// Some 5 us for an instance of 1,000 clusters in view, half of which are listed. Planes and eye are
+/// transformed once for each instance; blocks of 64 clusters out of view cost nothing. The occlusion map is
+/// asked last, only for clusters that planes and cones left.
 ///
 /// ```
 /// use visibility_core::clusters::{ClusterInstance, ClusterMesh, ClusterView, VisibleCluster};
