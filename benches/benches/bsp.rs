@@ -143,7 +143,7 @@ fn frame(c: &mut Criterion) {
     let pose = Pose::look_at(eye, eye + DVec3::new(20.0, 100.0, 3.0), DVec3::Z);
     let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book");
     let mut group = c.benchmark_group("bsp/frame of a town");
-    let cullers: [Box<dyn Culler + Send>; 2] =
+    let cullers: [Box<dyn Culler + Send + Sync>; 2] =
         [Box::new(BspOrderCuller::new(tree.clone())), Box::new(NaylorCuller::new(tree))];
     for culler in cullers {
         let name = culler.name().to_owned();

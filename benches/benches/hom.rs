@@ -119,7 +119,7 @@ fn frame(c: &mut Criterion) {
     for size in [[512, 288], [1920, 1080]] {
         let hom = Hom::new(size[0], size[1]).expect("a size in range");
         let hzb = Hzb::new(size[0], size[1]).expect("a size in range");
-        let mut bench = |name: &str, culler: Box<dyn Culler + Send>| {
+        let mut bench = |name: &str, culler: Box<dyn Culler + Send + Sync>| {
             let mut pipeline = Pipeline::new().with(FrustumCuller::new());
             pipeline.push(culler);
             let mut visible = VisibleSet::new();

@@ -43,7 +43,7 @@ fn walks(c: &mut Criterion) {
         let occluders = Arc::new(Occluders::new(&world.scene));
         let frusta = ShadowFrusta::new(&world.scene, Occluders::clone(&occluders), 256, 32);
         let tree = Arc::new(SceneTree::new(&world.scene).expect("a tree"));
-        let cullers: [Box<dyn Culler + Send>; 6] = [
+        let cullers: [Box<dyn Culler + Send + Sync>; 6] = [
             Box::new(HzbCuller::new(Hzb::new(512, 288).expect("a size in range"))),
             Box::new(OcclusionTreeCuller::new(occluders.clone())),
             Box::new(ShadowFrustaCuller::new(frusta.into())),

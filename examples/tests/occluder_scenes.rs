@@ -17,7 +17,7 @@ use visibility_examples::{SceneSource, built_in};
 const JUDGE: (u32, u32) = (2560, 1440);
 
 /// Culls all frames of a world with the frustum culler followed by `culler`.
-fn trial(name: &str, world: &World, culler: impl Culler + Send + 'static) -> Trial {
+fn trial(name: &str, world: &World, culler: impl Culler + Send + Sync + 'static) -> Trial {
     run(name.to_owned(), Pipeline::new().with(FrustumCuller::new()).with(culler), world)
 }
 

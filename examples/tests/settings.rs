@@ -49,7 +49,7 @@ fn world(name: &str) -> World {
 
 /// Culls two perspective frames, a parallel view, a view of empty space, and the first frame again, with a
 /// culler behind the frustum. `what` names the setting in messages.
-fn show(what: &str, world: &World, culler: impl Culler + Send + 'static) {
+fn show(what: &str, world: &World, culler: impl Culler + Send + Sync + 'static) {
     run(what, world, &mut Pipeline::new().with(FrustumCuller::new()).with(culler));
 }
 

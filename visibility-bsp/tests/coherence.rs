@@ -310,7 +310,7 @@ fn nothing_is_allocated_once_warm() {
     let soup = Soup::new(&mut Random(13), 1.0, 120);
     let polygons = Arc::new(Occluders::new(&soup.scene));
     let frusta = Arc::new(ShadowFrusta::new(&soup.scene, Occluders::new(&soup.scene), 16, 24));
-    let cullers: Vec<Box<dyn Culler + Send>> = vec![
+    let cullers: Vec<Box<dyn Culler + Send + Sync>> = vec![
         Box::new(OcclusionTreeCuller::new(polygons.clone())),
         Box::new(LargeOccludersCuller::new(polygons)),
         Box::new(ShadowFrustaCuller::new(frusta)),

@@ -64,6 +64,27 @@ impl core::fmt::Display for Accuracy {
     }
 }
 
+/// Something that a culler lacks: objects that it cannot use, or cannot hide.
+///
+/// ```
+/// use visibility_core::culler::Lack;
+/// let lack = Lack { what: "occluders without a mesh", count: 12 };
+/// assert_eq!(lack.to_string(), "occluders without a mesh: 12");
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
+pub struct Lack {
+    /// What the objects are or have not, in the plural.
+    pub what: &'static str,
+    /// Number of objects, at least 1.
+    pub count: usize,
+}
+
+impl core::fmt::Display for Lack {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}: {}", self.what, self.count)
+    }
+}
+
 /// Removes from a set of objects those that a view cannot see.
 ///
 /// A culler owns the scratch memory and the temporal coherence of one view. Stereo, split screen and shadow
@@ -95,6 +116,12 @@ pub trait Culler {
     /// `view`. Objects that are never culled stay. Returns counters of the work done; their `visible` is the
     /// number of objects left.
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats;
+
+    /// Calls `each` for everything that keeps the culler from hiding objects of `scene` as it could: input
+    /// that is missing or of another scene. For overlays and logs rather than for every frame; see
+    /// [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack). The default implementation reports
+    /// nothing.
+    fn for_each_lack(&self, _scene: &Scene, _each: &mut dyn FnMut(Lack)) {}
 
     /// Discards all state from earlier frames, as if the culler were new. Never needed for correct results:
     /// camera cuts and other scenes are safe without a reset. The default implementation does nothing, for

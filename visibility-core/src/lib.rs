@@ -51,7 +51,7 @@ pub mod casters;
 pub mod cells;
 pub mod clusters;
 mod cull_stats;
-mod culler;
+pub mod culler;
 pub mod draw_list;
 mod float;
 pub mod frustum;

@@ -4,8 +4,11 @@
 
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, OccluderMesh, OcclusionCuller, Pipeline, Pose,
+    Scene, View, VisibleSet,
+    occlusion::{HardwareQueries, LateAnswers, Occlusion, OcclusionMap, QueryDevice},
     pipeline::Explanation,
+    pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcells},
 };
 
 fn looking(target: DVec3) -> View {
@@ -83,4 +86,61 @@ fn a_frozen_pipeline_culls_for_the_view_that_it_was_frozen_at() {
     pipeline.unfreeze();
     pipeline.cull(&scene, &looking(DVec3::NEG_X), &mut visible);
     assert_eq!(visible.iter(&scene).collect::<Vec<_>>(), [behind]);
+}
+
+/// A device that counts queries and answers none.
+#[derive(Default)]
+struct Counter(usize);
+
+impl QueryDevice for Counter {
+    fn ask(&mut self, _: u64, _: &Aabb) {
+        self.0 += 1;
+    }
+
+    fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+}
+
+#[test]
+fn stages_report_what_they_lack() {
+    let mut scene = Scene::new();
+    let walls: Vec<_> = (0..20)
+        .map(|i| scene.insert(Object { occluder: true, ..Object::new(cube(10.0, i as f32)) }))
+        .collect();
+    let map = HardwareQueries::new(Counter::default(), LateAnswers::Visible);
+    let pvs = Pvs::new(PvsTargets::Objects, 0, &[[0; 0]; 0], |_| []).unwrap();
+    let shared = ScenePvs::new(&scene, pvs, Viewcells::new([]), []);
+    let pipeline = Pipeline::new()
+        .with(FrustumCuller::new())
+        .with(OcclusionCuller::new(map))
+        .with(PvsCuller::new(std::sync::Arc::new(shared)));
+    let lacks = |scene: &Scene| {
+        let mut lacks = Vec::new();
+        pipeline.for_each_lack(scene, |stage, lack| lacks.push(format!("{stage}: {lack}")));
+        lacks
+    };
+    assert_eq!(lacks(&scene), ["hardware queries: occluders without a mesh: 20"]);
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&cube(10.0, 0.0)).unwrap());
+    for &wall in &walls[..12] {
+        scene.set_mesh(wall, mesh, visibility_core::glam::Affine3A::IDENTITY).unwrap();
+    }
+    scene.set_occluder(walls[15], false).unwrap();
+    assert_eq!(lacks(&scene), ["hardware queries: occluders without a mesh: 7"]);
+    let copy = scene.clone();
+    assert_eq!(lacks(&copy)[1..], ["pvs: objects of a scene that the PVS does not know: 20"]);
+    walls[12..].iter().for_each(|&wall| scene.remove(wall).unwrap());
+    assert!(lacks(&scene).is_empty(), "{:?}", lacks(&scene));
+    assert!(lacks(&Scene::new()).is_empty());
+}
+
+/// Tests that a shared map issues no queries, and that the culler's own does.
+#[test]
+fn only_the_owner_of_a_map_asks_its_device() {
+    let mut map = HardwareQueries::new(Counter::default(), LateAnswers::Visible);
+    map.begin(&looking(DVec3::X), DVec3::ZERO);
+    map.flush();
+    assert_eq!(map.test(&cube(10.0, 0.0)), Occlusion::Visible);
+    assert_eq!(map.device_mut().0, 0);
+    assert_eq!(map.test_mut(&cube(10.0, 0.0)), Occlusion::Visible);
+    assert_eq!(map.device_mut().0, 1);
+    assert_eq!(map.test(&cube(10.0, 0.0)), Occlusion::Visible);
 }

@@ -296,6 +296,7 @@ fn bits_are_those_of_the_listed_indices() {
 fn a_render_thread_reads_results_while_the_scene_changes() {
     fn is_send_and_sync<T: Send + Sync + 'static>() {}
     is_send_and_sync::<VisibleSet>();
+    is_send_and_sync::<Pipeline>();
     let mut rng = Random(6);
     let mut scene = random_scene(&mut rng, 2000);
     let (mut front, mut back) = (VisibleSet::new(), VisibleSet::new());

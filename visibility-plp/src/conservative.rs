@@ -169,7 +169,7 @@ const GROUP: usize = 16;
 /// them costs little.
 fn drop_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
     frame: &FrameContext<'_, T>,
-    map: &M,
+    map: &mut M,
     walk: &mut Walk,
     waiting: &[u32],
     sorted: &mut Vec<(u32, Aabb)>,
@@ -185,12 +185,12 @@ fn drop_hidden<T: Tessellation + ?Sized, M: OcclusionMap>(
         let (group, all, others) = split_group(rest);
         rest = others;
         stats.tests += 1;
-        let answer = map.test(&all);
+        let answer = map.test_mut(&all);
         for (cell, bounds) in group {
             let is_tested_alone = answer == Occlusion::Partial && group.len() > 1;
             let hidden = if is_tested_alone && walk.has_content(*cell) {
                 stats.tests += 1;
-                map.test(bounds) == Occlusion::Hidden
+                map.test_mut(bounds) == Occlusion::Hidden
             } else {
                 answer == Occlusion::Hidden
             };

@@ -55,7 +55,7 @@ fn sweep(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let hom = Hom::new(width, height)?;
         let plane = || hom.clone().with_depth_estimate(DepthEstimate::Plane);
         let buffer = || hom.clone().with_depth_estimate(DepthEstimate::Buffer);
-        let mut cullers: Vec<(String, Box<dyn Culler + Send>)> = vec![
+        let mut cullers: Vec<(String, Box<dyn Culler + Send + Sync>)> = vec![
             ("hzb".into(), Box::new(culler(Hzb::new(width, height)?))),
             ("hom:1, plane".into(), Box::new(culler(plane()))),
             ("hom:1, buffer".into(), Box::new(culler(buffer()))),
@@ -102,7 +102,7 @@ fn culler<M: OcclusionMap>(map: M) -> OcclusionCuller<M> {
 
 /// Runs one culler on all frames of a world. Returns its trial, then the number of boxes tested and the
 /// number of triangles of reported objects, each summed over all frames.
-fn row(name: String, culler: Box<dyn Culler + Send>, world: &World) -> (Trial, [u64; 2]) {
+fn row(name: String, culler: Box<dyn Culler + Send + Sync>, world: &World) -> (Trial, [u64; 2]) {
     let mut pipeline = Pipeline::new().with(FrustumCuller::new());
     pipeline.push(culler);
     let (mut visible, mut tests, mut triangles) = (VisibleSet::new(), 0, 0);

@@ -9,7 +9,7 @@ use visibility_testing::Random;
 
 /// Returns for each view and object whether `culler`, behind the frustum culler `after`, reports the object,
 /// view after view.
-fn answers(world: &World, culler: impl Culler + Send + 'static, after: FrustumCuller) -> Vec<bool> {
+fn answers(world: &World, culler: impl Culler + Send + Sync + 'static, after: FrustumCuller) -> Vec<bool> {
     let mut pipeline = Pipeline::new().with(after).with(culler);
     let mut visible = VisibleSet::new();
     world.views.iter().flat_map(|view| shown(world, &mut pipeline, view, &mut visible)).collect()

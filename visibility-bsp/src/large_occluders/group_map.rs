@@ -5,10 +5,14 @@ use crate::clip_projection::ClipProjection;
 use crate::occluders::Occluders;
 use crate::shadow::mean_of;
 use alloc::vec::Vec;
-use core::cell::RefCell;
 use hashbrown::HashMap;
 use visibility_core::glam::{Affine3A, DVec3};
-use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusion::Occlusion, view::Eye};
+use visibility_core::{
+    Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
+    occlusion::{Occlusion, Occlusion64},
+    scene::Boxes64,
+    view::Eye,
+};
 
 /// A cached answer for a box, and the ball of eye positions for which it holds.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +30,7 @@ struct Known {
     frame: u64,
 }
 
-/// The answer cache and the groups of polygons, both of which `test` updates behind a shared reference.
+/// The answer cache and the groups of polygons, both of which `test_mut` updates.
 #[derive(Clone, Debug, Default)]
 struct Memory {
     /// Cached answers. The key is the bits of the box's minimum and maximum coordinates, so a box that has
@@ -64,8 +68,8 @@ pub(super) struct GroupMap {
     projection: ClipProjection,
     /// Number of the present frame, counted from 1; 0 before the first.
     frame: u64,
-    /// Cache and groups, which `test` changes.
-    memory: RefCell<Memory>,
+    /// Cache and groups, which `test_mut` changes.
+    memory: Memory,
     /// Scratch for finding shared edges: for each edge, its ends as returned by [`key`], the index of its
     /// polygon in `Groups::faces`, and the index of the edge in `Groups::edges`.
     shared: Vec<([u64; 6], usize, usize)>,
@@ -78,19 +82,19 @@ impl GroupMap {
             coherent: true,
             projection: ClipProjection::BLIND,
             frame: 0,
-            memory: RefCell::default(),
+            memory: Memory::default(),
             shared: Vec::new(),
         }
     }
 
     /// Returns the number of answers that the present frame computed instead of taking from the cache.
     pub(super) fn computed(&self) -> u64 {
-        self.memory.borrow().computed
+        self.memory.computed
     }
 
     /// Removes all polygons and all cached answers.
     pub(super) fn forget(&mut self) {
-        let memory = self.memory.get_mut();
+        let memory = &mut self.memory;
         memory.known.clear();
         memory.groups.groups.clear();
         memory.groups.faces.clear();
@@ -102,7 +106,7 @@ impl GroupMap {
     pub(super) fn group(&mut self, occluders: &Occluders, polygons: &[u32]) {
         self.forget();
         self.shared.clear();
-        let Groups { faces, edges, groups, computed_for_frame } = &mut self.memory.get_mut().groups;
+        let Groups { faces, edges, groups, computed_for_frame } = &mut self.memory.groups;
         *computed_for_frame = 0;
         for (number, &polygon) in polygons.iter().enumerate() {
             let occluder_polygon = occluders.occluder_polygon(polygon);
@@ -141,7 +145,8 @@ impl GroupMap {
     /// Tests a box (`min` to `max` in metres relative to `Scene::origin`) against all groups of polygons,
     /// after computing the groups for the present eye if that is due. Returns the answer, `Hidden` or
     /// `Partial`, and the radius in metres within which the eye may move before the answer can change.
-    fn compute(&self, memory: &mut Memory, min: DVec3, max: DVec3) -> (Occlusion, f64) {
+    fn compute(&mut self, min: DVec3, max: DVec3) -> (Occlusion, f64) {
+        let memory = &mut self.memory;
         memory.computed += 1;
         if memory.groups.computed_for_frame != self.frame {
             memory.groups.computed_for_frame = self.frame;
@@ -270,7 +275,7 @@ impl OcclusionMap for GroupMap {
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.frame += 1;
         self.projection = ClipProjection::new(view, origin);
-        let memory = self.memory.get_mut();
+        let memory = &mut self.memory;
         memory.computed = 0;
         if memory.groups.turn(&self.projection) {
             memory.known.clear();
@@ -285,7 +290,23 @@ impl OcclusionMap for GroupMap {
 
     fn flush(&mut self) {}
 
+    /// Tests a box without the cache. `Partial` if the groups are not computed for the present eye yet.
     fn test(&self, bounds: &Aabb) -> Occlusion {
+        if !bounds.is_finite() {
+            return Occlusion::Visible;
+        }
+        let groups = &self.memory.groups;
+        if groups.computed_for_frame != self.frame || !self.projection.is_beyond_near(bounds) {
+            return Occlusion::Partial;
+        }
+        groups.compute(&self.projection.eye, false, bounds.min.as_dvec3(), bounds.max.as_dvec3()).0
+    }
+
+    fn test_64_mut(&mut self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
+        Occlusion64::of_each(candidates, |lane| self.test_mut(&boxes.get(lane)))
+    }
+
+    fn test_mut(&mut self, bounds: &Aabb) -> Occlusion {
         if !bounds.is_finite() {
             return Occlusion::Visible;
         }
@@ -293,16 +314,15 @@ impl OcclusionMap for GroupMap {
             return Occlusion::Partial;
         }
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        let mut memory = self.memory.borrow_mut();
-        let Eye::Point(eye) = self.projection.eye else { return self.compute(&mut memory, min, max).0 };
+        let Eye::Point(eye) = self.projection.eye else { return self.compute(min, max).0 };
         if !self.coherent {
-            return self.compute(&mut memory, min, max).0;
+            return self.compute(min, max).0;
         }
         let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
         let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
         let bits = [x0, y0, z0, x1, y1, z1];
         let eye_error = self.projection.eye_error;
-        if let Some(known) = memory.known.get_mut(&bits)
+        if let Some(known) = self.memory.known.get_mut(&bits)
             && let radius = known.radius - (eye_error - known.eye_error).max(0.0)
             && radius >= 0.0
             && known.eye.distance_squared(eye) <= radius * radius
@@ -310,17 +330,17 @@ impl OcclusionMap for GroupMap {
             known.frame = self.frame;
             return known.answer;
         }
-        let (answer, radius) = self.compute(&mut memory, min, max);
+        let (answer, radius) = self.compute(min, max);
         // The radius is reduced by a margin: distances to planes are off by far less than a millionth of the
         // box's distance.
         let size = eye.abs().max(min.abs()).max(max.abs()).max_element();
         let doubt = 1e-9 * size + 4.0 * eye_error;
         let radius = (radius * (1.0 - 1e-6) - doubt).max(0.0);
-        memory.known.insert(bits, Known { eye, radius, eye_error, answer, frame: self.frame });
+        self.memory.known.insert(bits, Known { eye, radius, eye_error, answer, frame: self.frame });
         answer
     }
 
     fn reset(&mut self) {
-        self.memory.get_mut().known.clear();
+        self.memory.known.clear();
     }
 }

@@ -7,6 +7,7 @@
 
 use super::OcclusionMap;
 use super::selection::{OccluderSearch, Queue};
+use crate::culler::Lack;
 use crate::scene::lanes;
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, Walk};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
@@ -110,8 +111,15 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         self.map.begin(view, scene.origin());
         let mut walk = Walk::new(scene, &self.hierarchy, visible);
         OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), self.price).run(&mut walk);
-        keep_unhidden(&self.map, &mut walk, None);
+        keep_unhidden(&mut self.map, &mut walk, None);
         walk.finish()
+    }
+
+    fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        let count = scene.occluders_without_mesh();
+        if count > 0 {
+            each(Lack { what: "occluders without a mesh", count });
+        }
     }
 
     fn reset(&mut self) {
@@ -121,10 +129,14 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
 
 /// Drops the objects below a node (`None`: all objects) that the map hides. Returns whether any object is
 /// left below the node; always true in another hierarchy than the scene's own.
-fn keep_unhidden<M: OcclusionMap, H: BoxHierarchy>(map: &M, walk: &mut Walk<H>, node: Option<usize>) -> bool {
+fn keep_unhidden<M: OcclusionMap, H: BoxHierarchy>(
+    map: &mut M,
+    walk: &mut Walk<H>,
+    node: Option<usize>,
+) -> bool {
     walk.visit(node, |walk, block, candidates| {
         walk.stats.tests += u64::from(candidates.count_ones());
-        let answer = map.test_64(block.boxes(), candidates);
+        let answer = map.test_64_mut(block.boxes(), candidates);
         let mut mask = candidates & !answer.hidden;
         for lane in lanes(mask & !block.objects(candidates)) {
             let Child::Node(child) = block.child(lane) else { continue };

@@ -57,6 +57,21 @@ pub struct Occlusion64 {
     pub visible: u64,
 }
 
+impl Occlusion64 {
+    /// Calls `test` with each lane of `candidates`, in ascending order, and collects the results.
+    pub fn of_each(candidates: u64, mut test: impl FnMut(usize) -> Occlusion) -> Self {
+        let mut answer = Self::default();
+        for lane in lanes(candidates) {
+            match test(lane) {
+                Occlusion::Hidden => answer.hidden |= 1 << lane,
+                Occlusion::Visible => answer.visible |= 1 << lane,
+                Occlusion::Partial => {}
+            }
+        }
+        answer
+    }
+}
+
 /// An occlusion map of one view: occluders are added to it, and boxes are tested against the occluders.
 ///
 /// A frame calls [`begin`](Self::begin), then [`add`](Self::add) any number of times and
@@ -123,15 +138,20 @@ pub trait OcclusionMap {
     /// Tests those of 64 boxes whose bits are set in `candidates`. Bit `i` stands for box `i`. The other bits
     /// of the result are clear in both masks.
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
-        let mut answer = Occlusion64::default();
-        for lane in lanes(candidates) {
-            match self.test(&boxes.get(lane)) {
-                Occlusion::Hidden => answer.hidden |= 1 << lane,
-                Occlusion::Visible => answer.visible |= 1 << lane,
-                Occlusion::Partial => {}
-            }
-        }
-        answer
+        Occlusion64::of_each(candidates, |lane| self.test(&boxes.get(lane)))
+    }
+
+    /// Tests a box like [`test`](Self::test), on behalf of the culler that owns the map. Maps that remember
+    /// answers or send queries to a device do so here. The default calls [`test`](Self::test).
+    fn test_mut(&mut self, bounds: &Aabb) -> Occlusion {
+        self.test(bounds)
+    }
+
+    /// Tests boxes like [`test_64`](Self::test_64), on behalf of the culler that owns the map. The default
+    /// calls [`test_64`](Self::test_64). A map that implements [`test_mut`](Self::test_mut) implements this
+    /// too.
+    fn test_64_mut(&mut self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
+        self.test_64(boxes, candidates)
     }
 
     /// Forgets what the map remembers of earlier frames. The culler calls it before the first frame of

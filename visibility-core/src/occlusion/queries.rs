@@ -5,11 +5,10 @@
 //! occlusion-culling test, and Meissner et al.). Waiting for an answer would stall the card, so answers are
 //! collected when they arrive.
 
-use super::{OccluderMesh, Occlusion, OcclusionMap};
+use super::{OccluderMesh, Occlusion, Occlusion64, OcclusionMap};
 use crate::binary_format::Fingerprint;
-use crate::{Aabb, Accuracy, View, geometry::Containment, view::ViewPlane};
+use crate::{Aabb, Accuracy, View, geometry::Containment, scene::Boxes64, view::ViewPlane};
 use alloc::vec::Vec;
-use core::cell::RefCell;
 use glam::{Affine3A, DVec3};
 use hashbrown::HashMap;
 
@@ -100,8 +99,7 @@ pub struct HardwareQueries<D> {
     near: Option<ViewPlane>,
     /// Hashes of the occluders added in the present frame and in the frame before.
     drawn: [Fingerprint; 2],
-    /// `test` takes `&self`, but issues queries to the device.
-    state: RefCell<State<D>>,
+    state: State<D>,
 }
 
 #[derive(Debug)]
@@ -138,13 +136,12 @@ impl<D: QueryDevice> HardwareQueries<D> {
     /// Makes a map over a device without any answers, with a policy for answers that arrive late.
     pub fn new(device: D, late: LateAnswers) -> Self {
         let state = State { device, indices: HashMap::new(), questions: Vec::new(), free: Vec::new() };
-        let state = RefCell::new(state);
         Self { late, frame: 0, since: 0, view: None, near: None, drawn: [Fingerprint::new(); 2], state }
     }
 
     /// Returns the query device that the map asks.
     pub fn device_mut(&mut self) -> &mut D {
-        &mut self.state.get_mut().device
+        &mut self.state.device
     }
 
     /// Tells the map that the depth buffer will differ from the frame before for reasons that the map cannot
@@ -153,6 +150,29 @@ impl<D: QueryDevice> HardwareQueries<D> {
     /// [`LateAnswers::Trusted`] is not affected.
     pub fn invalidate(&mut self) {
         self.view = None;
+    }
+
+    /// Returns the result for a box that no query decides: an improper one, or one that reaches the near
+    /// plane. `None` for all others.
+    fn decided(&self, bounds: &Aabb) -> Option<Occlusion> {
+        if !bounds.is_finite() {
+            return Some(Occlusion::Visible);
+        }
+        // A box that reaches the near plane is clipped when it is drawn. The remaining part may lie behind
+        // walls that the box as a whole is not behind.
+        let surely_before = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
+        (!self.near.is_some_and(|near| surely_before(&near))).then_some(Occlusion::Partial)
+    }
+
+    /// Returns the result that the newest answer for a box, as [`Question::answer`] has it, gives in the
+    /// present frame.
+    fn judge(&self, answer: Option<(u64, bool)>) -> Occlusion {
+        match answer {
+            Some((about, true)) if self.counts(about) => Occlusion::Hidden,
+            Some((about, false)) if self.counts(about) => Occlusion::Partial,
+            // Unanswered boxes count as wholly visible, so that no queries are issued for the boxes inside.
+            _ => Occlusion::Visible,
+        }
     }
 
     /// Tests whether an answer for the frame numbered `about` may be used in the present frame.
@@ -165,6 +185,12 @@ impl<D: QueryDevice> HardwareQueries<D> {
 }
 
 impl<D: QueryDevice> State<D> {
+    /// Returns the newest answer for a box: the number of the frame in which its query was issued, and
+    /// whether the box was hidden. `None` without an answer.
+    fn known(&self, bounds: &Aabb) -> Option<(u64, bool)> {
+        self.questions[*self.indices.get(&key(bounds))?].answer
+    }
+
     /// Collects the answers that have arrived and forgets boxes without a query for more than
     /// [`MAX_IDLE_FRAMES`] frames.
     fn listen(&mut self, frame: u64) {
@@ -192,9 +218,7 @@ impl<D: QueryDevice> State<D> {
     /// its query was issued, and whether the box was hidden. `None` without an answer. Issues a query for
     /// `frame` unless a query is under way or the newest answer is already for `frame`.
     fn answer(&mut self, bounds: &Aabb, frame: u64) -> Option<(u64, bool)> {
-        let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
-        let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
-        let bits = [x0, y0, z0, x1, y1, z1];
+        let bits = key(bounds);
         let Self { device, indices, questions, free } = self;
         let index = *indices.entry(bits).or_insert_with(|| {
             let index = free.pop().unwrap_or(questions.len());
@@ -215,6 +239,13 @@ impl<D: QueryDevice> State<D> {
         }
         question.answer
     }
+}
+
+/// Returns the six coordinates of a box as bits.
+fn key(bounds: &Aabb) -> [u32; 6] {
+    let [x0, y0, z0] = bounds.min.to_array().map(f32::to_bits);
+    let [x1, y1, z1] = bounds.max.to_array().map(f32::to_bits);
+    [x0, y0, z0, x1, y1, z1]
 }
 
 impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
@@ -238,14 +269,14 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
             self.since = self.frame;
         }
         self.near = view.near_plane(origin);
-        self.state.get_mut().listen(self.frame);
+        self.state.listen(self.frame);
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
         let numbers = transform.to_cols_array().map(f32::to_bits).into_iter();
         let hash = numbers.fold(self.drawn[0], Fingerprint::with);
         self.drawn[0] = hash.with_u64(occluder.fingerprint().value());
-        self.state.get_mut().device.draw(occluder, transform);
+        self.state.device.draw(occluder, transform);
     }
 
     fn flush(&mut self) {
@@ -254,27 +285,26 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         }
     }
 
+    /// Tests a box by the answers that the map has. Issues no query, unlike
+    /// [`test_mut`](OcclusionMap::test_mut).
     fn test(&self, bounds: &Aabb) -> Occlusion {
-        if !bounds.is_finite() {
-            return Occlusion::Visible;
-        }
-        // A box that reaches the near plane is clipped when it is drawn. The remaining part may lie behind
-        // walls that the box as a whole is not behind.
-        let surely_before = |plane: &ViewPlane| plane.plane.classify_aabb(bounds) == Containment::Inside;
-        if !self.near.is_some_and(|near| surely_before(&near)) {
-            return Occlusion::Partial;
-        }
-        match self.state.borrow_mut().answer(bounds, self.frame) {
-            Some((about, true)) if self.counts(about) => Occlusion::Hidden,
-            Some((about, false)) if self.counts(about) => Occlusion::Partial,
-            // Unanswered boxes count as wholly visible, so that no queries are issued for the boxes inside.
-            _ => Occlusion::Visible,
-        }
+        self.decided(bounds).unwrap_or_else(|| self.judge(self.state.known(bounds)))
+    }
+
+    fn test_mut(&mut self, bounds: &Aabb) -> Occlusion {
+        self.decided(bounds).unwrap_or_else(|| {
+            let answer = self.state.answer(bounds, self.frame);
+            self.judge(answer)
+        })
+    }
+
+    fn test_64_mut(&mut self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
+        Occlusion64::of_each(candidates, |lane| self.test_mut(&boxes.get(lane)))
     }
 
     fn reset(&mut self) {
         self.view = None;
-        for question in &mut self.state.get_mut().questions {
+        for question in &mut self.state.questions {
             // Answers to queries under way will be ignored.
             *question = Question {
                 serial: question.serial.wrapping_add(1),

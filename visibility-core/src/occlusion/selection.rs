@@ -170,7 +170,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         }
         self.credit -= 1.0;
         walk.stats.tests += 1;
-        self.map.test(&next.bounds) == Occlusion::Hidden
+        self.map.test_mut(&next.bounds) == Occlusion::Hidden
     }
 
     /// Tests the children of a node (`None`: the top of the hierarchy) and queues the nodes and occluders
@@ -183,7 +183,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             let hidden = if self.map.answers_at_once() {
                 self.credit -= BLOCK_WORK;
                 walk.stats.tests += u64::from(candidates.count_ones());
-                self.map.test_64(block.boxes(), candidates).hidden
+                self.map.test_64_mut(block.boxes(), candidates).hidden
             } else {
                 0
             };

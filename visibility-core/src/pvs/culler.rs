@@ -3,6 +3,7 @@
 use super::{Pvs, Viewcells};
 use crate::{
     Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
+    culler::Lack,
     pvs::ViewcellId,
     scene::{Changes, SceneCursor},
     stamp::Stamp,
@@ -249,5 +250,12 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
             let [changed, hidden] = [&self.changed, &self.hidden].map(|of| of.get(index) == Some(&true));
             idle || !listed || changed || !hidden
         })
+    }
+
+    fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        let lost = self.lost || !self.shared.borrow().cursor.is_in(scene);
+        if lost && !scene.is_empty() {
+            each(Lack { what: "objects of a scene that the PVS does not know", count: scene.len() });
+        }
     }
 }

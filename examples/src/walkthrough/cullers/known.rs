@@ -18,7 +18,7 @@ pub struct Known {
 }
 
 /// Culler, or the reason why it does not suit the dial or the scene.
-pub(super) type Made = Result<Box<dyn Culler + Send>, String>;
+pub(super) type Made = Result<Box<dyn Culler + Send + Sync>, String>;
 
 /// Returns an error if a dial is given, for cullers that have none.
 pub(super) fn no_dial(dial: Option<&str>) -> Result<(), String> {

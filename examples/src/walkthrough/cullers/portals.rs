@@ -10,7 +10,7 @@ pub(super) const KNOWN: &[Known] = &[Known {
     name: "portals",
     what: "what is not seen through the portals of the scene's own cells is hidden; portals:rectangle narrows each to a rectangle of the screen",
     dials: &["polygon", "rectangle"],
-    make: |dial, world| Ok(Box::new(portals(dial, world)?) as Box<dyn Culler + Send>),
+    make: |dial, world| Ok(Box::new(portals(dial, world)?) as Box<dyn Culler + Send + Sync>),
 }];
 
 /// Makes the portal culler of a world. The dial is `polygon` or `rectangle`, the shape to which each portal

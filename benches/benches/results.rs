@@ -1,0 +1,75 @@
+//! Benchmark of what is made of a visible set: iteration in hierarchy order and by index while entities are
+//! written, bits for a GPU, and groups by mesh beside a `HashMap` filled by hand.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use std::{collections::HashMap, hint::black_box, time::Duration};
+use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, DrawList, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_testing::Random;
+
+/// A component of an entity, as large as a cache line: what an engine writes for each visible object.
+#[derive(Clone)]
+#[repr(align(64))]
+struct Component([f32; 16]);
+
+fn results(c: &mut Criterion) {
+    let count = 100_000;
+    let mut rng = Random(1);
+    let mut scene = Scene::new();
+    scene.insert_batch((0..count).map(|_| {
+        let min = rng.vector(100.0).as_vec3();
+        Aabb::new(min, min + 0.5)
+    }));
+    let pose = Pose::look_at(DVec3::new(-60.0, 0.0, 0.0), DVec3::ZERO, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("a view");
+    let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+    pipeline.cull(&scene, &view, &mut visible);
+    let mut sorted = visible.clone();
+    sorted.sort_by_index(&scene);
+    let mut entities = vec![Component([0.0; 16]); count];
+    let mut bits = vec![0; count.div_ceil(32)];
+    let meshes: Vec<u32> = (0..count).map(|_| rng.below(200) as u32).collect();
+
+    let mut group = c.benchmark_group(format!("results/{} of {count}", visible.ids().len()));
+    group.throughput(Throughput::Elements(visible.ids().len() as u64));
+    group.sample_size(20).measurement_time(Duration::from_secs(2));
+    for (name, set) in [("write entities, hierarchy order", &visible), ("write entities, by index", &sorted)]
+    {
+        group.bench_function(name, |b| {
+            b.iter(|| set.ids().iter().for_each(|id| entities[id.index()].0[3] += 1.0));
+        });
+    }
+    let mut again = VisibleSet::new();
+    group.bench_function("cull", |b| b.iter(|| pipeline.cull(&scene, &view, &mut again).visible));
+    group.bench_function("cull, sort by index", |b| {
+        b.iter(|| {
+            pipeline.cull(&scene, &view, &mut again);
+            again.sort_by_index(&scene);
+        });
+    });
+    group.bench_function("cull, sort by hand", |b| {
+        let mut ids = Vec::new();
+        b.iter(|| {
+            pipeline.cull(&scene, &view, &mut again);
+            ids.clear();
+            ids.extend(again.iter(&scene));
+            ids.sort_unstable();
+        });
+    });
+    group.bench_function("write bits", |b| b.iter(|| visible.write_bits(black_box(&mut bits))));
+    let mut list = DrawList::new();
+    group.bench_function("group", |b| b.iter(|| list.group(visible.ids(), |id| meshes[id.index()])));
+    let mut by_hand: HashMap<u32, Vec<u32>> = HashMap::new();
+    group.bench_function("group by HashMap", |b| {
+        b.iter(|| {
+            by_hand.values_mut().for_each(Vec::clear);
+            for id in visible.ids() {
+                by_hand.entry(meshes[id.index()]).or_default().push(id.index() as u32);
+            }
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, results);
+criterion_main!(benches);
