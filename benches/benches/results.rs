@@ -5,7 +5,6 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::{collections::HashMap, hint::black_box, time::Duration};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, DrawList, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
-use visibility_testing::Random;
 
 /// A component of an entity, as large as a cache line: what an engine writes for each visible object.
 #[derive(Clone)]
@@ -14,11 +13,16 @@ struct Component([f32; 16]);
 
 fn results(c: &mut Criterion) {
     let count = 100_000;
-    let mut rng = Random(1);
+    let mut state = 1_u64;
+    // Returns a pseudo-random number below 2^31.
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as u32
+    };
     let mut scene = Scene::new();
     scene.insert_batch((0..count).map(|_| {
-        let min = rng.vector(100.0).as_vec3();
-        Aabb::new(min, min + 0.5)
+        let min = [(); 3].map(|_| random() as f32 * (200.0 / 2_147_483_648.0) - 100.0);
+        Aabb::from_arrays(min, min.map(|x| x + 0.5))
     }));
     let pose = Pose::look_at(DVec3::new(-60.0, 0.0, 0.0), DVec3::ZERO, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("a view");
@@ -28,7 +32,7 @@ fn results(c: &mut Criterion) {
     sorted.sort_by_index(&scene);
     let mut entities = vec![Component([0.0; 16]); count];
     let mut bits = vec![0; count.div_ceil(32)];
-    let meshes: Vec<u32> = (0..count).map(|_| rng.below(200) as u32).collect();
+    let meshes: Vec<u32> = (0..count).map(|_| random() % 200).collect();
 
     let mut group = c.benchmark_group(format!("results/{} of {count}", visible.ids().len()));
     group.throughput(Throughput::Elements(visible.ids().len() as u64));

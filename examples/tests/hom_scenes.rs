@@ -16,7 +16,7 @@ use visibility_hzb::{DepthEstimate, Hom, Hzb};
 const JUDGE: (u32, u32) = (2560, 1440);
 
 /// Culls all frames of a world with a map, with all opaque triangles as occluders. The trial has no times.
-fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + 'static) -> Trial {
+fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + Sync + 'static) -> Trial {
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(all_occluders(&world.scene, map));
     let mut visible = VisibleSet::new();
     let reported = world.views.iter().map(|view| {

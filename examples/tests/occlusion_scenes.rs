@@ -20,7 +20,12 @@ const MAP: (usize, usize) = (96, 54);
 const JUDGE: (u32, u32) = (640, 360);
 
 /// Culls all frames of a world with the occlusion driver over a hierarchy.
-fn trial<H: BoxHierarchy + Send + 'static>(name: &str, world: &World, price: u32, hierarchy: H) -> Trial {
+fn trial<H: BoxHierarchy + Send + Sync + 'static>(
+    name: &str,
+    world: &World,
+    price: u32,
+    hierarchy: H,
+) -> Trial {
     let culler = OcclusionCuller::over(PlainMap::new(MAP.0, MAP.1), hierarchy).with_price(price);
     let pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
     run(name.to_owned(), pipeline, world)

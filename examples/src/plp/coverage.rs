@@ -44,7 +44,7 @@ impl<'a> Method<'a> {
     /// `tessellation` must have been made of the world's scene; `name` is the name in tables and plots.
     pub fn plp<S>(name: &str, world: &'a TriangleWorld, tessellation: S, solidity: Solidity) -> Self
     where
-        S: Deref<Target: Tessellation> + Send + 'static,
+        S: Deref<Target: Tessellation> + Send + Sync + 'static,
     {
         let most = share(world, BUDGETS[BUDGETS.len() - 1]);
         let culler =
