@@ -57,6 +57,7 @@ mod float;
 pub mod frustum;
 pub mod geometry;
 pub mod lod;
+pub mod motion;
 pub mod occlusion;
 pub mod pipeline;
 pub mod pvs;

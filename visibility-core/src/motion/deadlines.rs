@@ -1,0 +1,75 @@
+//! The queue of the movers with volumes, by deadline.
+
+use alloc::collections::BinaryHeap;
+use core::cmp::Ordering;
+
+/// A heap with the earliest deadline on top. Entries of movers that lost their volume stay until their
+/// deadline, or until they are more than half of the heap.
+#[derive(Clone, Debug)]
+pub(super) struct Deadlines {
+    heap: BinaryHeap<Entry>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    deadline: f64,
+    place: u32,
+}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        // Reversed: `BinaryHeap` has the greatest entry on top.
+        other.deadline.total_cmp(&self.deadline).then(other.place.cmp(&self.place))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Entry {}
+
+impl Deadlines {
+    pub(super) const fn new() -> Self {
+        Self { heap: BinaryHeap::new() }
+    }
+
+    /// Reserves what `movers` movers need at most.
+    pub(super) fn reserve(&mut self, movers: usize) {
+        self.heap.reserve((2 * movers + 1).saturating_sub(self.heap.len()));
+    }
+
+    /// Adds the deadline of the mover at `place`, one of `movers`, that got a volume. `is_current` tells of a
+    /// deadline and a place whether they are those of a present volume. Takes logarithmic time, amortized.
+    pub(super) fn push(
+        &mut self,
+        deadline: f64,
+        place: u32,
+        movers: usize,
+        is_current: impl Fn(f64, u32) -> bool,
+    ) {
+        if self.heap.len() >= 2 * movers {
+            self.heap.retain(|entry| is_current(entry.deadline, entry.place));
+        }
+        self.heap.push(Entry { deadline, place });
+    }
+
+    /// Removes the present volume with the earliest deadline before `time` and returns its mover's place.
+    /// `None` if there is none.
+    pub(super) fn pop_before(&mut self, time: f64, is_current: impl Fn(f64, u32) -> bool) -> Option<u32> {
+        while self.heap.peek().is_some_and(|entry| entry.deadline < time) {
+            if let Some(entry) = self.heap.pop().filter(|entry| is_current(entry.deadline, entry.place)) {
+                return Some(entry.place);
+            }
+        }
+        None
+    }
+}

@@ -1,0 +1,276 @@
+//! Tests of motion volumes: no mover that an up-to-date scene would show is missing, held against a scene
+//! with exact bounds in each frame.
+
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::motion::{Motion, MotionVolumes};
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+};
+use visibility_testing::Random;
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+/// A wall in the plane x = 20 from y = -15 to 15, seen from an eye at the origin: hides boxes entirely behind
+/// the wall.
+struct Wall;
+
+impl Culler for Wall {
+    fn name(&self) -> &str {
+        "wall"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+        visible.retain(scene, |_, bounds| {
+            let behind = |c: Vec3| c.x > 20.0 && c.y.abs() < 0.75 * c.x;
+            !bounds.corners().into_iter().all(behind)
+        })
+    }
+}
+
+/// A mover on a circle in the plane z = 0, with an exact place at every time.
+#[derive(Clone, Copy)]
+struct Orbit {
+    center: DVec3,
+    radius: f64,
+    speed: f64,
+    phase: f64,
+}
+
+impl Orbit {
+    fn random(rng: &mut Random) -> Self {
+        let center = DVec3::new(rng.range(-100.0, 150.0), rng.range(-100.0, 100.0), 0.0);
+        let speed = rng.pick(&[0.0, 1.0, 5.0, 30.0]);
+        Self { center, radius: rng.range(0.5, 30.0), speed, phase: rng.range(0.0, 6.0) }
+    }
+
+    fn at(&self, time: f64) -> Aabb {
+        let angle = self.phase + time * self.speed / self.radius;
+        let p = self.center + DVec3::new(angle.cos(), angle.sin(), 0.0) * self.radius;
+        Aabb::new((p - 0.5).as_vec3(), (p + 0.5).as_vec3())
+    }
+
+    fn motion(&self, with_region: bool) -> Motion {
+        let motion = Motion::new(self.speed as f32);
+        let reach = self.radius + 0.6;
+        let region = Aabb::new((self.center - reach).as_vec3(), (self.center + reach).as_vec3());
+        if with_region { motion.within(region) } else { motion }
+    }
+}
+
+fn view(time: f64) -> View {
+    let toward = DVec3::new((time * 0.3).cos(), (time * 0.3).sin(), 0.0);
+    View::perspective(Pose::look_at(DVec3::ZERO, toward, DVec3::Z), 0.9, 1.5, 0.1, 300.0).unwrap()
+}
+
+fn pipeline() -> Pipeline {
+    Pipeline::new().with(FrustumCuller::new()).with(Wall)
+}
+
+/// What a run of frames came to.
+#[derive(Default)]
+struct Outcome {
+    updates: usize,
+    seen: usize,
+    shown: usize,
+}
+
+/// Runs `frames` frames from `first` on. Each frame is held against `exact`, whose bounds are all set.
+fn run(
+    orbits: &mut [(ObjectId, Orbit)],
+    scene: &mut Scene,
+    exact: &mut Scene,
+    volumes: &mut MotionVolumes,
+    frames: std::ops::Range<usize>,
+    mut disturb: impl FnMut(&mut Scene, &mut [(ObjectId, Orbit)], usize, f64),
+) -> Outcome {
+    let (mut pipeline, mut visible) = (pipeline(), VisibleSet::new());
+    let (mut due, mut seen, mut outcome) = (Vec::new(), Vec::new(), Outcome::default());
+    for frame in frames {
+        let time = frame as f64 / 60.0;
+        disturb(scene, orbits, frame, time);
+        volumes.begin_frame(scene, time, &mut due);
+        outcome.updates += due.len();
+        for id in &due {
+            let (_, orbit) = orbits.iter().find(|(other, _)| other == id).unwrap();
+            scene.set_bounds(*id, orbit.at(time)).unwrap();
+        }
+        pipeline.cull(scene, &view(time), &mut visible);
+        volumes.end_frame(scene, &visible, &mut seen);
+        outcome.seen += seen.len();
+        for (id, orbit) in orbits.iter() {
+            exact.set_bounds(*id, orbit.at(time)).unwrap();
+        }
+        let mut truth = VisibleSet::new();
+        self::pipeline().cull(exact, &view(time), &mut truth);
+        for (id, orbit) in orbits.iter() {
+            let (held, bounds) = (scene.bounds(*id).unwrap(), orbit.at(time));
+            assert!(
+                held.min.cmple(bounds.min).all() && bounds.max.cmple(held.max).all(),
+                "{held:?} {bounds:?}"
+            );
+            if truth.contains(exact, *id) {
+                outcome.shown += 1;
+                assert!(visible.contains(scene, *id), "{id} is seen too late in frame {frame}");
+            }
+        }
+    }
+    outcome
+}
+
+/// Makes movers, of which about one in two has a region if `regions` is set.
+fn world(
+    count: usize,
+    rng: &mut Random,
+    regions: bool,
+) -> (Vec<(ObjectId, Orbit)>, Scene, Scene, MotionVolumes) {
+    let (mut scene, mut volumes) = (Scene::new(), MotionVolumes::new());
+    let orbits: Vec<Orbit> = (0..count).map(|_| Orbit::random(rng)).collect();
+    let ids = scene.insert_batch(orbits.iter().map(|orbit| orbit.at(0.0)));
+    let exact = scene.clone(); // with the same ids
+    for (&id, orbit) in ids.iter().zip(&orbits) {
+        volumes.insert(id, orbit.motion(regions && rng.one_in(2)));
+    }
+    (ids.into_iter().zip(orbits).collect(), scene, exact, volumes)
+}
+
+#[test]
+fn no_mover_is_seen_too_late_and_most_updates_are_saved() {
+    let mut rng = Random(31);
+    let (mut orbits, mut scene, mut exact, mut volumes) = world(600, &mut rng, true);
+    let outcome = run(&mut orbits, &mut scene, &mut exact, &mut volumes, 0..900, |_, _, _, _| {});
+    let share = outcome.updates as f64 / (600.0 * 900.0);
+    assert!(share < 0.35, "{share} of all updates are made");
+    assert!(outcome.shown > 10_000 && outcome.seen > 500, "{} {}", outcome.shown, outcome.seen);
+    // At least the visible movers are updated or found seen.
+    assert!(outcome.updates + outcome.seen >= outcome.shown);
+}
+
+#[test]
+fn teleports_other_scenes_and_time_that_jumps_lose_no_mover() {
+    let mut rng = Random(37);
+    let (mut orbits, mut scene, mut exact, mut volumes) = world(200, &mut rng, false);
+    let mut other = Random(5);
+    run(&mut orbits, &mut scene, &mut exact, &mut volumes, 0..400, |scene, orbits, frame, time| {
+        if frame % 7 == 3 {
+            let (id, orbit) = &mut orbits[other.below(200)];
+            *orbit = Orbit { radius: orbit.radius, speed: orbit.speed, ..Orbit::random(&mut other) };
+            scene.set_bounds(*id, orbit.at(time)).unwrap();
+            if frame % 2 == 0 {
+                // From here on the scene's log tells nothing of the teleport.
+                scene.set_origin(DVec3::ZERO).unwrap();
+            }
+        }
+        if frame % 50 == 20 {
+            *scene = scene.clone();
+        }
+    });
+    for frames in [100..150, 20..60, 5000..5050] {
+        run(&mut orbits, &mut scene, &mut exact, &mut volumes, frames, |_, _, _, _| {});
+    }
+}
+
+#[test]
+fn movers_without_a_volume_are_due_in_every_frame() {
+    let mut scene = Scene::new();
+    let far = Aabb::from_arrays([-900.0; 3], [-899.0; 3]);
+    let ids = scene.insert_batch([far; 6]);
+    let inside = Aabb::from_arrays([-1000.0; 3], [-800.0; 3]);
+    let mut volumes = MotionVolumes::new();
+    volumes.insert(ids[0], Motion::new(f32::NAN));
+    volumes.insert(ids[1], Motion::new(-1.0));
+    volumes.insert(ids[2], Motion::new(f32::INFINITY));
+    volumes.insert(ids[3], Motion::new(f32::INFINITY).within(inside));
+    volumes.insert(ids[4], Motion::new(1.0).within(Aabb::new(Vec3::NAN, Vec3::NAN)));
+    let (mut pipeline, mut visible) = (pipeline(), VisibleSet::new());
+    let (mut due, mut seen) = (Vec::new(), Vec::new());
+    let mut counts = [0; 6];
+    for frame in 0..100 {
+        let time = f64::from(frame);
+        volumes.begin_frame(&mut scene, time, &mut due);
+        due.iter().for_each(|id| counts[id.index()] += 1);
+        due.iter().for_each(|&id| scene.set_bounds(id, far).unwrap());
+        pipeline.cull(&scene, &view(0.0), &mut visible);
+        volumes.end_frame(&scene, &visible, &mut seen);
+    }
+    assert_eq!(counts[..3], [100; 3]);
+    assert!(counts[3] < 20 && counts[4] < 20 && counts[5] == 0, "{counts:?}");
+    // Time that is NaN or stands still, removed objects and movers.
+    for time in [f64::NAN, 100.0, 100.0, f64::INFINITY, f64::INFINITY, -5.0] {
+        volumes.begin_frame(&mut scene, time, &mut due);
+        assert!(due.len() >= 3);
+        volumes.end_frame(&scene, &visible, &mut seen);
+    }
+    scene.remove(ids[0]).unwrap();
+    assert!(volumes.remove(ids[1]) && !volumes.remove(ids[1]) && !volumes.remove(ids[5]));
+    volumes.begin_frame(&mut scene, 1.0, &mut due);
+    assert!(volumes.len() == 3 && !due.contains(&ids[0]) && !due.contains(&ids[1]));
+    let again = scene.insert(far);
+    assert_eq!(again.index(), ids[0].index());
+    volumes.insert(again, Motion::new(1.0));
+    volumes.insert(again, Motion::new(2.0));
+    volumes.begin_frame(&mut scene, 2.0, &mut due);
+    assert_eq!(due.iter().filter(|&&id| id == again).count(), 1);
+    assert_eq!(volumes.len(), 4);
+}
+
+#[test]
+fn frames_allocate_nothing_once_warm() {
+    let mut rng = Random(41);
+    let (orbits, mut scene, _, mut volumes) = world(5000, &mut rng, true);
+    let (mut pipeline, mut visible) = (pipeline(), VisibleSet::new());
+    let (mut due, mut seen, mut before) = (Vec::new(), Vec::new(), 0);
+    for frame in 0..1500 {
+        if frame == 1200 {
+            before = ALLOCATIONS.get();
+        }
+        // The same motion again and again, on a clock that runs on.
+        let time = f64::from(frame) / 60.0;
+        volumes.begin_frame(&mut scene, time, &mut due);
+        for &id in &due {
+            scene.set_bounds(id, orbits[id.index()].1.at(time)).unwrap();
+        }
+        scene.maintain(16);
+        pipeline.cull(&scene, &view(time), &mut visible);
+        volumes.end_frame(&scene, &visible, &mut seen);
+    }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+}
+
+/// Tests movers that run straight at exactly their greatest speed: their bounds, rounded to f32 at both
+/// times, stay within the volumes.
+#[test]
+fn volumes_hold_at_the_greatest_speed() {
+    let mut rng = Random(43);
+    for _ in 0..300 {
+        let start = DVec3::new(-rng.range(1e3, 1e5), rng.range(-100.0, 100.0), rng.range(-100.0, 100.0));
+        let speed = rng.range(0.0, 0.1) as f32;
+        let side = rng.pick(&[DVec3::Y, DVec3::NEG_Y, DVec3::X, DVec3::Z]) * f64::from(speed);
+        let at = |time: f64| {
+            let center = start + side * time;
+            Aabb::new((center - 0.3).as_vec3(), (center + 0.3).as_vec3())
+        };
+        let mut scene = Scene::new();
+        let id = scene.insert(at(0.0));
+        let mut volumes = MotionVolumes::new();
+        volumes.insert(id, Motion::new(speed));
+        let (mut pipeline, mut visible) = (pipeline(), VisibleSet::new());
+        let (mut due, mut seen, mut updates) = (Vec::new(), Vec::new(), 0);
+        for frame in 0..200 {
+            let time = f64::from(frame) / 60.0;
+            volumes.begin_frame(&mut scene, time, &mut due);
+            due.iter().for_each(|&id| scene.set_bounds(id, at(time)).unwrap());
+            updates += due.len();
+            pipeline.cull(&scene, &view(0.0), &mut visible);
+            volumes.end_frame(&scene, &visible, &mut seen);
+            let (held, exact) = (scene.bounds(id).unwrap(), at(time));
+            assert!(held.min.cmple(exact.min).all() && exact.max.cmple(held.max).all(), "{held:?} {exact:?}");
+        }
+        assert!(updates < 30);
+    }
+}
