@@ -79,11 +79,13 @@ pub struct Hzb {
     projection: ScreenProjection,
     /// Projection of the current view in `f32`, for tested boxes.
     pub(crate) projection32: ScreenProjection32,
-    /// Precomputed terms of the current view, by which the faces of a tested box bound its depth keys.
+    /// Precomputed terms of the current view, with which the planes of a tested box's faces give bounds on
+    /// the box's depth keys.
     faces: FacePlaneSetup,
     /// Covered pixels and depth keys of all tiles.
     pub(crate) tiles: Tiles,
-    /// Least depth keys on the levels above the tiles. May be older than `tiles`.
+    /// Pyramid of least depth keys (greater is nearer) above the tiles. May be older than `tiles`, which is
+    /// conservative.
     pyramid: Pyramid,
     /// Scratch memory for the set-up of one convex mesh.
     convex_scratch: ConvexScratch,
@@ -95,7 +97,8 @@ pub struct Hzb {
     mesh_scratch: MeshScratch,
     /// Scratch memory for the coverage of one mesh that is drawn by its triangles.
     contour_tiles: ContourTiles,
-    /// Number of occluders that tiles hid and the pyramid did not, since the last update of the pyramid.
+    /// Number of occluders found hidden by `tiles` although the older `pyramid` did not hide them, since the
+    /// last update of the pyramid.
     pyramid_misses: usize,
     /// Upper bound on the depth keys (greater is nearer) of all drawn occluders. Negative infinity before
     /// the first.
@@ -274,8 +277,9 @@ impl Hzb {
     }
 
     /// Draws a box. `bounds` are in the box's own coordinates, which `transform` maps to the scene. `extent`
-    /// gives its screen bounds if they are known, which implies that the whole box is in front of the eye.
-    /// `two_sided` tells whether the inner sides of its faces hide too.
+    /// holds the screen bounds of the box (rounded outwards, so the box lies within) if they are known, which
+    /// implies that the whole box is in front of the eye. `two_sided` tells whether the inner sides of its
+    /// faces hide too.
     fn draw_box(
         &mut self,
         bounds: &Aabb,
@@ -337,8 +341,8 @@ impl Hzb {
         }
     }
 
-    /// Fills `shape` into the tiles, and raises `nearest` to the shape's greatest depth key if a tile may
-    /// have changed.
+    /// Fills the screen shape `self.shape` into the tiles. If a tile may have changed, raises `self.nearest`
+    /// to at least the shape's greatest depth key.
     fn fill(&mut self) {
         if self.simd.fill_shape(&self.shape, &mut self.tiles) && self.shape.ceiling > self.nearest {
             self.nearest = self.shape.ceiling;

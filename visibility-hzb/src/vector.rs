@@ -24,7 +24,8 @@ pub(crate) fn point(corner: &[f64; 5]) -> Point {
     [corner[0], corner[1], corner[2]]
 }
 
-/// Returns the difference `a - b` of the homogeneous screen coordinates of two corners, in all five values.
+/// Returns the difference `a - b` of two corners in all five values: `x` and `y` (pixel coordinates times
+/// `w`), `w`, `n` (depth key times `w`), and the distance beyond the near plane.
 #[inline(always)]
 pub(crate) fn less(a: &[f64; 5], b: &[f64; 5]) -> [f64; 5] {
     let mut out = [0.0; 5];

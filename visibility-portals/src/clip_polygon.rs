@@ -26,8 +26,9 @@ pub(crate) enum Clip {
 ///
 /// A result that is smaller than the input is appended to `points`. Of its vertices, neighbours no farther
 /// apart than `merge` (in the unit of the coordinates) become one. A result of fewer than three vertices is
-/// discarded and reported as `Clip::Nothing`. A polygon with a vertex whose distance from the plane is NaN or
-/// infinite, or with more than `MAX_CLIPPED_VERTICES` vertices, is reported as `Clip::All`.
+/// discarded, and `Clip::Nothing` is returned. A polygon with a vertex whose distance from the plane is NaN
+/// or infinite, or with more than `MAX_CLIPPED_VERTICES` vertices, is kept whole, and `Clip::All` is
+/// returned.
 pub(crate) fn clip(points: &mut Vec<DVec3>, polygon: Range<usize>, plane: &Plane, merge: f64) -> Clip {
     let count = polygon.len();
     if count > MAX_CLIPPED_VERTICES {

@@ -5,15 +5,16 @@ use super::tile_layout::SIDE;
 use crate::query::box_face_planes::{BoxFacePlanes, LANES};
 use crate::setup::screen_shape::ScreenShape;
 
-/// Up to three depth planes of one occluder. Wherever the occluder covers a pixel, its depth key (greater is
-/// nearer) is at least the least value of the planes there.
+/// Up to three depth planes of one occluder. Wherever the occluder covers a pixel, the occluder's depth key
+/// (greater is nearer) is at least the least value of these planes at the pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DepthPlanes {
     /// Coefficients `[a, b, c]` of each plane: `a * column + b * row + c` is the least depth key of the
     /// plane in the tile at tile column `column` and tile row `row` (see [`ScreenShape::planes`]). The
     /// first `count` planes are valid.
     planes: [[f32; 3]; 3],
-    /// Number of valid planes, 0 to 3. With 0 planes the depth key is not bounded.
+    /// Number of depth planes in use, 0 to 3; later elements of `planes` are stale. With 0 planes the
+    /// occluder's depth key is not bounded.
     count: usize,
 }
 
@@ -29,9 +30,9 @@ impl DepthPlanes {
         Self { planes: [p, q, r], count: if shape.plane_count <= 3 { shape.plane_count } else { 0 } }
     }
 
-    /// Returns the least value of the planes in a rectangle: a lower bound on the occluder's depth key there.
-    /// The rectangle is given as left, right, top and bottom in pixels of the buffer. Returns negative
-    /// infinity if there are no planes.
+    /// Returns the least value of the occluder's depth planes in a rectangle: a lower bound on the occluder's
+    /// depth key in that rectangle. The rectangle is given as left, right, top and bottom in pixels of the
+    /// buffer. Returns negative infinity if there are no planes.
     ///
     /// Computed in `f64`. Its rounding is far below the amount by which [`ScreenShape::add_depth_plane`] has
     /// lowered the planes.

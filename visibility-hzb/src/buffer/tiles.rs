@@ -48,7 +48,8 @@ pub(crate) struct Tiles {
     /// Depth planes of the occluders drawn since the last [`clear`](Self::clear). Element 0 is
     /// [`DepthPlanes::NONE`].
     depth_planes: Vec<DepthPlanes>,
-    /// Number of valid layers of each tile, 0 to [`LAYERS`].
+    /// Number of layers in use in each tile, 0 to [`LAYERS`]. A layer is a set of covered pixels with one
+    /// bound on depth.
     counts: Vec<u8>,
     /// Layers of each tile. Layers at or beyond the tile's count are stale.
     layers: Vec<Layers>,
@@ -97,8 +98,8 @@ impl Tiles {
         self.changed_rows = join(self.changed_rows, [row, row + 1]);
     }
 
-    /// Sets the `tile_min` of the tile with index `tile` (row by row) to `depth_key`, and marks the tile as
-    /// dirty.
+    /// Sets `tile_min` (the lower bound on the depth keys of all 64 pixels) of the tile with index `tile`
+    /// (row by row) to `depth_key`, and marks the tile as dirty.
     #[inline(always)]
     fn raise(&mut self, tile: usize, depth_key: f32) {
         self.tile_min[tile] = depth_key;

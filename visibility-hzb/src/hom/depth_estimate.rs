@@ -58,8 +58,8 @@ pub(crate) struct DepthBoundary {
 }
 
 impl DepthBoundary {
-    /// Creates a boundary without occluders, for a buffer with the tiles of `tiles`, with the default
-    /// estimate.
+    /// Creates the depth bounds of a buffer laid out like `tiles`, without occluders (all bounds positive
+    /// infinity) and with the default estimate.
     pub(crate) fn new(tiles: &Tiles) -> Self {
         Self {
             estimate: DepthEstimate::default(),

@@ -82,9 +82,9 @@ pub struct OccluderDatabase {
 
 /// Number of rows and of columns of test lines through an object: `GRID * GRID` lines along each axis.
 const GRID: usize = 4;
-/// Limits on the occluders that are examined as backing of one object. Element 0: the search for nearby
-/// occluders stops once it has found that many. Element 1: at most that many of the found occluders, the
-/// largest, are tested against the lines.
+/// Limits on the occluders that are examined as backing (close behind or in front) of one object. Element 0:
+/// the number of nearby occluders at which the search stops. Element 1: the maximum number of the found
+/// occluders that are tested against the test lines through the object; the largest are taken.
 const NEIGHBOURS: [usize; 2] = [1024, 32];
 
 impl OccluderDatabase {

@@ -38,9 +38,10 @@ pub(crate) struct FacePlaneSetup {
     /// Coordinate of the projection's anchor (the eye) along the face's axis, in metres in scene
     /// coordinates.
     anchor: [f64; LANES],
-    /// Coefficients `a`, `b`, `c` of a linear function `a x + b y + c` of pixel coordinates, for each face.
-    /// Its value is the dot product of the view ray through the pixel with the inward normal of the face,
-    /// times the determinant of the linear parts of the projection's rows `x`, `y` and `w`.
+    /// Coefficients `a`, `b`, `c`, as `along[0]` to `along[2]`, of a linear function `a x + b y + c` of
+    /// pixel coordinates, for each face. Its value is the dot product of the view ray through the pixel
+    /// with the inward normal of the face, times the determinant of the linear parts of the projection's
+    /// rows `x`, `y` and `w`.
     along: [[f64; LANES]; 3],
     /// Upper bound on the absolute error of the linear function `along` anywhere in the picture, for each
     /// face.
@@ -64,13 +65,14 @@ pub(crate) struct BoxFacePlanes {
     /// Change of the bound (a depth key or its negative) for each pixel to the right and for each pixel
     /// downwards.
     slope: [[f64; LANES]; 2],
-    /// Value of the linear bound at the upper left corner of the picture, raised by the bound on its error.
+    /// Value, at the upper left corner of the picture, of each face's linear bound on the depth key or on
+    /// its negative. Raised by the error bound, so that the bound stays conservative.
     constant: [f64; LANES],
-    /// 0 in lanes with an upper bound, else infinity. Added to the lanes' values, so that a minimum ignores
-    /// other lanes.
+    /// 0 in lanes whose linear function is an upper bound on the box's depth key, else infinity. Added to
+    /// the lanes' values, so that a minimum ignores other lanes.
     upper: [f64; LANES],
-    /// 0 in lanes with the negative of a lower bound, else infinity. Added to the lanes' values, so that a
-    /// minimum ignores other lanes.
+    /// 0 in lanes whose linear function is the negative of a lower bound on the box's depth key, else
+    /// infinity. Added to the lanes' values, so that a minimum ignores other lanes.
     lower: [f64; LANES],
 }
 
@@ -131,9 +133,9 @@ impl FacePlaneSetup {
         faces
     }
 
-    /// Computes the bounds of a box, given by its least x, y, z and greatest x, y, z in scene coordinates. A
-    /// face is left without a bound if its coordinate is NaN, or if the error bound of its distance from the
-    /// eye exceeds half of that distance.
+    /// Computes the bounds on the depth key of a box by the planes of its faces. The box is given by its
+    /// least x, y, z and greatest x, y, z in scene coordinates. A face is left without a bound if its
+    /// coordinate is NaN, or if the error bound of its distance from the eye exceeds half of that distance.
     #[inline(always)]
     pub(crate) fn of_box(&self, [x0, y0, z0, x1, y1, z1]: [f32; 6]) -> BoxFacePlanes {
         let sides = [x1, y1, z1, x0, y0, z0, 0.0, 0.0];
@@ -201,8 +203,8 @@ mod tests {
     use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
 
-    /// Exact points on the faces of a box satisfy the computed bounds, also where the eye is almost in the
-    /// plane of a face.
+    /// Exact points on the faces of a box satisfy the computed bounds on its depth key, also where the eye is
+    /// almost in the plane of a face.
     #[test]
     fn bounds_hold_on_the_faces() {
         let mut random = random(5);

@@ -20,16 +20,18 @@ use crate::lanes::{WIDTH, greatest, least, round_to_i32};
 use crate::setup::screen_projection::{ScreenProjection, ScreenRow};
 use crate::setup::screen_shape::ScreenExtent;
 
-/// Sixteen times the unit round-off of `f32`: error bound of a row's value, relative to the sum of the
-/// magnitudes of its terms.
+/// Sixteen times the unit round-off of `f32`: error bound of the value of a [`ScreenRow32`] (a linear
+/// function of points), relative to the sum of the magnitudes of its terms.
 const MARGIN: f32 = 8.0 * f32::EPSILON;
 
-/// A [`ScreenRow`] in `f32`: a linear function of points relative to the anchor.
+/// A [`ScreenRow`] rounded to `f32`: one homogeneous screen coordinate as a linear function `linear . p +
+/// constant` of a point `p` relative to the anchor (the eye of a perspective view).
 #[derive(Clone, Copy, Debug, Default)]
 struct ScreenRow32 {
-    /// Change of the function's value for each metre along the scene's x, y and z axis.
+    /// Coefficients of the linear function: the change of its value for each metre along the scene's x, y
+    /// and z axis.
     linear: [f32; 3],
-    /// Value of the linear function for a point at the anchor.
+    /// Value of the linear function at the anchor (the eye of a perspective view).
     constant: f32,
     /// Absolute upper bound on the part of the value's error that does not grow with the point: the error of
     /// the constant, and losses to flushed denormals.
@@ -99,7 +101,8 @@ impl ScreenProjection32 {
     }
 }
 
-/// Screen bounds of `N` boxes, one lane for each. Bounds of improper (inverted or NaN) boxes are meaningless.
+/// Screen bounds of `N` boxes, one lane for each. Bounds of improper boxes (a least coordinate above the
+/// greatest, or NaN) are meaningless.
 #[derive(Clone, Debug)]
 pub(crate) struct ProjectedBoxes<const N: usize> {
     /// First column, end column, first row and end row of the pixels in the picture that each box can meet,
@@ -313,8 +316,8 @@ mod tests {
     use visibility_core::glam::{Affine3A, DVec3};
     use visibility_core::{Aabb, Pose, View};
 
-    /// Values of rows with denormal coefficients are within their error bounds, compared with `f64`, whose
-    /// own rounding is far below these bounds.
+    /// Values of [`ScreenRow32`]s (linear functions of points) with denormal coefficients are within their
+    /// error bounds, compared with `f64`, whose own rounding is far below these bounds.
     #[test]
     fn rows_are_within_their_error_where_coefficients_are_denormal() {
         let mut random = random(5);
@@ -336,8 +339,9 @@ mod tests {
         assert!(off > 100, "something is lost: {off}");
     }
 
-    /// Values of rows are within their error bounds close to an anchor far from the origin, which `f32` holds
-    /// in two parts only.
+    /// Values of [`ScreenRow32`]s (linear functions of points) are within their error bounds close to an
+    /// anchor far from the origin. The coordinates of such an anchor are ones that `f32` holds in two parts
+    /// only.
     #[test]
     fn rows_are_within_their_error_close_to_a_far_anchor() {
         let mut random = random(7);

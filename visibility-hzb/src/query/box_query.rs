@@ -17,16 +17,19 @@ use visibility_core::occlusion::Occlusion64;
 /// origin).
 pub(crate) type Boxes = [[f32; 64]; 6];
 
-/// State of a z-buffer that a test of boxes reads.
+/// Parts of a z-buffer that a test of boxes reads: the view's projection, the tiles, the pyramid above them,
+/// and bounds.
 #[derive(Clone, Copy)]
 pub(crate) struct BoxQuery<'a> {
     /// Projection of the current view.
     pub(crate) projection: &'a ScreenProjection32,
     /// Covered pixels and depth keys of all tiles.
     pub(crate) tiles: &'a Tiles,
-    /// Least depth keys on the levels above the tiles. May be older than `tiles`, which is conservative.
+    /// Pyramid of least depth keys (greater is nearer) above the tiles. May be older than `tiles`, which is
+    /// conservative.
     pub(crate) pyramid: &'a Pyramid,
-    /// Setup of the current view for the bounds by a box's faces.
+    /// Precomputed terms of the current view, with which the planes of a box's faces give bounds on the
+    /// box's depth key.
     pub(crate) faces: &'a FacePlaneSetup,
     /// Upper bound on all depth keys in the buffer (greater is nearer). Negative infinity if the buffer is
     /// empty.

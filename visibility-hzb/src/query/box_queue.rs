@@ -21,7 +21,8 @@ pub(crate) struct BoxQueue {
     /// Axis-aligned bounds of each transformed box in scene coordinates: least x, y, z, then greatest x, y,
     /// z.
     pub(crate) around: [[f32; WIDTH]; 6],
-    /// Screen bounds of the boxes in `around`. Valid only while the queue is being drawn.
+    /// Screen bounds of the boxes in `around`, rounded outwards. Meaningful only while the queue is being
+    /// drawn; stale otherwise.
     pub(crate) projected: ProjectedBoxes<WIDTH>,
 }
 
@@ -36,8 +37,9 @@ impl BoxQueue {
         projected: ProjectedBoxes::NONE,
     };
 
-    /// Returns axis-aligned bounds, in scene coordinates, of the box `bounds` transformed by `transform`,
-    /// rounded outwards. Without a transform (identity) these are `bounds`.
+    /// Returns axis-aligned bounds, in scene coordinates, of the box `bounds` transformed by `transform`. The
+    /// result is rounded outwards, so it contains the transformed box. For the identity transform it is
+    /// `bounds`.
     pub(crate) fn around(bounds: &Aabb, transform: &Affine3A) -> Aabb {
         if *transform == Affine3A::IDENTITY { *bounds } else { moved(bounds, transform) }
     }

@@ -11,9 +11,9 @@ use crate::rounding::up;
 const MAX_FACE_TEST_TILES: u32 = 64;
 
 /// Returns whether the tiles hide a box in every pixel of `rectangle`, the rectangle around the box. `sides`
-/// are the box's least x, y, z and greatest x, y, z in scene coordinates. `nearest` is an upper bound on its
-/// depth keys. The caller guarantees that the whole box is in front of the eye. False for parallel views, and
-/// for boxes that meet more than [`MAX_FACE_TEST_TILES`] tiles.
+/// are the box's least x, y, z and greatest x, y, z in scene coordinates. `nearest` is an upper bound on the
+/// box's depth keys (greater is nearer). The caller guarantees that the whole box is in front of the eye.
+/// False for parallel views, and for boxes that meet more than [`MAX_FACE_TEST_TILES`] tiles.
 #[inline(always)]
 pub(crate) fn faces_hide(
     faces: &FacePlaneSetup,

@@ -35,7 +35,8 @@ struct ContourTile {
     /// Least depth key of the drawn triangles that may meet each quarter of the tile, in the order of
     /// [`QUARTERS`]. Infinity if no triangle does.
     least: [f32; 4],
-    /// True if an element of `steps` may differ from zero. False if all elements are zero.
+    /// True if an element of `steps` (changes of the winding number) may differ from zero. False if all
+    /// elements are zero.
     stepped: bool,
     /// Changes of the contour's winding number, modulo 256: `steps[x][y]` is the change from the centre of
     /// the pixel at column `x - 1` to that of the pixel at column `x`, in row `y` of the tile. A winding
@@ -54,8 +55,8 @@ const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf
 /// Width and height of a quarter of a tile, in pixels.
 const HALF: usize = SIDE / 2;
 
-/// Maximum difference of the depth keys of a triangle's corners, as a fraction of the greatest, up to which
-/// the whole triangle gets the depth key of its farthest corner.
+/// Flatness limit of a triangle: if the depth keys of its corners differ by no more than this fraction of the
+/// greatest of them, the whole triangle gets the depth key of its farthest corner.
 const FLAT: f32 = 0.001;
 
 /// Scratch for the contribution of one mesh: one [`ContourTile`] for each tile of the buffer. All are empty
@@ -91,8 +92,8 @@ pub(crate) struct ContourRaster<'a> {
 }
 
 /// Returns the half-open range of the units (pixels, or quarters of tiles) that the interval from `low` to
-/// `high` meets, clipped to `0..size`. May begin a unit early if `low` is a whole number. `None` if the
-/// interval lies outside, or if a limit is NaN.
+/// `high` meets, clipped to `0..size`. May begin one unit early if `low` is a whole number. `None` if the
+/// interval lies outside `0..size`, or if `low` or `high` is NaN.
 #[inline(always)]
 fn range(low: f64, high: f64, size: f64) -> Option<[usize; 2]> {
     // False for NaN.
@@ -187,8 +188,8 @@ impl<'a> ContourRaster<'a> {
         }
     }
 
-    /// Lowers the least depth key of one quarter of a tile. `column` and `band` are the quarter's column and
-    /// row in units of quarters (4 pixels).
+    /// Lowers the mesh's least depth key in one quarter (4 x 4 pixels) of a tile to at most `depth_key`.
+    /// `column` and `band` are the quarter's column and row in units of quarters (4 pixels).
     #[inline(always)]
     fn lower_depth_key(&mut self, column: usize, band: usize, depth_key: f32) {
         let cell = &mut self.cells[band / 2 * self.columns + column / 2];

@@ -57,7 +57,8 @@ pub(crate) struct MeshScratch {
     facing: Vec<i8>,
 }
 
-/// Constant part of the slack, the width in pixels by which contours are widened to allow for rounding.
+/// Constant part of the slack, in pixels: the distance by which contours (edges of the drawn area) are
+/// widened on both sides, so that rounding covers no pixel too many.
 const MIN_SLACK_PX: f64 = 1.0 / 1048576.0;
 
 /// Minimum size of drawn triangles in meshes with many open edges: the summed widths and heights, in pixels,
@@ -88,7 +89,8 @@ struct VertexBounds {
 }
 
 impl VertexBounds {
-    /// Bounds over no vertices: the start value, which each vertex extends.
+    /// Start value: no error, no depth key and no near-plane distance yet. Each vertex of the mesh extends
+    /// these bounds.
     const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
 }
 

@@ -105,20 +105,21 @@ fn bands(shape: &ScreenShape, first_row: usize, columns: usize) -> Bands {
     bands
 }
 
-/// First pixel row of each of eight rows of tiles, relative to the first of them.
+/// First pixel row of each of eight rows of tiles, in pixels relative to the first pixel row of the first of
+/// these rows of tiles.
 const TILE_ROW_STARTS: [f32; SIDE] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 56.0];
 /// Indices 0 to 7 of the rows of pixels of a tile, as `f32`.
 const PIXEL_ROWS: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// Returns the first pixel column at or to the right of `low`, a bound in pixels: `low` rounded up. `limit`
-/// rounded up if `low` is greater than `limit` or NaN. `limit` must be finite.
+/// Returns the first pixel column whose left border is at or to the right of `low`, a column bound in pixels:
+/// `low` rounded up. `limit` rounded up if `low` is greater than `limit` or NaN. `limit` must be finite.
 #[inline(always)]
 fn first_pixel(low: f32, limit: f32) -> i32 {
     round_to_i32(if low <= limit { low } else { limit } + 0.5)
 }
 
-/// Returns the end, exclusive, of the whole pixel columns to the left of `high`, a bound in pixels: `high`
-/// rounded down. A negative number if `high` is below 0 or NaN.
+/// Returns the exclusive end of the pixel columns that lie wholly to the left of `high`, a column bound in
+/// pixels: `high` rounded down. A negative number if `high` is below 0 or NaN.
 #[inline(always)]
 fn end_pixel(high: f32) -> i32 {
     round_to_i32(if high >= -1.0 { high } else { -1.0 } - 0.5)
@@ -224,8 +225,9 @@ fn fill_row(
 }
 
 /// Returns a lower bound on the depth key (greater is nearer) of a shape in each of [`WIDTH`] tiles from tile
-/// column `column` on: the least of its depth planes, limited to the range from the shape's `floor` to its
-/// `ceiling`. `offsets` are the values of the planes in tile column 0 of the row of tiles.
+/// column `column` on: the least value of the shape's depth planes in that tile, limited to the range from
+/// the shape's `floor` to its `ceiling`. `offsets` are the values of the planes in tile column 0 of the row
+/// of tiles.
 #[inline(always)]
 fn depths(shape: &ScreenShape, offsets: &[f32; MAX_PLANES], column: usize) -> [f32; WIDTH] {
     let mut least = [shape.ceiling; WIDTH];

@@ -23,7 +23,7 @@ const FACES: [[u8; 4]; 6] =
 /// the seen face, counter-clockwise from outside.
 #[derive(Clone, Copy)]
 struct Outline {
-    /// Corner indices of the start and end of each edge. The first `count` edges are valid.
+    /// Corner indices of the start and end of each edge. The first `count` edges are in use.
     edges: [[u8; 2]; 6],
     /// Number of edges, 0 to 6.
     count: u8,

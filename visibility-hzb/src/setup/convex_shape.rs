@@ -146,8 +146,8 @@ fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], f
 
 /// Decides for each triangle whether it is drawn, and replaces `drawn` by the results. A triangle is drawn if
 /// it certainly faces the eye and has a corner farther beyond the near plane than `near_limit`. `facing` is
-/// the sign of the determinant of triangles that face the eye, and `certain` bounds the error of a
-/// determinant. Returns whether any triangle is drawn.
+/// the sign (1 or -1) of the determinant of the corners of triangles that face the eye. `certain` bounds the
+/// absolute error of such a determinant. Returns whether any triangle is drawn.
 #[inline(always)]
 fn choose(
     mesh: &OccluderTriangles,

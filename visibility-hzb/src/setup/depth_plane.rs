@@ -41,9 +41,9 @@ pub(crate) fn plane(
 }
 
 /// Lowers a depth plane `a x + b y + c` (pixel coordinates) by the bound on its absolute error in the buffer.
-/// `over` is the reciprocal of the determinant of three corners by which the plane was divided.
-/// `determinant_error` and `cross_error` bound the absolute errors of that determinant and of cross products
-/// of corners.
+/// `over` is the reciprocal of the determinant of three corners; the coefficients of the plane were divided
+/// by that determinant. `determinant_error` and `cross_error` bound the absolute errors of that determinant
+/// and of cross products of corners.
 ///
 /// A coefficient is a numerator over the determinant. Over the picture, the error of the numerator is that of
 /// a cross product times `n` (depth key times `w`), and for parallel views also that of `n` times a product

@@ -3,9 +3,9 @@
 //! `n` and the distance beyond the near plane. All cuts are where that distance is `near_limit`.
 
 /// Returns the point of an edge whose distance beyond the near plane is `near_limit`. The ends `a` and `b`,
-/// in homogeneous screen coordinates, lie on different sides of that distance. The point is interpolated from
-/// the nearer end in both orders of the arguments, so that all triangles that share the edge get the
-/// identical point.
+/// in homogeneous screen coordinates, lie on different sides of the cut: one nearer than `near_limit`, one
+/// farther. The point is interpolated from the nearer end in both orders of the arguments, so that all
+/// triangles that share the edge get the identical point.
 #[inline(always)]
 pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] {
     let (a, b) = if a[4] < b[4] { (a, b) } else { (b, a) };
@@ -17,10 +17,11 @@ pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] 
     out
 }
 
-/// The part of a triangle whose distance beyond the near plane exceeds `near_limit`.
+/// The part of a triangle that is farther beyond the near plane than `near_limit` (the distance at which
+/// geometry is cut).
 pub(crate) struct ClippedTriangle {
-    /// Corners of the clipped triangle in its own order, in homogeneous screen coordinates. The first
-    /// `count` are valid.
+    /// Corners of the clipped triangle, in the same turning sense as the triangle, in homogeneous screen
+    /// coordinates. The first `count` are in use.
     pub(crate) corners: [[f64; 5]; 4],
     /// Number of corners: 3 or 4, or 0 if the whole triangle is nearer than `near_limit`.
     pub(crate) count: usize,

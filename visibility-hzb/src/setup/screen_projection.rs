@@ -23,9 +23,10 @@ pub(crate) const U: f64 = f64::EPSILON / 2.0;
 /// in an array, as loops over lanes need them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenRow {
-    /// Change of the function's value for each metre along the scene's x, y and z axis.
+    /// Coefficients of the linear function: the change of its value for each metre along the scene's x, y
+    /// and z axis.
     pub(crate) linear: [f64; 3],
-    /// Value of the linear function for a point at the anchor.
+    /// Value of the linear function at the anchor (the eye of a perspective view).
     pub(crate) constant: f64,
     /// Upper bound on the absolute error of `constant`, the effect of rounding the anchor included.
     pub(crate) error: f64,
@@ -57,7 +58,8 @@ pub(crate) struct ScreenProjection {
     /// True if the view is perspective, so that `n` is always 1. False if it is parallel, so that `w` is the
     /// same for all points and `n` carries the depth.
     pub(crate) perspective: bool,
-    /// Projection for the identity transform, with error bounds for points at the scene's origin.
+    /// Projection of points in scene coordinates (identity transform), with error bounds that hold only for
+    /// a point at the scene's origin.
     untransformed: ObjectProjection,
 }
 
@@ -172,7 +174,8 @@ impl ObjectProjection {
     }
 
     /// Returns an upper bound on the absolute error of the determinant of three points (`x`, `y`, `w`) of the
-    /// object within its reach, or of a point and two differences of points.
+    /// object within the `reach` (greatest coordinates) given to `project_object`, or of a point and two
+    /// differences of points.
     ///
     /// Let `e` be the error bounds (`error`) and `S` the bounds on magnitudes (`size`) of the points' values,
     /// and `u` the unit round-off 2^-53. The determinant is a sum of six products of three values each.
@@ -254,8 +257,9 @@ mod tests {
         (0..3).fold(DoubleDouble::ZERO, |sum, i| sum.plus(a[i].times(b[i])))
     }
 
-    /// Values, determinants and lines are within their error bounds with the eye at the origin, where the
-    /// rows have no error of their own that could make up for too small a bound.
+    /// Projected values of points, determinants of three points, and lines through two points are within
+    /// their error bounds with the eye at the origin, where the rows of the projection have no error of their
+    /// own that could make up for too small a bound.
     #[test]
     fn values_determinants_and_lines_are_within_their_errors() {
         let mut random = random(8);

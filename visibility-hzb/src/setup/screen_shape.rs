@@ -26,19 +26,24 @@ use crate::coverage::Coverage;
 use crate::rounding::{FloorCeil, down, up};
 
 /// Bound on the columns that a shape covers in a row of pixels: `x >= slope * row + offset` for a bound on
-/// the left, `x <= slope * row + offset` for a bound on the right. `x` is in pixels and `row` is the upper
-/// border of the row. Rounded inwards.
+/// the left, `x <= slope * row + offset` for a bound on the right. `x` is a column in pixels. `row` is the
+/// index of the row of pixels, 0 for the topmost row; no half pixel is added. The bound is already moved
+/// inwards for the whole height of the row and for rounding, so the shape covers every pixel between a left
+/// and a right bound entirely (with sampled coverage: its centre).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RowBound {
-    /// Change of the bounding column from one row of pixels to the next.
+    /// Change of the bound, in columns of pixels, from one row of pixels to the next row below.
     pub(crate) slope: f32,
-    /// Bounding column at row 0, in pixels.
+    /// Column, in pixels, of this left or right bound in the topmost row of pixels (row index 0). Moved
+    /// inwards (to the right for a left bound, to the left for a right bound) to allow for rounding.
     pub(crate) offset: f32,
 }
 
 impl RowBound {
-    /// Rounds a bound to `f32`. If a number overflows or is NaN, the slope is 0 and the offset `nothing`: an
-    /// infinity with which no pixel satisfies the bound.
+    /// Rounds `slope` and `offset` of a bound to the nearest `f32`; the caller has moved `offset` inwards by
+    /// more than that rounding. If a number overflows or is NaN, the slope becomes 0 and the offset becomes
+    /// `nothing`: an infinity (positive for a left bound, negative for a right one) with which no pixel
+    /// satisfies the bound.
     #[inline(always)]
     fn new(slope: f64, offset: f64, nothing: f32) -> Self {
         let (slope, offset) = (slope as f32, offset as f32);
@@ -87,7 +92,7 @@ pub(crate) struct ScreenShape {
 /// Screen bounds, rounded outwards, of a box that lies wholly in front of the eye.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScreenExtent {
-    /// Column range in pixels, half-open.
+    /// Half-open range of the pixel columns of the buffer that the box can meet.
     pub(crate) columns: [usize; 2],
     /// Row range in pixels, half-open.
     pub(crate) lines: [usize; 2],
@@ -95,13 +100,14 @@ pub(crate) struct ScreenExtent {
     pub(crate) depth_keys: [f32; 2],
 }
 
-/// Eight times the unit round-off of `f32`.
+/// Eight times the unit round-off of `f32` (2^-24): the margin, relative to a sum of magnitudes, by which row
+/// bounds are moved inwards and depth planes lowered.
 const EIGHT_U32: f64 = 4.0 * f32::EPSILON as f64;
 
 impl ScreenShape {
     /// Resets the shape to a rectangle of pixels without row bounds or depth planes. `columns` and `lines`
-    /// are half-open ranges in pixels. `floor` and `ceiling` are a lower and an upper bound on the depth
-    /// keys, and are rounded outwards.
+    /// are half-open ranges in pixels. `floor` and `ceiling` are a lower and an upper bound on the shape's
+    /// depth keys (greater is nearer). They are rounded to `f32` outwards, `floor` down and `ceiling` up.
     #[inline(always)]
     pub(crate) fn begin(&mut self, columns: [f64; 2], lines: [f64; 2], floor: f64, ceiling: f64) {
         self.lefts = 0;
@@ -125,13 +131,14 @@ impl ScreenShape {
     /// Restricts the shape to pixels all of whose points satisfy `a x + b y + c >= 0` in pixel coordinates.
     /// With sampled coverage, only the centre of the pixel must satisfy it. A NaN coefficient leaves no
     /// pixel. `size` is the width and height of the buffer in pixels. Returns false, without a change, if the
-    /// shape has [`MAX_EDGES`] bounds on that side.
+    /// shape already has [`MAX_EDGES`] row bounds on the side that the half-plane bounds, left (`a > 0`) or
+    /// right.
     ///
     /// The bound on the points of a row is `x >= s y + t`, where `s` is `-b / a` and `t` is `-c / a`. The
     /// worst point of the row is at its top or bottom. In `f32`, `s`, `t`, the product and the sum are each
     /// rounded once, so the result is off by at most `4u (|s| H + |t|)`, with `u = 2^-24` and `W` and `H` the
-    /// width and height of the buffer. The offset is moved by `8u` of that, and by another `16u (W + 2)` for
-    /// the error of rounding to whole pixels.
+    /// width and height of the buffer. The offset is moved inwards by `8u` of that, and by another `16u (W +
+    /// 2)` for the error of rounding to whole pixels.
     #[inline(always)]
     pub(crate) fn add_edge(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
         if a == 0.0 {
@@ -175,10 +182,10 @@ impl ScreenShape {
         true
     }
 
-    /// Bounds the depth key from below by the plane `a x + b y + c` in pixel coordinates, which the caller
-    /// has lowered by the error of its coefficients. Where a shape has several planes, the least value is the
-    /// bound. `size` is the width and height of the buffer in pixels. Returns false, without a change, if the
-    /// shape has [`MAX_PLANES`] planes.
+    /// Adds a depth plane, which bounds the shape's depth key from below: the plane `a x + b y + c` in pixel
+    /// coordinates, which the caller has lowered by the error of its coefficients. Where a shape has several
+    /// depth planes, the least of their values is the bound. `size` is the width and height of the buffer in
+    /// pixels. Returns false, without a change, if the shape has [`MAX_PLANES`] planes.
     #[inline(always)]
     pub(crate) fn add_depth_plane(&mut self, [a, b, c]: [f64; 3], size: [f64; 2]) -> bool {
         if self.plane_count == MAX_PLANES {

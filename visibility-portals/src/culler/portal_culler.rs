@@ -12,7 +12,7 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// [reflections](PortalEye::reflections) in mirrors are drawn, keep one `SceneCells`, and one `PortalEye` per
 /// view, instead.
 ///
-/// With [`VisibleSet::with_changes`] the visible set reports which objects became visible or hidden since the
+/// With [`VisibleSet::with_changes`] the visible set lists which objects became visible or hidden since the
 /// frame before:
 ///
 /// ```

@@ -93,8 +93,8 @@ impl PortalEye {
     }
 
     /// Sets the maximum number of portals inspected in the walk of a frame, and again in the walk of each
-    /// reflection. A frame that needs more removes no object and reports
-    /// [`NotCulled::Steps`](super::NotCulled::Steps) in [`PortalStats::fallback`].
+    /// reflection. A frame that needs more removes no object; [`PortalStats::fallback`] of that frame is then
+    /// [`NotCulled::Steps`](super::NotCulled::Steps).
     pub fn with_step_limit(self, steps: u64) -> Self {
         Self { steps, ..self }
     }
@@ -206,8 +206,9 @@ impl PortalEye {
         true
     }
 
-    /// Returns the counters of the last frame, and the reason if it removed no object. All counters are 0
-    /// before the first frame.
+    /// Returns the counters of the last call of [`cull`](Self::cull), and in [`PortalStats::fallback`] the
+    /// reason if that call could not cull and left all objects visible. Before the first call all counters
+    /// are 0 and `fallback` is `None`.
     pub fn stats(&self) -> PortalStats {
         self.stats
     }

@@ -9,7 +9,7 @@
 //! line is left. Leaving a plane out enlarges the window and is conservative. Two facts remain to be proven:
 //! - the error terms of each plane are sufficient: derived at [`WindowPlane::through_edge`] and
 //!   [`WindowPlane::of_view`];
-//! - a polygon is reported empty only if it is empty: derived at [`clip_corners`].
+//! - clipping calls a polygon empty only if it is empty: derived at [`clip_corners`].
 
 use visibility_core::glam::DVec3;
 use visibility_core::{geometry::Plane, view::ViewPlane};

@@ -101,7 +101,7 @@ struct Fragment {
 ///
 /// # Errors
 /// [`GeometryError::NonFinite`] with the index of the polygon, [`GeometryError::Setting`] with the name of
-/// the setting (coordinates beyond 1e100 are reported there too), or [`GeometryError::Graph`].
+/// the setting (also for coordinates beyond 1e100), or [`GeometryError::Graph`].
 pub fn from_polygons(
     polygons: &[ConvexPolygon],
     settings: &PolygonSettings,

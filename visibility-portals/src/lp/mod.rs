@@ -20,7 +20,8 @@ use visibility_core::geometry::DoubleDouble;
 pub struct HalfSpace<const D: usize> {
     /// Normal that points into the half-space; of any length.
     pub normal: [f64; D],
-    /// Value of `normal . x + offset` at the origin.
+    /// Constant term of `normal . x + offset`: positive if the origin lies inside the half-space, negative
+    /// if outside.
     pub offset: f64,
 }
 
@@ -62,9 +63,10 @@ impl Certificate {
 /// Answer to whether half-spaces have a point in common.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Feasible<const D: usize> {
-    /// A point that certainly satisfies every half-space.
+    /// A point that certainly lies in every half-space and in the box given to [`Solver::feasible`].
     Yes([f64; D]),
-    /// Certainly no point satisfies every half-space.
+    /// Certainly no point of the box given to [`Solver::feasible`] lies in every half-space. Proved by the
+    /// certificate.
     No(Certificate),
     /// Undecided: the intersection is empty or too thin for the rounding, or an input is not finite.
     Undecided,
@@ -73,17 +75,19 @@ pub enum Feasible<const D: usize> {
 /// Answer to a maximization: the point of an intersection of half-spaces at which an objective is greatest.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Greatest<const D: usize> {
-    /// The maximizing point, up to rounding: it may lie outside half-spaces by about 1e-12 of its greatest
-    /// coordinate.
+    /// The maximizing point, up to rounding: the point may lie outside some half-spaces, by about 1e-12 of
+    /// its greatest coordinate.
     At([f64; D]),
-    /// The half-spaces have certainly no common point in the box.
+    /// Certainly no point lies in all half-spaces and in the box given to [`Solver::greatest`]. Proved by the
+    /// certificate.
     Infeasible(Certificate),
     /// Undecided: the intersection is empty or too thin for the rounding, or an input is not finite.
     Undecided,
 }
 
-/// Solves linear programs in `D` variables, from 1 to 6. Other `D` give undecided results. Allocates nothing
-/// once it has seen the largest program.
+/// Solver of linear programs in `D` variables: finds a point common to half-spaces, or the common point at
+/// which an objective is greatest. `D` must be 1 to 6; for any other `D` every answer is `Undecided`. Holds
+/// scratch memory, and allocates only for a program with more half-spaces than any before.
 ///
 /// ```
 /// use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
@@ -165,8 +169,9 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    /// Returns a certificate that the half-spaces of the last conflict that `seidel` found contradict each
-    /// other within the box of coordinates of at most `bound` in absolute value. `None` if no proof is found.
+    /// Returns a certificate that the half-spaces which the last run of `seidel` found to contradict each
+    /// other (its conflict) have no common point in the box of coordinates of at most `bound` in absolute
+    /// value. `None` if no proof is found.
     fn certificate(&self, constraints: &[HalfSpace<D>], bound: f64) -> Option<Certificate> {
         let mut rows = [Row { normal: [DoubleDouble::ZERO; D], error: 0.0, least: -bound }; MAX_ROWS];
         let conflict = self.seidel.conflict();

@@ -48,7 +48,8 @@ pub(crate) enum Stop {
 /// zero.
 type Rows<const N: usize> = Vec<([f64; N], u32)>;
 
-/// Scratch memory of Seidel's algorithm: the rows of the programs of all dimensions, and the last conflict.
+/// Scratch memory of Seidel's algorithm: the rows (constraints) of the programs of all dimensions, and the
+/// constraints that the last infeasible program found to contradict each other (the conflict).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SeidelSolver {
     rows1: Rows<2>,
@@ -66,26 +67,28 @@ pub(crate) struct SeidelSolver {
     steps: u64,
     /// By index of the variable: the bound on the variable's absolute value.
     bounds: [f64; DIMENSIONS],
-    /// Seed of the random order of the rows.
+    /// Seed of the random order in which the rows (constraints) are inserted.
     pub(crate) seed: u64,
 }
 
 impl SeidelSolver {
-    /// Returns the tags of the constraints that contradict each other. Empty if the last program found no
-    /// conflict.
+    /// Returns the tags of the constraints that contradict each other. Empty if the last program had no
+    /// contradiction. A tag is the index of a constraint, or [`BOX`] and above for a bound of a variable.
     pub(crate) fn conflict(&self) -> &[u32] {
         &self.conflict[..self.conflicting]
     }
 
-    /// Returns the indices of the constraints that contradict each other within the box, in the order of
-    /// [`conflict`](Self::conflict).
+    /// Returns the indices of the given constraints that, with bounds of the box of allowed points, were
+    /// found to contradict each other in the last program; in the order of [`conflict`](Self::conflict).
+    /// Empty if there was no contradiction.
     pub(crate) fn conflicting_rows(&self) -> impl Iterator<Item = usize> + '_ {
         self.conflict().iter().filter(|tag| **tag < BOX).map(|&tag| tag as usize)
     }
 
-    /// Records a conflict and returns [`Stop::Conflict`]. The conflict consists of `rows`, the tags of
-    /// contradicting rows of the program of dimension `dimension`, and of the constraints in whose planes
-    /// this program lies, one for each higher dimension up to `top`.
+    /// Records a conflict (a set of constraints that contradict each other) and returns [`Stop::Conflict`].
+    /// The conflict consists of `rows`, the tags of contradicting rows of the program of dimension
+    /// `dimension`, and of the constraints in whose planes this program lies, one for each higher dimension
+    /// up to `top`.
     fn conflict_of(&mut self, rows: &[u32], dimension: usize, top: usize) -> Stop {
         let above = top - dimension;
         self.conflict[..above].copy_from_slice(&self.tight[dimension + 1..=top]);

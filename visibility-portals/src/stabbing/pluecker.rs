@@ -223,10 +223,11 @@ impl Pluecker {
         Some([origin + d.cross(m) / d.length_squared(), d])
     }
 
-    /// Returns the certificate that the half-spaces in the linear program's last conflict contradict each
-    /// other, and fills `needed`. `None` if no proof is found. `at` is the index of the opening that scales
-    /// lines: with its unit normal `n`, a line's direction `d` has `n . d = 1`. `origin` is the world-space
-    /// origin of moments, `clearance` in world units.
+    /// Returns the certificate that no line passes the edges whose half-spaces the last run of the linear
+    /// program found to contradict each other (its conflict), and fills `needed`. `None` if no proof is
+    /// found. `at` is the index of the opening that scales lines: with its unit normal `n`, a line's
+    /// direction `d` has `n . d = 1`. `origin` is the world-space origin of moments, `clearance` in world
+    /// units.
     fn certificate<'a>(
         &mut self,
         opening: &impl Fn(usize) -> Opening<'a>,
