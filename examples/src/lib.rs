@@ -4,6 +4,7 @@
 //! [`SceneSource`]: objects as plain triangles, and walks to move the camera along.
 
 pub mod description;
+pub mod engine;
 pub mod error;
 mod gltf_buffers;
 pub mod gltf_file;

@@ -1,0 +1,86 @@
+//! Program `engine`: runs a small engine of 50,000 instances, two eyes and four shadow cascades, and prints
+//! what each step of a frame costs.
+
+use clap::Parser;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+use visibility_examples::engine::{Engine, MOVING};
+
+/// Run a small engine and print what each step of a frame costs: the least and the median time.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// Number of frames, after 30 that are not counted.
+    #[arg(long, default_value_t = 300)]
+    frames: usize,
+}
+
+fn main() -> ExitCode {
+    match run(Arguments::parse().frames.max(1)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Runs `frames` frames and prints the table.
+fn run(frames: usize) -> Result<(), Box<dyn std::error::Error>> {
+    let begin = Instant::now();
+    let mut engine = Engine::new()?;
+    println!("{} instances built in {:.0?}", engine.scene().len(), begin.elapsed());
+    let names = [
+        "the engine's own transforms".to_string(),
+        format!("move {MOVING} boxes and occluders"),
+        "maintain".to_string(),
+        "cull two eyes: frustum, size, z-buffer".to_string(),
+        "levels of detail".to_string(),
+        "draw commands".to_string(),
+        "cull and group four cascades".to_string(),
+        "bits for the GPU".to_string(),
+        "streaming".to_string(),
+    ];
+    let mut times: Vec<Vec<Duration>> = vec![Vec::with_capacity(frames); names.len()];
+    for frame in 0..frames + 30 {
+        let mut step = 0;
+        let mut last = Instant::now();
+        let mut lap = || {
+            let now = Instant::now();
+            if frame >= 30 {
+                times[step].push(now - last);
+            }
+            (step, last) = (step + 1, Instant::now());
+        };
+        engine.simulate();
+        lap();
+        engine.move_instances()?;
+        lap();
+        engine.maintain();
+        lap();
+        engine.cull_eyes();
+        lap();
+        engine.select_levels();
+        lap();
+        engine.list_draws();
+        lap();
+        engine.cull_cascades();
+        lap();
+        engine.write_bits()?;
+        lap();
+        engine.stream();
+        lap();
+    }
+    println!("{:42} {:>9} {:>9}", "step of a frame", "least", "median");
+    for (name, times) in names.iter().zip(&mut times) {
+        times.sort_unstable();
+        let us = |time: Duration| time.as_secs_f64() * 1e6;
+        println!("{name:42} {:6.0} us {:6.0} us", us(times[0]), us(times[times.len() / 2]));
+    }
+    let counts = engine.counts();
+    println!(
+        "last frame: {} visible in {} draws; {} casters in four cascades; {} loads so far",
+        counts.visible, counts.draws, counts.casters, counts.loads
+    );
+    Ok(())
+}
