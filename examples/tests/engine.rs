@@ -9,7 +9,7 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 #[test]
 fn no_step_of_a_warm_frame_allocates() {
     let mut engine = Engine::new().unwrap();
-    let mut frame = |engine: &mut Engine| {
+    let frame = |engine: &mut Engine| {
         engine.simulate();
         let before = ALLOCATIONS.get();
         engine.move_instances().unwrap();
