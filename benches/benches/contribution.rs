@@ -22,7 +22,7 @@ fn inputs() -> [(&'static str, Vec<Aabb>); 3] {
     let mut random = Random(7);
     let mut some_large = small.clone();
     for bounds in &mut some_large {
-        if random.bits() % 100 == 0 {
+        if random.bits().is_multiple_of(100) {
             let half = bounds.half_extent() * 20.0;
             *bounds = Aabb::new(bounds.center() - half, bounds.center() + half);
         }

@@ -6,9 +6,7 @@ use glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::casters::{CasterCuller, Light};
 use visibility_core::draw_list::{DrawIndexedIndirect, DrawList};
 use visibility_core::lod::{ContributionCuller, LodSelector};
-use visibility_core::{
-    Aabb, FrustumCuller, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
-};
+use visibility_core::{Aabb, FrustumCuller, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 
 /// Number of instances.

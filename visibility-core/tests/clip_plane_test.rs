@@ -13,9 +13,8 @@ fn sign_at(plane: &Plane, transform: &Affine3A, corner: Vec3) -> i32 {
     let mut terms = vec![(plane.offset, 1.0)];
     for row in 0..3 {
         terms.push((plane.normal[row], f64::from(transform.translation[row])));
-        for column in 0..3 {
-            terms.push((plane.normal[row], f64::from(columns[column][row]) * f64::from(corner[column])));
-        }
+        let products = columns.iter().zip(corner.to_array());
+        terms.extend(products.map(|(axis, c)| (plane.normal[row], f64::from(axis[row]) * f64::from(c))));
     }
     sign_of_sum(terms)
 }

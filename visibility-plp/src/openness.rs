@@ -109,9 +109,9 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
 /// from the direction before.
 const GOLDEN_ANGLE: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 
-/// Returns the orthonormal axes of the sampling lines with direction number `direction` (0 to [`DIRECTIONS`]
-/// - 1); the last axis runs along the lines. The directions are spread over the upper hemisphere, and none is
-/// parallel to an axis of the scene.
+/// Returns the orthonormal axes of the sampling lines with direction number `direction`, below
+/// [`DIRECTIONS`]. The last axis runs along the lines. The directions are spread over the upper hemisphere,
+/// and none is parallel to an axis of the scene.
 fn axes(direction: usize) -> [Vec3; 3] {
     // Points of a spiral by the golden angle.
     let mut around = Vec2::new(0.8, 0.6);

@@ -140,9 +140,9 @@ impl<'a> ContourRaster<'a> {
 
     /// Lowers the least depth key of each quarter (4 x 4 pixels) of a tile that a triangle may meet.
     /// `corners` are the three corners of the triangle, or the corners of its part beyond the near plane, on
-    /// the screen. `plane` returns the coefficients `a`, `b`, `c` of the triangle's depth key as a plane `a x
-    /// + b y + c` in pixel coordinates, lowered by its error. `plane` is called only for triangles that meet
-    /// many quarters and whose corners differ in depth.
+    /// the screen. `plane` returns the coefficients `a`, `b`, `c` of the triangle's depth key in pixel
+    /// coordinates, lowered by its error: the key is `a x + b y + c`. `plane` is called only for triangles
+    /// that meet many quarters and whose corners differ in depth.
     #[inline(always)]
     pub(crate) fn lower_depth_keys(&mut self, corners: &[ScreenVertex], plane: impl FnOnce() -> [f64; 3]) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
