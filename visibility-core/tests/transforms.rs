@@ -370,11 +370,16 @@ fn transformed_boxes_contain_the_exact_image() {
 fn transformed_boxes_are_tight() {
     let cube = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
     assert_eq!(cube.transformed(&Affine3A::IDENTITY), cube);
-    let moved = cube.transformed(&Affine3A::from_translation(Vec3::splat(5.0)));
-    let step = |x: f32| [x.next_down(), x.next_up()];
-    assert_eq!((moved.min, moved.max), (Vec3::splat(step(4.0)[0]), Vec3::splat(step(6.0)[1])));
-    let mirrored = Aabb::from_arrays([1.0; 3], [2.0; 3]).transformed(&Affine3A::from_scale(-Vec3::ONE));
-    assert_eq!((mirrored.min, mirrored.max), (Vec3::splat(step(-2.0)[0]), Vec3::splat(step(-1.0)[1])));
+    let cases = [
+        (cube, Affine3A::from_translation(Vec3::splat(5.0)), [4.0, 6.0]),
+        (Aabb::from_arrays([1.0; 3], [2.0; 3]), Affine3A::from_scale(-Vec3::ONE), [-2.0, -1.0]),
+    ];
+    for (local, transform, [min, max]) in cases {
+        let bounds = local.transformed(&transform);
+        let off = [bounds.min - min, bounds.max - max].map(|v| v.abs().max_element());
+        assert!(off.iter().all(|&x| x < 7e-6), "{bounds:?}");
+        assert!(bounds.contains_point(Vec3::splat(min)) && bounds.contains_point(Vec3::splat(max)));
+    }
 }
 
 #[test]

@@ -98,8 +98,9 @@ impl Aabb {
     }
 
     /// Returns a box that certainly contains the image of this box under `transform`: of every point of the
-    /// box, mapped in real numbers, without rounding. Larger than the smallest such box by at most about one
-    /// step of `f32` on each side. A rotated box has the image's bounds, which are larger than the image.
+    /// box, mapped in real numbers, without rounding. Larger than the smallest such box by less than a
+    /// millionth of the magnitudes that each coordinate sums. A rotated box has the bounds of its image,
+    /// which are larger than the image.
     ///
     /// The identity returns the box unchanged. An improper box is returned unchanged. A NaN in `transform`,
     /// or an infinite side of the box that `transform` multiplies by 0, makes an improper box. Sides beyond
@@ -115,35 +116,25 @@ impl Aabb {
         if !self.is_proper() || *transform == Affine3A::IDENTITY {
             return *self;
         }
-        let as_f64 = |v: Vec3A| v.to_array().map(f64::from);
-        let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis].map(as_f64);
-        let translation = as_f64(transform.translation);
-        let (min, max) = (self.min.to_array().map(f64::from), self.max.to_array().map(f64::from));
-        let mut image = [[0.0; 3]; 2];
-        for row in 0..3 {
-            let t = translation[row];
-            let (mut low, mut high, mut size) = (t, t, t.abs());
-            for column in 0..3 {
-                // Products of two f32 are exact in f64, and no product underflows.
-                let (a, b) = (axes[column][row] * min[column], axes[column][row] * max[column]);
-                let (less, more) = if a > b { (b, a) } else { (a, b) };
-                low += less;
-                high += more;
-                size += if -less > more { -less } else { more };
-            }
-            // Each of the three additions errs by at most 2^-53 of its result, which is at most the exact
-            // sum of the magnitudes, up to 1 + 3 * 2^-53: together less than 3.1 * 2^-53 of it. `size` is
-            // that sum, or smaller by the same relative error; 4 * 2^-53 covers both, and the rounding of
-            // the subtraction is covered by the step to the neighbouring f32, which is at least 2^-25 of the
-            // result. Where the terms cancel, that step alone does not suffice.
-            let margin = 2.0 * f64::EPSILON * size;
-            image[0][row] = low - margin;
-            image[1][row] = high + margin;
+        let columns = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+        let mut low = transform.translation;
+        let (mut high, mut size) = (low, low.abs());
+        for (column, (min, max)) in
+            columns.iter().zip(self.min.to_array().into_iter().zip(self.max.to_array()))
+        {
+            let (a, b) = (*column * min, *column * max);
+            low += a.min(b);
+            high += a.max(b);
+            // Both are added, also because the sum is NaN if one of them is, unlike their maximum.
+            size += a.abs() + b.abs();
         }
-        Self::new(
-            Vec3::from_array(image[0].map(|x| (x as f32).next_down())),
-            Vec3::from_array(image[1].map(|x| (x as f32).next_up())),
-        )
+        // With u = 2^-24: each product errs by u of its magnitude and each of the three additions by u of its
+        // result, which is at most the sum of the magnitudes, rounded: less than 4.1 u of that sum. The
+        // subtraction below errs by u of its result, and `size`, which is at least that sum, by 5 u of
+        // itself: less than 6 u in all. A product that underflows, also one flushed to zero, errs by at most
+        // the least normal number.
+        let margin = size * (3.0 * f32::EPSILON) + Vec3A::splat(4.0 * f32::MIN_POSITIVE);
+        Self::new((low - margin).into(), (high + margin).into())
     }
 
     /// Tests whether `p` lies in the box or on its boundary. Returns false if `p` or the box has a NaN.

@@ -36,6 +36,9 @@ use placement::Placements;
 use queue::Queue;
 use tree::{Payload, Scratch};
 
+/// A batch with at least this part of all objects, one in `MANY`, moves them in one pass over the hierarchy.
+const MANY: usize = 2;
+
 /// The store of objects: bounds, layers, costs, flags, triangles and occluder meshes, in a hierarchy of
 /// bounding boxes that every culler walks.
 ///
@@ -394,40 +397,35 @@ impl Scene {
     /// # Errors
     /// [`SceneError::UnknownObject`] with the first id that is not in the scene.
     pub fn set_bounds_batch(&mut self, moved: &[(ObjectId, Aabb)]) -> Result<(), SceneError> {
-        for &(id, _) in moved {
-            self.slot(id)?;
-        }
-        if !self.placements.is_empty() || !self.triangles.is_empty() {
-            for (id, bounds) in moved {
-                self.forget_place(*id, self.tree.slots[id.index()], bounds);
-            }
-        }
-        self.move_batch(moved)
-    }
-
-    /// Sets the bounds of many objects and logs the changes.
-    fn move_batch(&mut self, moved: &[(ObjectId, Aabb)]) -> Result<(), SceneError> {
         let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
         scratch.slots.clear();
         let found = moved.iter().try_for_each(|&(id, _)| self.slot(id).map(|slot| scratch.slots.push(slot)));
         if found.is_ok() {
-            self.move_all(moved, &mut scratch);
+            if !self.placements.is_empty() || !self.triangles.is_empty() {
+                for ((id, bounds), &slot) in moved.iter().zip(&scratch.slots) {
+                    self.forget_place(*id, slot, bounds);
+                }
+            }
+            self.move_batch(moved, &mut scratch);
         }
         self.tree.scratch = scratch;
-        found?;
+        found
+    }
+
+    /// Sets the bounds of `moved`, whose slots are in `scratch.slots`, in the same order, and logs the changes.
+    fn move_batch(&mut self, moved: &[(ObjectId, Aabb)], scratch: &mut Scratch) {
         if ChangeLog::is_too_much(moved.len(), self.generations.len()) {
             self.log.invalidate();
         } else {
             moved.iter().for_each(|&(id, _)| self.log.push(id, self.generations.len()));
         }
-        Ok(())
-    }
-
-    /// Sets the bounds of `moved`, whose slots before the call are in `scratch.slots`, in the same order.
-    fn move_all(&mut self, moved: &[(ObjectId, Aabb)], scratch: &mut Scratch) {
         let layout = self.layout;
         if moved.len() >= self.tree.node_count() && moved.len() <= Scratch::MAX_BATCH {
-            self.tree.move_batch_by_leaf(moved, scratch, &mut self.queue);
+            if moved.len() >= self.len() / MANY {
+                self.tree.refit_batch(moved, scratch, &mut self.queue);
+            } else {
+                self.tree.move_batch_by_leaf(moved, scratch, &mut self.queue);
+            }
             for &position in &scratch.leavers {
                 let (id, bounds) = &moved[position as usize];
                 self.move_object(self.tree.slots[id.index()], *id, bounds);

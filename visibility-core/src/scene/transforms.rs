@@ -71,7 +71,7 @@ impl Scene {
     /// of the object are given in scene coordinates, and [`SceneError::NonFiniteTransform`] if an element of
     /// `transform` is NaN or infinite.
     pub fn set_transform(&mut self, id: ObjectId, transform: Affine3A) -> Result<(), SceneError> {
-        self.local_of(id, &transform)?;
+        self.slot_with_local(id, &transform)?;
         let bounds = self.place(id, transform);
         self.move_to(id, bounds);
         Ok(())
@@ -95,28 +95,29 @@ impl Scene {
     /// # Errors
     /// Those of [`set_transform`](Self::set_transform), for the first object of `moved` that has one.
     pub fn set_transforms_batch<T: ToAffine>(&mut self, moved: &[(ObjectId, T)]) -> Result<(), SceneError> {
-        for (id, transform) in moved {
-            self.local_of(*id, &transform.to_affine())?;
-        }
         let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
-        scratch.placed.clear();
-        scratch
-            .placed
-            .extend(moved.iter().map(|(id, transform)| (*id, self.place(*id, transform.to_affine()))));
-        let placed = core::mem::take(&mut scratch.placed);
+        scratch.slots.clear();
+        let found = moved.iter().try_for_each(|(id, transform)| {
+            self.slot_with_local(*id, &transform.to_affine()).map(|slot| scratch.slots.push(slot))
+        });
+        if found.is_ok() {
+            let mut placed = core::mem::take(&mut scratch.placed);
+            placed.clear();
+            placed.extend(moved.iter().map(|(id, transform)| (*id, self.place(*id, transform.to_affine()))));
+            self.move_batch(&placed, &mut scratch);
+            scratch.placed = placed;
+        }
         self.tree.scratch = scratch;
-        let done = self.move_batch(&placed);
-        self.tree.scratch.placed = placed;
-        done
+        found
     }
 
-    /// Returns the error of setting the transform of an object, if there is one.
-    fn local_of(&self, id: ObjectId, transform: &Affine3A) -> Result<(), SceneError> {
-        self.slot(id)?;
+    /// Returns the slot of an object, or the error of setting its transform.
+    fn slot_with_local(&self, id: ObjectId, transform: &Affine3A) -> Result<Slot, SceneError> {
+        let slot = self.slot(id)?;
         if self.placements.get(id.index).is_none_or(|placement| placement.local.is_none()) {
             return Err(SceneError::NoLocalBounds(id));
         }
-        if transform.is_finite() { Ok(()) } else { Err(SceneError::NonFiniteTransform(id)) }
+        if transform.is_finite() { Ok(slot) } else { Err(SceneError::NonFiniteTransform(id)) }
     }
 
     /// Stores the transform of an object with local bounds and removes the object's triangles if the

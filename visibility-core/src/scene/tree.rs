@@ -13,6 +13,7 @@ mod bounding;
 mod detail_bounds;
 mod moving;
 pub(super) mod pack;
+mod refit;
 mod regroup;
 mod scratch;
 mod slot;

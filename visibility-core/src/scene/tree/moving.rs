@@ -143,7 +143,7 @@ impl Tree {
 }
 
 /// Returns whether the centre of `bounds` is outside of `home` by more than the size of `home` on some axis.
-fn is_far(home: &Aabb, bounds: &Aabb) -> bool {
+pub(super) fn is_far(home: &Aabb, bounds: &Aabb) -> bool {
     let size = home.max - home.min;
     let center = bounds.center();
     center.cmplt(home.min - size).any() || center.cmpgt(home.max + size).any()

@@ -9,6 +9,8 @@ use alloc::vec::Vec;
 pub(in crate::scene) struct Scratch {
     /// Ids and new bounds of the objects of a batch of transforms, in batch order.
     pub(in crate::scene) placed: Vec<(ObjectId, Aabb)>,
+    /// Indexed by object: the object's last position in the batch, `NONE` if the batch does not have it.
+    pub(super) positions: Vec<u32>,
     /// Slot of each object of the batch before the first move, in batch order.
     pub(in crate::scene) slots: Vec<Slot>,
     /// The objects of the batch, sorted by leaf: the position in the batch in the upper 26 bits, the
@@ -27,6 +29,7 @@ impl Scratch {
 
     pub(in crate::scene) const EMPTY: Self = Self {
         placed: Vec::new(),
+        positions: Vec::new(),
         slots: Vec::new(),
         sorted: Vec::new(),
         ends: Vec::new(),
@@ -35,6 +38,7 @@ impl Scratch {
 
     pub(in crate::scene) fn memory(&self) -> usize {
         size_of_val(&self.placed[..])
+            + size_of_val(&self.positions[..])
             + size_of_val(&self.slots[..])
             + size_of_val(&self.sorted[..])
             + size_of_val(&self.ends[..])

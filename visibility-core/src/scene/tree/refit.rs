@@ -1,0 +1,103 @@
+//! Moving most objects at once: one pass over all leaves that takes each object's new bounds from the batch,
+//! then one over the nodes above.
+
+use super::moving::is_far;
+use super::{NONE, Scratch, Tree};
+use crate::scene::boxes64::{Boxes64, lanes};
+use crate::scene::queue::Queue;
+use crate::{Aabb, ObjectId};
+
+impl Tree {
+    /// Moves the objects of a batch within their leaves, as
+    /// [`move_batch_by_leaf`](Self::move_batch_by_leaf) does, in one pass over all leaves of the tree: faster
+    /// if the batch has a good part of all objects. Sorts nothing. If an object is listed twice and can stay
+    /// in its leaf, its last bounds count; positions of an object that must leave are written to
+    /// `scratch.leavers` once, for its last bounds.
+    pub(in crate::scene) fn refit_batch(
+        &mut self,
+        moved: &[(ObjectId, Aabb)],
+        scratch: &mut Scratch,
+        queue: &mut Queue,
+    ) {
+        let Scratch { positions, leavers, .. } = scratch;
+        leavers.clear();
+        positions.clear();
+        positions.resize(self.slots.len(), NONE);
+        for ((id, _), position) in moved.iter().zip(0..) {
+            positions[id.index()] = position;
+        }
+        for leaf in 0..self.node_count() {
+            if self.occupied[leaf] == 0 || self.levels[leaf] != 0 && !self.is_unculled_leaf(leaf) {
+                continue;
+            }
+            // Each loop accesses one array at random, so that the processor can wait for many cache misses
+            // at once.
+            let mut of_lane = [NONE; 64];
+            let mut mask = 0;
+            for (lane, id) in self.ids[leaf].iter().enumerate() {
+                of_lane[lane] = positions.get(id.index()).copied().unwrap_or(NONE);
+                mask |= u64::from(of_lane[lane] != NONE) << lane;
+            }
+            if mask == 0 {
+                continue;
+            }
+            if self.is_unculled_leaf(leaf) {
+                leavers.extend(lanes(mask).map(|lane| of_lane[lane]));
+                continue;
+            }
+            let mut boxes = self.bounds[leaf].clone();
+            for lane in lanes(mask) {
+                boxes.set(lane, &moved[of_lane[lane] as usize].1);
+            }
+            let home = self.parent(leaf as u32).map(|above| self.bounds[above.node()].get(above.lane()));
+            let free = !self.occupied[leaf];
+            if !all_stay(&boxes, free, home.as_ref()) {
+                for lane in lanes(mask) {
+                    let bounds = boxes.get(lane);
+                    if !bounds.is_finite() || home.as_ref().is_some_and(|home| is_far(home, &bounds)) {
+                        leavers.push(of_lane[lane]);
+                        boxes.set(lane, &self.bounds[leaf].get(lane));
+                    }
+                }
+            }
+            self.bounds[leaf] = boxes;
+            queue.push(leaf);
+        }
+        self.tighten_all();
+    }
+
+    /// Shrinks the bounds of all inner nodes to the hulls of their contents, level by level.
+    fn tighten_all(&mut self) {
+        let height = if self.root == NONE { 0 } else { self.levels[self.root as usize] };
+        for level in 0..height {
+            for node in 0..self.node_count() {
+                if self.levels[node] == level
+                    && let Some(above) = self.parent(node as u32)
+                {
+                    let hull = self.bounds[node].hull();
+                    self.bounds[above.node()].set(above.lane(), &hull);
+                }
+            }
+        }
+    }
+}
+
+/// Returns whether all boxes, except in the lanes of `free`, certainly are finite and not far from `home`. A
+/// box that has not moved may be far: false then.
+fn all_stay(boxes: &Boxes64, free: u64, home: Option<&Aabb>) -> bool {
+    let mut bad = [0u32; 64];
+    for axis in 0..3 {
+        let (min, max) = (&boxes.coordinates[axis], &boxes.coordinates[axis + 3]);
+        let (low, high) = home.map_or((-f32::MAX, f32::MAX), |home| {
+            let size = home.max[axis] - home.min[axis];
+            (home.min[axis] - size, home.max[axis] + size)
+        });
+        for lane in 0..64 {
+            let center = min[lane] * 0.5 + max[lane] * 0.5;
+            let is_finite = (min[lane] <= max[lane]) & (min[lane] >= -f32::MAX) & (max[lane] <= f32::MAX);
+            bad[lane] |= u32::from(!(is_finite & (center >= low) & (center <= high)));
+        }
+    }
+    let bad = bad.iter().enumerate().fold(0, |mask, (lane, &bad)| mask | u64::from(bad) << lane);
+    bad & !free == 0
+}
