@@ -186,7 +186,7 @@ fn sparse_blocks_are_merged() {
 /// the result is that of the moves in order.
 #[test]
 fn batches_of_moves_count_in_their_order() {
-    for size in [1, 30, 800, 5000] {
+    for size in [1, 30, 800, 5000, 15_000] {
         let mut scene = Scene::new();
         let mut world = World::new(Motion::Walk, &mut scene);
         let rng = &mut world.rng;

@@ -12,6 +12,7 @@ mod maintain;
 mod object;
 mod placement;
 mod queue;
+mod skinned_bounds;
 mod transforms;
 mod tree;
 
@@ -24,6 +25,7 @@ pub(crate) use curve::Curve;
 pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
+pub use skinned_bounds::{SkinError, SkinnedBounds};
 pub(crate) use tree::{DetailBounds, NONE, Slot, Tree, diagonal_squared};
 
 use crate::serial::{next_generation, next_range};
