@@ -107,6 +107,33 @@ fn frames_that_tell_of_changes_and_sort_allocate_nothing_once_warm() {
     check_frames(false, true, true, 100);
 }
 
+/// Tests frames in which most objects move, by bounds or by transforms.
+#[test]
+fn frames_that_move_everything_allocate_nothing_once_warm() {
+    let mut world = World::new(5000, 5000, false);
+    let ids: Vec<ObjectId> = world.scene.ids().collect();
+    let mut placed = world.scene.clone();
+    let mesh = placed.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap());
+    for &id in &ids {
+        placed.set_local_bounds(id, placed.bounds(id).unwrap()).unwrap();
+        placed.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+    }
+    let turned = |angle: f32| Affine3A::from_rotation_z(angle).to_cols_array();
+    let moves: Vec<Vec<_>> =
+        (0..8).map(|frame| ids.iter().map(|&id| (id, turned(frame as f32 * 0.01))).collect()).collect();
+    let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+    let mut before = 0;
+    for frame in 0..200 {
+        if frame == 100 {
+            before = ALLOCATIONS.get();
+        }
+        world.frame(&mut pipeline, &mut visible, false);
+        placed.set_transforms_batch(&moves[frame % moves.len()]).unwrap();
+        placed.maintain(16);
+    }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+}
+
 /// Tests that buffers which grow slowly are allocated once: a scene with few moves per frame allocates
 /// nothing after the first frames.
 #[test]

@@ -394,7 +394,7 @@ impl Scene {
     /// Sets the bounds of many objects, as [`set_bounds`](Self::set_bounds) does for one, or of none of them
     /// if an id is unknown. If an object is listed twice, its last bounds count. For batches with at least as
     /// many objects as the hierarchy has nodes, the objects are updated leaf by leaf and the bounds of the
-    /// hierarchy are made as tight as possible.
+    /// hierarchy are made as tight as possible; for batches of at least half of all objects, in one pass.
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] with the first id that is not in the scene.
@@ -414,7 +414,7 @@ impl Scene {
         found
     }
 
-    /// Sets the bounds of `moved`, whose slots are in `scratch.slots`, in the same order, and logs the changes.
+    /// Sets the bounds of `moved`, whose slots are in `scratch.slots`, in the same order. Logs the changes.
     fn move_batch(&mut self, moved: &[(ObjectId, Aabb)], scratch: &mut Scratch) {
         if ChangeLog::is_too_much(moved.len(), self.generations.len()) {
             self.log.invalidate();

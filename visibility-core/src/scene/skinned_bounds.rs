@@ -1,9 +1,9 @@
 //! Bounds of skinned meshes in any pose: one box for each bone, around the vertices that the bone moves.
 //!
-//! Linear blend skinning (Magnenat-Thalmann, Laperriere and Thalmann, "Joint-Dependent Local Deformations for
-//! Hand Animation and Object Grasping", 1988) places a vertex `v` at the sum of `w_i M_i v` over its bones. If
-//! no weight is negative, that is the sum of the weights times a point in the convex hull of the `M_i v`, and
-//! each `M_i v` lies in the transformed box of bone `i`.
+//! Linear blend skinning (Magnenat-Thalmann, Laperriere and Thalmann, "Joint-Dependent Local Deformations
+//! for Hand Animation and Object Grasping", 1988) places a vertex `v` at the sum of `w_i M_i v` over its
+//! bones. If no weight is negative, that is the sum of the weights times a point in the convex hull of the
+//! `M_i v`, and each `M_i v` lies in the transformed box of bone `i`.
 
 use super::ToAffine;
 use crate::Aabb;

@@ -61,19 +61,25 @@ impl Tree {
                 }
             }
             self.bounds[leaf] = boxes;
+            self.detail_bounds[leaf] = self.measured(leaf);
             queue.push(leaf);
         }
         self.tighten_all();
     }
 
-    /// Shrinks the bounds of all inner nodes to the hulls of their contents, level by level.
+    /// Sets the bounds of all inner nodes to the hulls of their contents, and their bounds on details to what
+    /// they hold, level by level. Those of the leaves must be right.
     fn tighten_all(&mut self) {
         let height = if self.root == NONE { 0 } else { self.levels[self.root as usize] };
-        for level in 0..height {
+        for level in 0..=height {
             for node in 0..self.node_count() {
-                if self.levels[node] == level
-                    && let Some(above) = self.parent(node as u32)
-                {
+                if self.levels[node] != level || self.occupied[node] == 0 {
+                    continue;
+                }
+                if level > 0 {
+                    self.detail_bounds[node] = self.measured(node);
+                }
+                if let Some(above) = self.parent(node as u32) {
                     let hull = self.bounds[node].hull();
                     self.bounds[above.node()].set(above.lane(), &hull);
                 }
