@@ -43,7 +43,7 @@ impl Tree {
     }
 
     /// Returns the bounds of a leaf or inner node, made from what the node holds now.
-    fn measured(&self, node: usize) -> DetailBounds {
+    pub(super) fn measured(&self, node: usize) -> DetailBounds {
         if self.levels[node] > 0 && !self.is_unculled_leaf(node) {
             let below = lanes(self.occupied[node]).map(|lane| self.detail_bounds[self.child(node, lane)]);
             return below.fold(DetailBounds::NONE, DetailBounds::max);
