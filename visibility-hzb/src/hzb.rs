@@ -214,7 +214,8 @@ impl Hzb {
         }
     }
 
-    /// Returns references to the parts of the buffer that a test of boxes reads.
+    /// Returns references to the parts of this z-buffer that a test of boxes reads: projection, tiles,
+    /// pyramid and depth bounds.
     fn query(&self) -> BoxQuery<'_> {
         let (projection, tiles, pyramid, faces) =
             (&self.projection32, &self.tiles, &self.pyramid, &self.faces);

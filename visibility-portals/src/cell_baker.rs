@@ -30,9 +30,11 @@ pub struct Fallback {
 pub struct Outcome {
     /// Cell-to-cell visibility. Conservative and symmetric; each cell sees itself.
     pub matrix: CellMatrix,
-    /// Cells whose search reached the limit of steps, in ascending order. Empty if no cell did.
+    /// Cells whose search reached [`Settings::steps_per_cell`](crate::Settings::steps_per_cell), the limit
+    /// of inspected portal chains, in ascending order. Empty if no cell did.
     pub fallbacks: Vec<Fallback>,
-    /// Number of portal chains inspected, by index of the cell looked from.
+    /// Number of portal chains (sequences of portals that a line might pass) inspected, by index of the cell
+    /// looked from.
     pub steps: Vec<u64>,
     /// Number of portal chains that only the test in Pluecker space excluded. 0 unless
     /// [`Settings::exact`](crate::Settings::exact) is `true`.
@@ -80,7 +82,8 @@ pub struct CellBaker {
     /// portal may later pass. Equals the number of set bits in the portal's row of `rows`.
     counts: Vec<u32>,
     steps: Vec<u64>,
-    /// Number of portals whose search reached the limit of steps, by index of the cell that they lead from.
+    /// By cell index: number of portals leading from the cell whose search reached the limit of steps
+    /// (portal chains inspected).
     fallbacks: Vec<u32>,
     rejected: u64,
 }
@@ -209,8 +212,9 @@ impl Baker for CellBaker {
         found.steps
     }
 
-    /// Builds the matrix. For the directed portals in `waiting`, whose flow was not computed, all their
-    /// candidates (portals that a line through them may later pass) count as visible.
+    /// Builds the outcome: the cell-to-cell matrix and the counters. For the directed portals in `waiting`,
+    /// whose flow was not computed, all their candidates (portals that a line through them may later pass)
+    /// count as visible.
     fn finish(mut self, waiting: &[u32]) -> Outcome {
         for &source in waiting {
             let from = self.portals.all[source as usize].from as usize;

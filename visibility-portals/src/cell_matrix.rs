@@ -35,7 +35,8 @@ impl CellMatrix {
         Self { cells, stride, words: alloc::vec![0; stride * cells] }
     }
 
-    /// Reads the `.vismat` format. `None` if the length is not `ceil(cells / 8) * cells` bytes, or if a bit
+    /// Reads a matrix for `cells` cells in the `.vismat` format: row by row, each of `ceil(cells / 8)` bytes,
+    /// least significant bit first. `None` if the length is not `ceil(cells / 8) * cells` bytes, or if a bit
     /// beyond the last cell of a row is set.
     pub fn from_bytes(cells: usize, bytes: &[u8]) -> Option<Self> {
         let row = cells.div_ceil(8);

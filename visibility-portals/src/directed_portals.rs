@@ -17,7 +17,7 @@ use core::ops::Range;
 use visibility_core::glam::DVec3;
 use visibility_core::{cells::CellGraph, geometry::Plane};
 
-/// Bound on the rounding of the product of a unit vector and a position, divided by the greatest absolute
+/// Bound on the rounding of the dot product of a unit vector and a position, divided by the greatest absolute
 /// coordinate. Derived in [`Margins::new`].
 const NOISE: f64 = 8.0 * f64::EPSILON;
 

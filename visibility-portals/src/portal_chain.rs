@@ -29,8 +29,8 @@ pub(crate) struct ChainFrame {
     /// Offset in `PortalChain::sets` of this frame's bitset: the portals that lines through this portal can
     /// still reach.
     pub(crate) set: usize,
-    /// Bit numbers, in this frame's bitset, of the portals that lead from the cell behind this portal, as
-    /// far as not inspected yet.
+    /// Range of bit numbers, in this frame's bitset, of the portals that lead from the cell behind this
+    /// portal and were not inspected yet.
     pub(crate) children: Range<u32>,
     /// Length of `PortalChain::points` before this frame was pushed, restored when the frame is popped.
     pub(crate) points: usize,
@@ -56,8 +56,8 @@ impl PortalChain {
         self.sets.clear();
     }
 
-    /// Returns the next portal by which to extend the chain, as a bit of the last frame's set, and pops the
-    /// frames that have none left. `None` when the chain is empty.
+    /// Returns the next portal by which to extend the chain, as a bit number in the last frame's bitset, and
+    /// pops the frames that have no such portal left. `None` when the chain is empty.
     pub(crate) fn next_child(&mut self) -> Option<u32> {
         while let Some(frame) = self.frames.last_mut() {
             let set = &self.sets[frame.set..];
@@ -177,13 +177,13 @@ pub(crate) fn is_outside(
 pub(crate) struct CellFlood {
     /// By cell index: number of the last fill that reached the cell, compared with `fill`.
     stamps: Vec<u32>,
-    /// Number of the current fill. 0 before the first.
+    /// Number of the current flood fill. 0 before the first fill.
     fill: u32,
     queue: Vec<u32>,
 }
 
 impl CellFlood {
-    /// Starts a fill from `cell` in a graph of `cells` cells.
+    /// Starts a flood fill from the cell of index `cell`, in a graph of `cells` cells.
     pub(crate) fn begin(&mut self, cells: usize, cell: u32) {
         self.stamps.resize(cells, 0);
         if self.fill == u32::MAX {

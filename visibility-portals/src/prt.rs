@@ -88,8 +88,8 @@ impl fmt::Display for PrtError {
 impl core::error::Error for PrtError {}
 
 /// Reads a portal file in any of the three forms. Empty lines are skipped. Time and memory are proportional
-/// to the length of the text plus the number of cells that the file claims, at most [`CellGraph::LIMIT`];
-/// other counts that it claims do not matter.
+/// to the length of the text plus the number of cells that the file's header announces, at most
+/// [`CellGraph::LIMIT`]. Other announced counts cost nothing before their lines are read.
 ///
 /// # Errors
 /// [`PrtError`], with the number of the line.

@@ -26,15 +26,17 @@ use visibility_core::glam::{DVec2, DVec3};
 pub(crate) struct Facing<'a> {
     /// Vertices in world space, counter-clockwise around the normal.
     pub(crate) vertices: &'a [DVec3],
-    /// Unit normal of the polygon's plane.
+    /// Unit normal of the polygon's plane, in world axes. The vertices run counter-clockwise as seen from
+    /// the side it points to.
     pub(crate) normal: DVec3,
     /// 1 if lines run along the normal, -1 if they run against it.
     pub(crate) sense: f64,
 }
 
 /// Appends to `planes` separating planes of polygons `a` and `b`, in world space. Every line that has passed
-/// `a` and then `b` stays, from `b` onwards, on the inner side of each plane, which its normal points to. At
-/// most one plane for each edge of either polygon; none if a polygon has more than 128 vertices.
+/// `a` and then `b` stays, from `b` onwards, on the inner side of each appended plane: the side that the
+/// plane's normal points to. At most one plane for each edge of either polygon; none if a polygon has more
+/// than 128 vertices.
 pub(crate) fn push_separating_planes(a: Facing, b: Facing, margins: &Margins, planes: &mut Vec<Plane>) {
     // Edges of A with vertices of B, which lie in the direction of the lines. A is on the negative side.
     tangents(a, b, a.sense, -1.0, margins, planes);

@@ -11,7 +11,7 @@ use crate::setup::screen_shape::ScreenShape;
 pub(crate) struct DepthPlanes {
     /// Coefficients `[a, b, c]` of each plane: `a * column + b * row + c` is the least depth key of the
     /// plane in the tile at tile column `column` and tile row `row` (see [`ScreenShape::planes`]). The
-    /// first `count` planes are valid.
+    /// first `count` planes are in use.
     planes: [[f32; 3]; 3],
     /// Number of depth planes in use, 0 to 3; later elements of `planes` are stale. With 0 planes the
     /// occluder's depth key is not bounded.

@@ -204,7 +204,7 @@ struct Walk<'a> {
     tiles: &'a Tiles,
     /// The tested rectangle, in pixels of the buffer.
     rectangle: &'a Rectangle,
-    /// First and last column, first and last row of the tiles that the rectangle meets, all inclusive.
+    /// Tiles that the rectangle meets: first column, last column, first row and last row, all inclusive.
     limits: [usize; 4],
     /// Upper bound on the depth keys of the tested box (greater is nearer).
     depth_key: f32,

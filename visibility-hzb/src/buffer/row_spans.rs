@@ -25,7 +25,7 @@ pub(crate) struct RowSpans {
 }
 
 impl RowSpans {
-    /// Empty spans and empty masks.
+    /// Spans that cover no column, and masks without pixels.
     pub(crate) const NONE: Self =
         Self { low: [0.0; 2 * SIDE], high: [0.0; 2 * SIDE], masks: [[0; SIDE]; WIDTH] };
 

@@ -69,7 +69,7 @@ impl DepthBoundary {
         }
     }
 
-    /// Removes all occluders: all bounds become positive infinity.
+    /// Removes all occluders: all bounds on depth keys become positive infinity.
     pub(crate) fn clear(&mut self) {
         self.plane = f32::INFINITY;
         self.cells.fill(f32::INFINITY);

@@ -71,9 +71,11 @@ pub struct OccluderDatabase {
     /// Objects that are flagged as occluders and have a mesh, but were rejected by the criteria, in no
     /// particular order.
     others: Vec<ObjectId>,
-    /// Number of objects in `others` that were rejected because they are too small.
+    /// Number of objects in `others` that were rejected because they are smaller than
+    /// [`OccluderCriteria::least_size`].
     small: usize,
-    /// Number of objects in `others` that were rejected for too many triangles.
+    /// Number of objects in `others` that were rejected because they have more triangles than
+    /// [`OccluderCriteria::most_triangles`].
     complex: usize,
     /// Number of objects in `others` that were rejected because larger occluders lie close to them; see
     /// [`OccluderCriteria::redundancy`].
@@ -133,12 +135,14 @@ impl OccluderDatabase {
         &self.occluders
     }
 
-    /// Returns the number of objects that were left out as too small.
+    /// Returns the number of objects that were left out because they are smaller than
+    /// [`OccluderCriteria::least_size`].
     pub fn small(&self) -> usize {
         self.small
     }
 
-    /// Returns the number of objects that were left out for too many triangles.
+    /// Returns the number of objects that were left out because they have more triangles than
+    /// [`OccluderCriteria::most_triangles`].
     pub fn complex(&self) -> usize {
         self.complex
     }
@@ -182,7 +186,7 @@ fn area(scene: &Scene, id: ObjectId) -> f32 {
     shown.min(faces(&bounds)).max_element()
 }
 
-/// Returns the areas, in square metres, of the faces of a box across the x, y and z axis.
+/// Returns the areas, in square metres, of the faces of a box that are perpendicular to the x, y and z axis.
 fn faces(bounds: &Aabb) -> Vec3 {
     let extent = bounds.max - bounds.min;
     Vec3::new(extent.y * extent.z, extent.z * extent.x, extent.x * extent.y)

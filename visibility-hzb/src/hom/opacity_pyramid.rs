@@ -72,7 +72,7 @@ impl OpacityPyramid {
         new
     }
 
-    /// Replaces the thresholds of all levels. Counts are kept.
+    /// Replaces the opacity thresholds of all levels. Counts of covered pixels are kept.
     pub(crate) fn set(&mut self, thresholds: Thresholds) {
         for above in 0..self.levels.len() {
             let last = [self.levels[above].columns - 1, self.levels[above].rows - 1];
@@ -87,7 +87,7 @@ impl OpacityPyramid {
         self.thresholds = thresholds;
     }
 
-    /// Marks all pixels as uncovered. Thresholds are kept.
+    /// Marks all pixels as uncovered. Opacity thresholds are kept.
     pub(crate) fn clear(&mut self) {
         self.covered.fill(0);
         for level in &mut self.levels {

@@ -98,9 +98,10 @@ impl Thresholds {
     }
 
     /// Returns whether, within a texel of level `level`, a region of `part` pixels certainly is not opaque on
-    /// any finer level. `covered` is the number of covered pixels of the texel. If it were, it would consist
-    /// of pixels and texels of finer levels, each covered at least to the loosest threshold of those levels,
-    /// which together have at most `covered` covered pixels. False means undecided.
+    /// any finer level. `covered` is the number of covered pixels of the texel. If the region were opaque
+    /// there, it would consist of pixels and texels of finer levels, each covered at least to the loosest
+    /// threshold of those levels, which together have at most `covered` covered pixels. False means
+    /// undecided.
     #[inline(always)]
     pub(crate) fn rules_out(&self, level: usize, covered: u32, part: u32) -> bool {
         u64::from(covered) * u64::from(ONE)

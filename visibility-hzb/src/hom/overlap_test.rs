@@ -13,7 +13,8 @@ use crate::buffer::tile_layout::{Rectangle, mask};
 
 /// State of the recursive descent of [`is_opaque`].
 pub(crate) struct Overlap<'a> {
-    /// Pyramid of covered pixels, counts and thresholds that is tested.
+    /// Pyramid against which the rectangle is tested: covered pixels, their counts on each level, and
+    /// opacity thresholds.
     opacity: &'a OpacityPyramid,
     /// The tested rectangle, in pixels of the picture.
     rectangle: &'a Rectangle,

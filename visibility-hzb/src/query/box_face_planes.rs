@@ -179,8 +179,9 @@ impl BoxFacePlanes {
 
     /// Returns bounds on the box's depth key over a rectangle (left, right, top, bottom in pixels): the least
     /// of the faces' upper bounds, each at its maximum over the rectangle, and the greatest of their lower
-    /// bounds, each at its minimum. Infinity or negative infinity if no face bounds that side. If the upper
-    /// bound is less than the lower one, no view ray through the rectangle meets the box.
+    /// bounds, each at its minimum. Infinity if no face gives an upper bound, negative infinity if none gives
+    /// a lower one. If the upper bound is less than the lower one, no view ray through the rectangle meets
+    /// the box.
     #[inline(always)]
     pub(crate) fn range(&self, [left, right, top, bottom]: [f64; 4]) -> [f64; 2] {
         let (mut above, mut below) = ([0.0; LANES], [0.0; LANES]);

@@ -7,9 +7,9 @@ use crate::buffer::tile_layout::{Rectangle, SIDE, mask as mask_of};
 use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, any_below};
 
-/// Returns whether box `i` of `seen` may be in view, wider and higher than a pixel, and not hidden by drawn
-/// occluders. Undecided counts as true. If false, an occluder within the box need not be drawn: it would
-/// cover no pixel, or only pixels that hold nearer occluders.
+/// Returns whether box `i` of the projected boxes `seen` may be in view, wider and higher than a pixel, and
+/// not hidden by drawn occluders. Undecided counts as true. If false, an occluder within the box need not be
+/// drawn: it would cover no pixel, or only pixels that hold nearer occluders.
 #[inline(always)]
 pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &ProjectedBoxes<N>, i: usize) -> bool {
     let i = i % N;

@@ -86,8 +86,8 @@ pub(crate) struct ContourRaster<'a> {
     /// Upper bound on the error of the coordinates of contour vertices on the screen, in pixels. Pixels
     /// within this distance of a contour edge are not covered.
     slack: f64,
-    /// First column, last column, first row, last row of the tiles that a contour touched, inclusive. First
-    /// exceeds last before the first contour.
+    /// First column, last column, first row, last row of the tiles that a contour touched, inclusive. Before
+    /// the first contour, each first exceeds its last.
     used: [usize; 4],
 }
 
@@ -130,8 +130,8 @@ impl<'a> ContourRaster<'a> {
         Self { cells: &mut cells.cells, columns, size, slack, used: [usize::MAX, 0, usize::MAX, 0] }
     }
 
-    /// Extends the range of used tiles by the columns `x` and rows `y`, each a first and a last tile,
-    /// inclusive.
+    /// Extends `used`, the range of tiles that a contour touched, by the columns `x` and rows `y`, each a
+    /// first and a last tile, inclusive.
     #[inline(always)]
     fn touch(&mut self, x: [usize; 2], y: [usize; 2]) {
         let [x0, x1, y0, y1] = self.used;

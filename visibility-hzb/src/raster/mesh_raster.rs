@@ -271,7 +271,7 @@ fn project_corner([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenV
 }
 
 /// Returns the screen position of a corner, given by `x`, `y`, `w`, `n` and the distance beyond the near
-/// plane, and extends `vertex_bounds` by the corner.
+/// plane, and extends `vertex_bounds` (bounds on error and depth key) by the corner.
 #[inline(always)]
 fn on_screen(
     &[x, y, w, n, _]: &[f64; 5],

@@ -51,7 +51,7 @@ struct Bands {
     /// First and end tile column (half-open) of the tiles that the shape may meet, for each row of tiles.
     met: [[i32; SIDE]; 2],
     /// First and end tile column (half-open) of the tiles that the shape covers entirely, for each row of
-    /// tiles. The end is -1 if there are none.
+    /// tiles. The end is -1 if the shape covers no whole tile in the row.
     covered: [[i32; SIDE]; 2],
 }
 
@@ -126,10 +126,10 @@ fn end_pixel(high: f32) -> i32 {
 }
 
 /// Returns the columns, in pixels and not rounded, between which the shape covers each of the eight pixel
-/// rows of row `row` of tiles: element 0 holds the left ends, element 1 the right ends. A left end above the
-/// right end means an empty span. The shape's own row range is not considered. The column limits of the
-/// shape's rectangle, which are whole numbers, are moved outwards by a quarter of a pixel, so that rounding
-/// to whole pixels always gives the limits themselves.
+/// rows of row `row` of tiles: element 0 holds the left ends, element 1 the right ends. A left end greater
+/// than the right end means that the row has no covered column. The shape's own row range is not considered.
+/// The column limits of the shape's rectangle, which are whole numbers, are moved outwards by a quarter of a
+/// pixel, so that rounding to whole pixels always gives the limits themselves.
 #[inline(always)]
 fn spans(shape: &ScreenShape, row: usize) -> [[f32; SIDE]; 2] {
     let (mut low, mut high) = ([shape.columns[0] - 0.25; SIDE], [shape.columns[1] + 0.25; SIDE]);

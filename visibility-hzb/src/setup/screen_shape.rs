@@ -65,17 +65,20 @@ pub(crate) const MAX_PLANES: usize = 16;
 /// bounds and lies within `columns` and `lines`. The default shape covers no pixel.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScreenShape {
-    /// Left bounds on the columns in each row of pixels. The first `lefts` are valid.
+    /// Left row bounds: bounds on the columns in each row of pixels. The first `lefts` are in use, the rest
+    /// stale.
     pub(crate) left: [RowBound; MAX_EDGES],
-    /// Right bounds on the columns in each row of pixels. The first `rights` are valid.
+    /// Right row bounds: bounds on the columns in each row of pixels. The first `rights` are in use, the
+    /// rest stale.
     pub(crate) right: [RowBound; MAX_EDGES],
-    /// Number of row bounds on the left, at most [`MAX_EDGES`].
+    /// Number of row bounds (bounds on the covered columns) on the left of the shape, at most [`MAX_EDGES`].
     pub(crate) lefts: usize,
-    /// Number of row bounds on the right, at most [`MAX_EDGES`].
+    /// Number of row bounds (bounds on the covered columns) on the right of the shape, at most
+    /// [`MAX_EDGES`].
     pub(crate) rights: usize,
     /// Depth planes `[a, b, c]`: `a * column + b * row + c` is a lower bound on the depth key of the
-    /// occluder's face in the tile at that tile column and row, never NaN. The first `plane_count` are
-    /// valid.
+    /// occluder's face in the tile at that tile column and row, never NaN. The first `plane_count` are in
+    /// use, the rest stale.
     pub(crate) planes: [[f32; 3]; MAX_PLANES],
     /// Number of depth planes, at most [`MAX_PLANES`].
     pub(crate) plane_count: usize,

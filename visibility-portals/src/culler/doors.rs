@@ -35,15 +35,16 @@ impl Doors {
         Self { flags: alloc::vec![FORWARD | BACKWARD; portals] }
     }
 
-    /// Opens or closes a portal; its passage is kept. Returns `false`, and changes nothing, if the portal is
-    /// unknown.
+    /// Opens or closes a portal; its passage (the directions in which it can be seen through) is kept.
+    /// Returns `false`, and changes nothing, if the portal is unknown.
     pub(super) fn set_open(&mut self, portal: PortalId, open: bool) -> bool {
         let Some(flags) = self.flags.get_mut(portal.index()) else { return false };
         *flags = if open { *flags & !CLOSED } else { *flags | CLOSED };
         true
     }
 
-    /// Tests whether a portal is open, whatever its passage. `false` if the portal is unknown.
+    /// Tests whether a portal is open, whatever its passage (the directions in which it can be seen through).
+    /// `false` if the portal is unknown.
     pub(super) fn is_open(&self, portal: PortalId) -> bool {
         self.flags.get(portal.index()).is_some_and(|flags| flags & CLOSED == 0)
     }

@@ -51,7 +51,8 @@ impl Reflection {
         &self.view
     }
 
-    /// Returns the objects to draw in the reflected view. Conservative: undecided objects are contained.
+    /// Returns the objects to draw in the reflected view. Conservative: contains every object visible in the
+    /// mirror, and undecided objects.
     pub fn visible(&self) -> &VisibleSet {
         &self.visible
     }
@@ -68,8 +69,8 @@ pub(super) struct Reflections {
     /// the reflection in which the mirror was seen (`None` for the eye's own view), and the mirror with
     /// its window.
     seen: Vec<(Option<usize>, SeenMirror)>,
-    /// Planes of the windows in `seen`, anchor-relative (relative to the anchor of the view in which the
-    /// mirror was seen).
+    /// Planes that bound the windows in `seen`, anchor-relative (relative to the anchor of the view in which
+    /// the mirror was seen).
     sides: Vec<WindowPlane>,
     max_count: usize,
     max_depth: u32,

@@ -57,8 +57,8 @@ pub struct PortalEye {
     /// World-space position of the anchor of the last walk (the eye of a perspective view): the origin of
     /// anchor-relative coordinates.
     anchor: DVec3,
-    /// By object index: the number of the last frame in which the object had changed since the last sync of
-    /// the cells. Such an object is not culled in that frame.
+    /// By object index: the number of the last frame in which the object had changed since the cells were
+    /// last synced. The object is not culled in the frame of that number.
     unknown: Vec<u64>,
     /// Number of the last frame. The first frame is 1; 0 before it.
     frame: u64,

@@ -26,7 +26,7 @@ pub enum NotCulled {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct PortalStats {
     /// Number of cells in which lines of sight begin: usually one, the cell of the eye, and more where the
-    /// near plane crosses a portal. Plus one for each window through which a mirror is reflected.
+    /// near plane crosses a portal. Each window through which a mirror is reflected adds one.
     pub starts: u32,
     /// Number of portals inspected. A portal counts once for each path of portals that reached it.
     pub portals: u64,
@@ -37,8 +37,8 @@ pub struct PortalStats {
     /// Number of times that more than 48 paths led to a cell, so that the whole view into the cell counted
     /// as seen.
     pub widened: u64,
-    /// Number of tests of an object's bounds against the window (the visible part of the last portal) of a
-    /// path.
+    /// Number of tests of an object's bounds against a window (the part of the view seen along one path of
+    /// portals).
     pub tests: u64,
     /// Number of reflections in mirrors made this frame.
     pub reflections: u32,

@@ -13,7 +13,8 @@ pub(super) enum Lines {
     /// Perspective: all lines of sight start at the anchor, which is the eye.
     FromAnchor,
     /// Orthographic: all lines of sight are parallel to the unit direction (world axes) in the first part.
-    /// The second part bounds the length of the difference between that direction and the exact one.
+    /// The second part is an upper bound on the length of the difference between that direction and the exact
+    /// unit direction.
     Along(DVec3, f64),
 }
 
@@ -33,7 +34,7 @@ pub(super) struct PortalView {
     /// The planes at which lines of sight end, anchor-relative: the far plane, if it is finite, and the clip
     /// planes.
     pub(super) ends: SmallVec<[WindowPlane; 11]>,
-    /// Rows of the clip matrix for clip-space x, y and w, to be applied to anchor-relative points.
+    /// Rows of the clip matrix that give clip-space x, y and w of anchor-relative points.
     pub(super) rows: [ClipRow; 3],
 }
 

@@ -53,7 +53,7 @@ pub(super) struct PortalPath {
     /// Index in `PortalWalk::paths` of the path to the same cell that was found just before this path, or
     /// `NONE` if this path was found first.
     next: u32,
-    /// The planes and screen bounds of the view into this cell along this path.
+    /// The window of this path: planes and screen bounds of the part of the view that shows the path's cell.
     pub(super) window: Window,
     /// Range in `PortalWalk::corners` of the corners of the visible part of the last portal. Empty if
     /// `parent` is `NONE`.
@@ -64,7 +64,7 @@ pub(super) struct PortalPath {
 /// relative to the anchor of the view.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
-    /// Range of the bounding planes in `PortalWalk::sides`. Empty if no plane bounds the lines of sight.
+    /// Range of the bounding planes in `PortalWalk::sides`. Empty if the window is not bounded by any plane.
     pub(super) sides: Range<u32>,
     /// Bounds of the window on the screen, in NDC. Each portal narrows them only with
     /// [`Narrowing::Rectangle`].
@@ -87,8 +87,8 @@ pub(super) struct SeenMirror {
 /// Scratch memory of the walk through portals, and its result: the paths, their windows and the mirrors met.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PortalWalk {
-    /// Stamp of the graph whose cells and portals index `heads`, `counts`, `entered_full_view` and `passed`.
-    /// `None` before the first walk.
+    /// Stamp (version number of content) of the graph whose cells and portals index `heads`, `counts`,
+    /// `entered_full_view` and `passed`. `None` before the first walk.
     graph: Option<Stamp>,
     pub(super) paths: Vec<PortalPath>,
     pub(super) sides: Vec<WindowPlane>,
@@ -110,7 +110,7 @@ pub(super) struct PortalWalk {
     /// Stack of the current chain, the path nearest to the eye first. Each entry holds the index of a path
     /// in `paths`, and the number of portals of the path's cell that have been inspected.
     stack: Vec<(u32, u32)>,
-    /// Cells that are still to be entered through the whole view.
+    /// Cells that the walk still has to enter with the whole view as their window.
     waiting: Vec<CellId>,
     /// Corners of the portal that is being clipped, relative to the anchor of the view. The field `clipped`
     /// receives the result of each clip.
@@ -119,13 +119,14 @@ pub(super) struct PortalWalk {
     /// Union of the PVS rows of the starting cells: bit i % 64 of word i / 64 is 1 if the walk may enter
     /// cell i, 0 if not. Empty without a PVS: then every cell may be entered.
     allowed: Vec<u64>,
-    /// Stamp of the PVS that `allowed` was read from. `None` without a PVS.
+    /// Stamp (version number of content) of the PVS that `allowed`, the set of cells that may be entered,
+    /// was read from. `None` without a PVS.
     allowed_pvs: Option<Stamp>,
     /// The viewcells whose PVS rows are united in `allowed`.
     allowed_for: Vec<ViewcellId>,
     /// Scratch memory for one row of the PVS.
     row: Vec<u64>,
-    /// The viewcells of the cells in which lines of sight begin.
+    /// The viewcells of the cells in which lines of sight of the current frame begin.
     begun: Vec<ViewcellId>,
 }
 
@@ -136,8 +137,8 @@ fn refill<T: Clone>(list: &mut Vec<T>, count: usize, value: T) {
 }
 
 impl PortalWalk {
-    /// Forgets the last walk. Takes time proportional to the paths of that walk, or to the size of the new
-    /// graph if the graph has changed.
+    /// Discards the paths, windows and mirrors of the last walk, to start a walk in `cells`. Takes time
+    /// proportional to the paths of that walk, or to the size of the new graph if the graph has changed.
     pub(super) fn begin(&mut self, cells: &SceneCells) {
         if self.graph != Some(cells.graph.stamp()) {
             self.graph = Some(cells.graph.stamp());
@@ -171,8 +172,8 @@ impl PortalWalk {
         self.begun.clear();
     }
 
-    /// Adds a cell in which lines of sight begin, seen through the whole view. A cell already added this way
-    /// is ignored.
+    /// Adds a cell in which lines of sight begin, seen through the whole view. A cell that was already added
+    /// with the whole view is ignored.
     pub(super) fn start_in_full_view(&mut self, cell: CellId) {
         if !core::mem::replace(&mut self.entered_full_view[cell.index()], true) {
             self.waiting.push(cell);

@@ -150,8 +150,8 @@ impl SceneCells {
         &self.viewcells
     }
 
-    /// Takes a new stamp. Returns [`SceneCellsError::UnknownPortal`] if `known` is `false`: `portal` is not
-    /// in the graph.
+    /// Takes a new stamp (version number of the content). Returns [`SceneCellsError::UnknownPortal`] if
+    /// `known` is `false`: `portal` is not in the graph.
     fn changed(&mut self, known: bool, portal: PortalId) -> Result<(), SceneCellsError> {
         self.stamp = Stamp::new();
         if known { Ok(()) } else { Err(SceneCellsError::UnknownPortal(portal)) }
@@ -166,7 +166,8 @@ impl SceneCells {
         self.changed(known, portal)
     }
 
-    /// Tests whether a portal is open, whatever its passage. `false` for an unknown portal.
+    /// Tests whether a portal is open, whatever its passage (the directions in which it can be seen through).
+    /// `false` for an unknown portal.
     pub fn is_open(&self, portal: PortalId) -> bool {
         self.doors.is_open(portal)
     }

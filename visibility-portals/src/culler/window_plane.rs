@@ -131,9 +131,10 @@ pub(super) struct Corner {
 pub(super) enum EdgeSource {
     /// An edge of the portal itself: from the portal vertex of this index to the next vertex.
     Own(u32),
-    /// A plane of the window cut the portal here. The value is the plane's index in `PortalWalk::sides`.
+    /// A plane of the window cut the portal along this edge. The value is the plane's index in
+    /// `PortalWalk::sides`.
     Window(u32),
-    /// The far plane or a clip plane of the view cut the portal here.
+    /// The far plane or a clip plane of the view cut the portal along this edge.
     End,
 }
 

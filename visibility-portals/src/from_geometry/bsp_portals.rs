@@ -114,8 +114,8 @@ pub(super) fn clip_in_place(polygon: &mut Vec<DVec3>, plane: &Plane, lengths: &L
 
 impl Bsp {
     /// Returns the world-space polygon in which a plane cuts the region of one child of a node. `at` holds
-    /// the node's index and whether the child is its front child (`false`: its back child); `None` means the
-    /// whole box. Empty if the plane misses the region.
+    /// the node's index, and `true` for the node's front child, `false` for its back child. With `None`, the
+    /// region is the whole box that the tree divides. Empty if the plane misses the region.
     pub(super) fn section(
         &self,
         plane: &Plane,

@@ -24,8 +24,8 @@ use visibility_core::{
 pub enum Solid<'a> {
     /// No region is solid. The inside of a wall becomes a cell that no camera enters.
     Nothing,
-    /// Regions that no chain of portals joins to any of these points (world space) are solid. If none of the
-    /// points lies in a region, no region is solid.
+    /// Regions are solid if no chain of portals joins them to the region of any of these points (world
+    /// space). If none of the points lies in a region, no region is solid.
     Unreached(&'a [DVec3]),
     /// Regions bounded by back sides of polygons and by no front side are solid. A polygon's vertices run
     /// counter-clockwise as seen from its front.
@@ -46,10 +46,11 @@ pub struct PolygonSettings<'a> {
     /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`, the
     /// default: 2^-13 of the square of the longest side of the bounding box.
     pub least_area: Option<f64>,
-    /// Distance by which the outermost cells extend beyond the polygons. Default 1.
+    /// Distance, in world units, by which the outermost cells extend beyond the bounds of all polygons.
+    /// Default 1.
     pub margin: f64,
-    /// Maximum number of leaf regions, solid ones included. Splitting stops there, breadth first. Default
-    /// 16,384.
+    /// Maximum number of leaf regions, solid ones included. Regions are split breadth first until this
+    /// number is reached. Default 16,384.
     pub most_cells: usize,
     /// Rule that decides which regions are solid. Default [`Solid::Nothing`].
     pub solid: Solid<'a>,

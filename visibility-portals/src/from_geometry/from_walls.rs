@@ -20,16 +20,17 @@ pub struct WallSettings {
     /// Distance in world units. Coordinates of walls along one axis that differ by no more than this become
     /// one. 0 merges equal coordinates only.
     pub tolerance: f64,
-    /// Minimum covered fraction, from 0 to 1, for a split: a region is split along a plane if wall faces
-    /// cover at least this fraction of the region's section there. A covered area of at least `least_area`
-    /// also suffices.
+    /// Minimum covered fraction, from 0 to 1, for a split: a region is split along a plane if wall faces in
+    /// the plane cover at least this fraction of the area in which the plane cuts the region. A covered area
+    /// of at least `least_area` also suffices.
     pub least_share: f64,
     /// Covered area, in square world units, that suffices for a split even if the covered fraction is below
     /// `least_share`. `None`: 1/32 of the largest wall face.
     pub least_area: Option<f64>,
-    /// Distance by which the outermost cells extend beyond the walls.
+    /// Distance, in world units, by which the outermost cells extend beyond the bounds of all walls.
     pub margin: f64,
-    /// Maximum number of cells. Splitting stops there. Limited to `CellGraph::LIMIT`.
+    /// Maximum number of cells. Splitting stops at this number. Values above `CellGraph::LIMIT` count as
+    /// `CellGraph::LIMIT`.
     pub most_cells: usize,
 }
 
@@ -63,9 +64,9 @@ impl Box3 {
     }
 }
 
-/// A node of the kd-tree. A leaf holds its cell, `None` if a wall fills it. A split holds its axis (0 to 2),
-/// the world-space coordinate of its plane, and `low`, the index of the child at lesser coordinates; the
-/// child at greater coordinates has the index `low + 1`.
+/// A node of the kd-tree. A leaf holds its cell, `None` if a wall fills it. A split holds the axis (0 to 2)
+/// perpendicular to its plane, the world-space coordinate of that plane on the axis, and `low`, the index of
+/// the child at lesser coordinates; the child at greater coordinates has the index `low + 1`.
 #[derive(Clone, Copy, Debug)]
 enum Node {
     Leaf(Option<CellId>),
@@ -344,8 +345,9 @@ impl Tree<'_> {
         }
     }
 
-    /// Returns the parts of `rectangle`, perpendicular to `axis`, that no wall covers. The whole rectangle if
-    /// no wall overlaps it; empty if walls cover all of it.
+    /// Returns the parts of `rectangle` that no wall covers, as boxes without extent along `axis`, which is
+    /// perpendicular to the rectangle. The whole rectangle if no wall overlaps it; empty if walls cover all
+    /// of it.
     fn open_parts(&self, axis: usize, rectangle: &Box3) -> Vec<Box3> {
         let (mut open, mut next) = (alloc::vec![*rectangle], Vec::new());
         for wall in self.walls {

@@ -8,7 +8,8 @@ use super::subtract_polygons::area;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Maximum fraction of the area of a convex hull that the merged pieces may leave uncovered.
+/// Maximum fraction of the area of the convex hull of two or more pieces that the pieces may leave uncovered
+/// for the hull to replace them.
 const WASTE: f64 = 0.1;
 
 /// Maximum number of pieces that are merged in pairs. With more pieces, only the hull of all pieces is tried.

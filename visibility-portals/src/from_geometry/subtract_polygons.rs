@@ -13,7 +13,8 @@ pub(super) struct Lengths {
     /// the plane.
     pub(super) plane: f64,
     /// Opaque polygons are widened by this distance, so that two polygons that share an edge leave no gap. A
-    /// corner is cut off where it would extend more than 1.42 times as far.
+    /// corner of a widened polygon is cut off where it would extend more than 1.42 times this distance
+    /// beyond the corner of the input polygon.
     pub(super) widen: f64,
     /// Minimum width: an open piece no wider than this does not become a portal.
     pub(super) sliver: f64,
@@ -32,8 +33,8 @@ impl Lengths {
         Self { plane: tolerance * 0.5, widen: tolerance * 0.25, sliver: tolerance * 0.25, merge }
     }
 
-    /// Returns the smallest tolerance that exceeds the rounding of coordinates of at most `extent` in
-    /// absolute value, with a margin.
+    /// Returns the smallest tolerance, in world units, that exceeds the rounding of coordinates of at most
+    /// `extent` in absolute value, with a margin.
     pub(super) fn least_tolerance(extent: f64) -> f64 {
         extent / (1u64 << 36) as f64
     }

@@ -16,7 +16,7 @@
 use visibility_core::geometry::DoubleDouble;
 
 /// Maximum number of constraints of a certificate: seven for six variables by Helly's theorem, and one more
-/// constraint for the caller.
+/// for a constraint that the caller adds.
 pub(crate) const MAX_ROWS: usize = 8;
 
 /// The constraint `normal . x >= least` on the unknowns `x` of a linear program with `K` variables. Each
@@ -87,9 +87,9 @@ pub(crate) fn proves<const K: usize>(
     left > right && right < f64::INFINITY
 }
 
-/// Searches multipliers that prove that no `x` with `|x_k| <= bounds[k]` satisfies all `rows`; 0 for rows
-/// that the proof does not need. `None` if none are found, which proves nothing, and for more than
-/// [`MAX_ROWS`] rows.
+/// Searches multipliers, one for each row, that prove that no `x` with `|x_k| <= bounds[k]` satisfies all
+/// `rows`. The multiplier of a row that the proof does not need is 0. `None` if none are found, which proves
+/// nothing, and for more than [`MAX_ROWS`] rows.
 pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option<[DoubleDouble; MAX_ROWS]> {
     if rows.len() > MAX_ROWS {
         return None;
@@ -118,15 +118,15 @@ pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option
 /// Gaussian elimination with full pivoting (LU decomposition) of the matrix with one column for each used
 /// constraint, the constraint's normal, and one row for each coordinate of the normals.
 struct Elimination<const K: usize> {
-    /// LU factors in place: multipliers below the diagonal, the upper triangle from the diagonal on. Matrix
-    /// rows and columns are in pivoting order.
+    /// LU factors in place: the lower factor's entries below the diagonal, the upper factor from the
+    /// diagonal on. Matrix rows and columns are in pivoting order.
     m: [[f64; MAX_ROWS]; K],
-    /// By matrix row: the index of the coordinate of the normals that the row holds, after pivoting. The
-    /// field `row` is the index of the constraint in each matrix column.
+    /// By row of the matrix `m`: the index of the coordinate of the constraint normals that the row holds,
+    /// after pivoting. The field `row` is the index of the constraint in each matrix column.
     coordinate: [usize; K],
     row: [usize; MAX_ROWS],
-    /// By matrix column: the factor by which the constraint's normal was multiplied, so that its greatest
-    /// coefficient is 1.
+    /// By column of the matrix `m`: the factor by which the constraint's normal was multiplied, so that its
+    /// greatest coefficient is 1.
     scale: [f64; MAX_ROWS],
     count: usize,
     rank: usize,
@@ -219,8 +219,8 @@ impl<const K: usize> Elimination<K> {
         })
     }
 
-    /// Returns the multipliers corrected by three steps of iterative refinement, after which the weighted sum
-    /// of normals is zero up to about 2^-100.
+    /// Returns the `multipliers` of the constraints (one per row) corrected by three steps of iterative
+    /// refinement, after which the weighted sum of normals is zero up to about 2^-100.
     fn refined(&self, rows: &[Row<K>], multipliers: [f64; MAX_ROWS]) -> [DoubleDouble; MAX_ROWS] {
         let mut multipliers = multipliers.map(DoubleDouble::from);
         for _ in 0..3 {

@@ -23,15 +23,16 @@ pub(crate) const DIMENSIONS: usize = 6;
 /// the tag `BOX + 2 k`, the lower bound `BOX + 2 k + 1`, and smaller tags are indices of constraints.
 pub(crate) const BOX: u32 = u32::MAX - 2 * DIMENSIONS as u32;
 
-/// A point satisfies a constraint if it lies outside by less than this, relative to the size of the point and
-/// to the constraint's greatest coefficient. No proof depends on this value.
+/// Tolerance of constraints: a point counts as satisfying a constraint if the constraint is violated by less
+/// than this, relative to the point's greatest coordinate and to the constraint's greatest coefficient. No
+/// proof depends on this value.
 const TOLERANCE: f64 = 1e-12;
 
 /// Threshold below which a coefficient counts as zero, in rows scaled so that the greatest coefficient is 1.
 const ZERO_COEFFICIENT: f64 = 1e-13;
 
-/// Maximum number of rows inspected in all dimensions together, per row of the program. In random order the
-/// limit is practically never reached.
+/// Maximum number of inspections of rows (constraints) in the programs of all dimensions together, for each
+/// row of the full program. In random order the limit is practically never reached.
 const STEPS_PER_ROW: u64 = 200_000;
 
 /// Why the solver returned no point.
@@ -58,14 +59,16 @@ pub(crate) struct SeidelSolver {
     rows4: Rows<5>,
     rows5: Rows<6>,
     rows6: Rows<7>,
-    /// By dimension d: the tag of the constraint in whose plane the program of dimension d - 1 is solved.
+    /// By dimension d: the tag of the constraint on whose boundary plane the program of dimension d - 1 is
+    /// solved.
     tight: [u32; DIMENSIONS + 1],
-    /// Tags of the constraints that contradict each other, after [`Stop::Conflict`]. The first `conflicting`
-    /// entries are valid.
+    /// The conflict: tags (see [`BOX`]) of the constraints that contradict each other, after
+    /// [`Stop::Conflict`]. The first `conflicting` entries are in use.
     conflict: [u32; DIMENSIONS + 1],
     conflicting: usize,
     steps: u64,
-    /// By index of the variable: the bound on the variable's absolute value.
+    /// The box in which the program is solved: for each variable, by index, the bound on the variable's
+    /// absolute value.
     bounds: [f64; DIMENSIONS],
     /// Seed of the random order in which the rows (constraints) are inserted.
     pub(crate) seed: u64,

@@ -91,7 +91,8 @@ pub struct ObjectBaker<'a> {
     portals: DirectedPortals,
     targets: Targets,
     settings: Settings,
-    /// By cell index: the objects seen from the cell. `None` for a cell whose search was not carried out.
+    /// By cell index: the result of the search from the cell, that is the objects seen from there. `None`
+    /// for a cell whose search was not carried out.
     done: Vec<Option<SeenObjects>>,
 }
 
@@ -142,8 +143,8 @@ impl Baker for ObjectBaker<'_> {
         steps
     }
 
-    /// Builds the rows of the outcome. For a cell whose search was not carried out or gave up, all objects in
-    /// all cells that it sees count as visible.
+    /// Builds the rows of the outcome. For a cell whose search was not carried out or gave up at the limit of
+    /// steps, all objects in all cells that it sees count as visible.
     fn finish(self, waiting: &[u32]) -> ObjectOutcome {
         let cells = self.done.len();
         let (mut rows, mut steps, mut fallbacks) = (Vec::with_capacity(cells), Vec::new(), Vec::new());

@@ -107,7 +107,7 @@ pub struct SeenObjects {
 #[derive(Default)]
 pub struct Chains {
     seen: Vec<bool>,
-    /// The current chain. Its bitsets are over the directed portals.
+    /// The current chain of portals. Bit i of its bitsets stands for directed portal i.
     chain: PortalChain,
     flood: CellFlood,
 }
@@ -126,7 +126,7 @@ struct Search<'a> {
 }
 
 impl Chains {
-    /// Searches the objects seen from cell `from`. Gives up after `limit` steps.
+    /// Searches the objects seen from cell `from`. Gives up after `limit` steps (portal chains inspected).
     pub(super) fn seen_from(
         &mut self,
         from: CellId,
@@ -192,8 +192,9 @@ impl Chains {
 
     /// Marks the targets seen in the cell behind directed portal `portal`. If other unseen targets may be
     /// seen beyond that cell, appends the portal to the chain, with the planes from index `planes` on, and
-    /// returns `true`. `source`, `pass` and `points` become the fields of that name of the new
-    /// [`ChainFrame`].
+    /// returns `true`. `source`, `pass` and `points` become the fields of these names of the appended
+    /// [`ChainFrame`]: the parts of the first portal and of this portal that lines use, and the length to
+    /// which the chain's points are later truncated.
     fn enter(
         &mut self,
         search: &Search,
@@ -233,8 +234,8 @@ impl Chains {
     }
 
     /// Appends to the chain's sets the bitset of the directed portals that can be reached from `cell` without
-    /// leaving the planes from index `planes` on. Returns `false` if no cell behind these portals holds an
-    /// unseen target inside the planes.
+    /// leaving the inner side of any of the chain's planes from index `planes` on. Returns `false` if no cell
+    /// behind these portals holds an unseen target inside the planes.
     fn push_reachable_set(&mut self, search: &Search, cell: u32, planes: usize) -> bool {
         let PortalChain { frames, planes: all_planes, sets, .. } = &mut self.chain;
         let set = sets.len();

@@ -69,7 +69,7 @@ impl FlowScratch {
 }
 
 /// Tests whether the line through the world-space points `a` and `b` passes a portal along its normal.
-/// Rounding may make the result `true` for a line that passes the portal's edge outside, but by less than the
+/// Because of rounding, `true` is also possible for a line just outside the shrunk portal, by less than the
 /// distance by which the portal was shrunk. `false` if the line is too nearly parallel to the portal's plane.
 fn passes(input: &FlowInput, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));

@@ -8,8 +8,8 @@ use crate::portal_chain::{ChainFrame, is_outside};
 use core::ops::Range;
 
 impl FlowScratch {
-    /// Begins the chain with directed portal `source`. Its set of reachable portals holds all candidates of
-    /// the source.
+    /// Begins the chain of portals with directed portal `source`. The reachable portals of this first frame
+    /// are all candidates of the source.
     pub(crate) fn enter_source(&mut self, input: &FlowInput, source: u32) {
         let portal = &input.portals.all[source as usize];
         let chain = &mut self.chain;
@@ -25,8 +25,9 @@ impl FlowScratch {
     }
 
     /// Extends the chain by the candidate with index `child` if lines can pass it and then reach a goal (a
-    /// candidate that leads to a cell not yet known to be seen). Records in `result` the cells that are seen
-    /// and the chains excluded; `first` is the index of the source portal.
+    /// candidate that leads to a cell not yet known to be seen). Adds to `result` the cells found to be seen,
+    /// and counts there a chain that only the test in Pluecker space excluded; `first` is the index of the
+    /// source portal.
     pub(crate) fn visit(&mut self, input: &FlowInput, first: u32, child: usize, result: &mut FlowResult) {
         let Some(frame) = self.chain.frames.last().cloned() else { return };
         let row = self.row(input, child);
@@ -107,9 +108,10 @@ impl FlowScratch {
         }
     }
 
-    /// Appends to the chain's sets the bitset of the candidates that are in the set at offset `from` and in
-    /// the row at offset `row` in `rows`, can be reached from `cell` by a flood fill through cells, and whose
-    /// portals are not outside any of `planes`, a range of the chain's planes with normals to the inside.
+    /// Appends to the chain's sets the bitset of the candidates that are in the set at offset `from` of the
+    /// chain's sets and in the row at offset `row` in `rows`, can be reached from `cell` by a flood fill
+    /// through cells, and whose portals are not outside any of `planes`, a range of the chain's planes with
+    /// normals to the inside.
     fn push_reachable_set(
         &mut self,
         input: &FlowInput,

@@ -4,7 +4,8 @@ use crate::cell_matrix::CellMatrix;
 use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
 
-/// Input of a flow: the state of a bake between two rounds.
+/// Input of a flow (the search for all that is seen through one portal): the candidate matrix and the seen
+/// cells, as the last round of the bake left them.
 pub(crate) struct FlowInput<'a> {
     pub(crate) portals: &'a DirectedPortals,
     /// Candidate matrix with rows of `stride` words, one bit per directed portal: bit b of the row of
@@ -20,7 +21,7 @@ pub(crate) struct FlowInput<'a> {
     pub(crate) exact: Option<f64>,
 }
 
-/// Result of the flow from one source portal.
+/// Result of the flow (search for all that is seen) through one directed portal, the source.
 #[derive(Default)]
 pub struct FlowResult {
     /// Indices in `DirectedPortals::all` of the candidates of the source that no line through the source
@@ -33,7 +34,7 @@ pub struct FlowResult {
     pub(crate) steps: u64,
     /// Number of portal chains that only a certificate in Pluecker space excluded.
     pub(crate) rejected: u64,
-    /// Whether the limit of steps was reached, so that every candidate not proven hidden counts as seen.
-    /// `false` if the search is complete.
+    /// Whether the limit of steps (portal chains inspected) was reached, so that every candidate not proven
+    /// hidden counts as seen. `false` if the search is complete.
     pub(crate) gave_up: bool,
 }

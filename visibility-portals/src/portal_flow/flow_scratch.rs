@@ -44,21 +44,24 @@ pub struct FlowScratch {
     pub(crate) goals: Vec<u64>,
     /// Bitset over the candidates: bit i is 1 once candidate i is seen or could not be excluded.
     pub(crate) reached: Vec<u64>,
-    /// The current chain. Bit numbers of its bitsets and of its frames' children are candidate indices.
+    /// The current chain of portals. Bit numbers of its bitsets and of its frames' children are candidate
+    /// indices.
     pub(crate) chain: PortalChain,
     pub(crate) flood: CellFlood,
     pub(crate) pluecker: Pluecker,
     /// Sets of indices in `DirectedPortals::all`: no line passes all portals of a set. From the most recent
     /// certificates of this flow, at most 32.
     pub(crate) refuted: Vec<SmallVec<[u32; MAX_ROWS]>>,
-    /// Index in `refuted` of the oldest entry, which is replaced next.
+    /// Index in `refuted` (sets of portals that no line passes) of the oldest set, which the next
+    /// certificate replaces.
     pub(crate) oldest: usize,
 }
 
 const NO_ROW: u32 = u32::MAX;
 
 impl FlowScratch {
-    /// Collects the candidates of the directed portal `source`, and forgets the last flow.
+    /// Collects the candidates of directed portal `source` (the portals that may be seen through it), and
+    /// discards the data of the last flow.
     pub(crate) fn begin(&mut self, input: &FlowInput, source: u32) {
         let all = &input.portals.all;
         let row = &input.rows[source as usize * input.stride..][..input.stride];
@@ -106,7 +109,8 @@ impl FlowScratch {
         self.oldest = 0;
     }
 
-    /// Returns the offset in `rows` of the row of a candidate portal, and makes the row on first use.
+    /// Returns the offset in `self.rows` of the row of a candidate portal (the bitset of candidates that a
+    /// line through it may later pass), and makes the row on first use.
     pub(crate) fn row(&mut self, input: &FlowInput, candidate: usize) -> usize {
         if self.row_of[candidate] == NO_ROW {
             self.row_of[candidate] = self.rows.len() as u32;
@@ -116,7 +120,8 @@ impl FlowScratch {
         self.row_of[candidate] as usize
     }
 
-    /// Returns the words of the row at offset `start` in `rows`: one bit per candidate.
+    /// Returns the row at offset `start` in `self.rows`: a bitset with bit i set if a line through the row's
+    /// portal may later pass candidate i.
     pub(crate) fn row_words(&self, start: usize) -> &[u64] {
         &self.rows[start..start + self.words]
     }

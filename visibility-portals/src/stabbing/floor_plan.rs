@@ -94,8 +94,8 @@ impl FloorPlan {
     }
 
     /// Returns the certificate that no line passes the segment ends which the last run of the linear program
-    /// found to contradict each other (its conflict). `square` is the segment (left end, right end) that
-    /// scales lines: a line's normal `n` has `n . (left - right) = 1`. `origin` is the point that the
+    /// found to contradict each other (its conflict). `square` is the segment (left end, right end) by which
+    /// lines are scaled: a line's normal `n` has `n . (left - right) = 1`. `origin` is the point that the
     /// program's coordinates are relative to. `None` if no proof is found.
     fn certificate(
         &self,

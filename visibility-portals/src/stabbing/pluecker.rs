@@ -54,13 +54,13 @@ pub(crate) struct Edge {
     /// [`edges_of`]) less the farthest distance by which a vertex lies beyond the edge, on the side away
     /// from the portal.
     pub(crate) shift: DVec3,
-    /// Whether the edge is used as a bound of the portal. `false` for an edge without length, and for an
-    /// edge beyond which another vertex lies by more than the inset (see [`edges_of`]).
+    /// Whether the edge is used as a constraint on lines through the portal. `false` for an edge without
+    /// length, and for an edge beyond which another vertex lies by more than the inset (see [`edges_of`]).
     pub(crate) bounds: bool,
 }
 
 impl Edge {
-    /// Returns the edge with its end points exchanged, and with the same shift.
+    /// Returns the edge from `b` to `a`, with the shift and `bounds` unchanged.
     fn reversed(&self) -> Self {
         Self { a: self.b, b: self.a, ..*self }
     }
@@ -122,7 +122,8 @@ pub(crate) struct Pluecker {
     /// coordinates): a line has the direction `d = start + x u + y v`, and the moment `m` in units of
     /// `size`.
     frame: [DVec3; 3],
-    /// Greatest absolute coordinate of an edge's start relative to the origin of the test, in world units.
+    /// Greatest absolute coordinate of an edge's start point, relative to the `origin` given to the last
+    /// test, in world units. The unit of moments in the linear program.
     size: f64,
     /// Indices of the openings that the last certificate names, each once. No line passes all of them.
     pub(crate) needed: Vec<u32>,

@@ -1,9 +1,9 @@
 //! Bound on the distance of a line from an origin, by the segment or polygon that the line passes.
 
-/// Returns an upper bound on exact distances, given the distances as computed in `f64` from differences of
-/// coordinates, and a unit for them: the least power of two, from 1 up, that is not below the bound. In this
-/// unit both halves of a row of a linear program have similar size. NaN is ignored; an infinite distance
-/// makes both results infinite.
+/// Returns two lengths for `distances`, which were computed in `f64` from differences of coordinates. The
+/// first is an upper bound on all exact distances. The second is a unit of length: the least power of two,
+/// from 1 up, that is not below the first. In this unit both halves of a row of a linear program have similar
+/// size. NaN is ignored; an infinite distance makes both results infinite.
 pub(super) fn radius_of(distances: impl Iterator<Item = f64>) -> (f64, f64) {
     // With the unit round-off `u` = 2^-53, a difference is rounded by `u` of itself, three squares and two
     // sums by `3u`, a root by `u`; half of the error of the squares counts. That is less than `4u` of the

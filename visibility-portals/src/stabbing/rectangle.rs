@@ -17,9 +17,9 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// Returns the rectangle projected along `axis`: a segment in the plane of the two following axes
-    /// (cyclically), by the end that lines pass on their left and the end that they pass on their right.
-    /// `None` if the wall is perpendicular to `axis`.
+    /// Returns the rectangle projected along `axis`: a segment in the plane of the two axes that follow
+    /// `axis` cyclically. The two parts are the end that lines pass on their left, then the end that lines
+    /// pass on their right. `None` if the wall is perpendicular to `axis`.
     pub(super) fn seen_along(&self, axis: usize) -> Option<[DVec2; 2]> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         // For lines along the first axis of the projection, the second axis points left. For lines along the

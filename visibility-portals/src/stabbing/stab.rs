@@ -6,11 +6,12 @@ use crate::lp::Certificate;
 /// direction.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Stab<L> {
-    /// A line that certainly passes all openings, at least the clearance away from all their edges.
+    /// A line that certainly passes all openings, and stays at least the stabber's clearance away from all
+    /// edges of polygons (all ends of segments).
     Line(L),
     /// Certainly no line passes all openings with the clearance. The certificate names a few ends of
-    /// segments, or edges of polygons, by an index counted through the whole sequence: no line passes even
-    /// these.
+    /// segments, or a few edges of polygons, which alone already exclude every line. Its indices count the
+    /// ends or edges through the whole sequence of openings, from 0.
     No(Certificate),
     /// Undecided: neither a line nor a certificate was found.
     Undecided,

@@ -29,8 +29,8 @@ pub struct Stabber {
     /// By polygon of the sequence: the end of the polygon's edges in `edges`, exclusive, and the polygon's
     /// unit normal.
     ends: Vec<(usize, DVec3)>,
-    /// Rectangles projected along an axis, each as the end that lines pass on their left and the end that
-    /// they pass on their right. In the two coordinates that follow the axis cyclically.
+    /// Segments: rectangles projected along one axis. Each segment is the end that lines pass on their left
+    /// and the end that lines pass on their right, in the two coordinates that follow the axis cyclically.
     seen: Vec<[DVec2; 2]>,
     /// By segment in `seen`: the index of the rectangle that was projected to the segment.
     of: Vec<u32>,
@@ -168,9 +168,9 @@ mod tests {
     use super::*;
     use crate::integer_vectors::{IntegerVector, Random};
 
-    /// Returns a clearance greater by a relative 1e-9 than the distance `product / across` of a line from an
-    /// edge, so that the line just misses it. For a line on the wrong side (`product` not positive), which
-    /// misses any positive clearance, returns 1e-9.
+    /// Returns a clearance that a line just misses: greater by a relative 1e-9 than the line's distance
+    /// `product / across` from an edge. For a line on the wrong side (`product` not positive), which misses
+    /// any positive clearance, returns 1e-9.
     fn just_missed(product: f64, across: f64) -> f64 {
         if product > 0.0 { product / across * (1.0 + 1e-9) } else { 1e-9 }
     }

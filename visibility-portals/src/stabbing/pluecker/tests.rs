@@ -4,7 +4,7 @@ use super::*;
 use visibility_testing::Random;
 
 /// A line (point and unit direction), and a polygon with unit normal `normal` around the line. The lines
-/// through the polygon's edges all have the same distance from the line.
+/// through the polygon's edges all have the same distance from the given line.
 struct Around {
     point: DVec3,
     direction: DVec3,
@@ -30,7 +30,8 @@ fn around(corners: usize, distance: f64, random: &mut Random) -> Around {
     Around { point, direction, normal, vertices: vertices.collect() }
 }
 
-/// Returns `normal . x` of a row at a line, with the line's moment about `origin` in units of `unit`.
+/// Returns `row.normal . x` for the Pluecker coordinates `x` (direction and moment) of a line through `point`
+/// along `direction`. The moment is about `origin`, with lengths in units of `unit` world units.
 fn value(row: &Row<6>, origin: DVec3, unit: f64, point: DVec3, direction: DVec3) -> f64 {
     let m = (point - origin).cross(direction) / unit;
     let x = [direction.x, direction.y, direction.z, m.x, m.y, m.z];
