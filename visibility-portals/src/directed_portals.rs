@@ -32,9 +32,9 @@ pub(crate) struct Margins {
     /// Clipping to a plane keeps points up to this distance on the outer side of the plane, opposite to its
     /// normal.
     pub(crate) keep: f64,
-    /// Neighbouring vertices no farther apart than this become one.
+    /// Clipped polygons: neighbouring vertices no farther apart than this become one.
     pub(crate) merge: f64,
-    /// Absolute bound on the rounding of the dot product of a unit vector and a position.
+    /// Absolute bound on the rounding error of the dot product of a unit vector and a position of the map.
     pub(crate) noise: f64,
     /// Distance that lines must keep from all portal edges:
     /// [`Settings::clearance`](crate::Settings::clearance).

@@ -39,7 +39,8 @@ pub struct PortalFile {
 #[derive(Clone, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum PrtError {
-    /// A line is malformed.
+    /// A line of the file does not have the form that the format demands, for instance because a number is
+    /// missing.
     Line {
         /// Number of the line, from 1.
         line: usize,

@@ -27,7 +27,8 @@ struct Level {
 pub(crate) struct Pyramid {
     /// Levels above the tiles, finest first, down to one texel.
     levels: Vec<Level>,
-    /// Scratch of [`update`](Self::update): half-open dirty column range of each row of the finer level.
+    /// Scratch of [`update`](Self::update): for each row of the finer level, the half-open range of the
+    /// columns whose texels have changed.
     changed: Vec<[usize; 2]>,
 }
 
@@ -61,8 +62,8 @@ impl Pyramid {
         self.levels.get(level).map(|level| (level.columns, level.rows, &level.least[..]))
     }
 
-    /// Recomputes all texels above the dirty tiles of `tiles` and resets the dirty ranges. The cost is
-    /// proportional to the number of texels within the dirty ranges.
+    /// Recomputes all texels above the dirty tiles (those changed since the last update) of `tiles`, and
+    /// marks all tiles as clean. The cost is proportional to the number of texels within the dirty ranges.
     pub(crate) fn update(&mut self, tiles: &mut Tiles) {
         let [mut first_row, mut end_row] = core::mem::replace(&mut tiles.changed_rows, UNCHANGED);
         if first_row >= end_row {

@@ -14,7 +14,7 @@ use crate::rounding::down;
 use crate::setup::screen_shape::ScreenShape;
 use alloc::vec::Vec;
 
-/// Maximum number of layers of a tile.
+/// Maximum number of layers of a tile. A layer is a set of covered pixels with one bound on depth.
 pub(crate) const LAYERS: usize = 4;
 
 /// Layers of one tile: disjoint sets of covered pixels, each with a lower bound on its depth keys (greater is
@@ -51,12 +51,14 @@ pub(crate) struct Tiles {
     /// Number of layers in use in each tile, 0 to [`LAYERS`]. A layer is a set of covered pixels with one
     /// bound on depth.
     counts: Vec<u8>,
-    /// Layers of each tile. Layers at or beyond the tile's count are stale.
+    /// Layers of each tile (disjoint sets of covered pixels, each with a bound on depth). Layers at or
+    /// beyond the tile's element of `counts` are stale.
     layers: Vec<Layers>,
     /// Half-open range of dirty tile columns of each row of tiles: tiles whose `tile_min` has changed since
     /// the last update of the pyramid. [`UNCHANGED`] if there are none.
     pub(crate) changed: Vec<[usize; 2]>,
-    /// Half-open range of the rows of tiles that have dirty columns. [`UNCHANGED`] if there are none.
+    /// Half-open range of the rows of tiles that contain dirty tiles (`tile_min` has changed since the last
+    /// update of the pyramid). [`UNCHANGED`] if there are none.
     pub(crate) changed_rows: [usize; 2],
     /// Scratch of `shape_fill.rs`: pixel masks of the row of tiles that is being filled.
     pub(crate) spans: RowSpans,
@@ -81,7 +83,8 @@ impl Tiles {
         }
     }
 
-    /// Marks all pixels as uncovered, and removes all depth planes and dirty ranges.
+    /// Marks all pixels as uncovered, removes all depth planes, and marks no tile as dirty (changed since the
+    /// last update of the pyramid).
     pub(crate) fn clear(&mut self) {
         self.tile_min.fill(EMPTY_DEPTH);
         self.counts.fill(0);
@@ -91,7 +94,8 @@ impl Tiles {
         self.changed_rows = UNCHANGED;
     }
 
-    /// Extends the dirty range of tile columns of row `row` of tiles by the half-open range `columns`.
+    /// Marks the tile columns of the half-open range `columns` in row `row` of tiles as dirty (changed since
+    /// the last update of the pyramid).
     #[inline(always)]
     pub(crate) fn mark_dirty(&mut self, row: usize, columns: [usize; 2]) {
         self.changed[row] = join(self.changed[row], columns);

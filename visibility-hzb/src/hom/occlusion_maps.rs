@@ -61,13 +61,14 @@ use visibility_core::{
 pub struct Hom {
     /// Z-buffer that draws occluders. Also holds the view's projection, by which boxes are projected.
     raster: Hzb,
-    /// Covered pixels and their counts on all levels, as of the last flush.
+    /// Covered pixels, and for each texel of the coarser levels their number, as of the last flush.
     opacity: OpacityPyramid,
     /// Lower bounds on the depth keys of the drawn occluders.
     boundary: DepthBoundary,
     /// Boxes around added occluders that `boundary` and `stale` do not take into account yet.
     queue: BoxQueue,
-    /// Tiles whose opacity and depth bounds may be out of date since the last flush.
+    /// Range of the tiles whose counts of covered pixels and depth bounds may be out of date since the last
+    /// flush.
     stale: TileRange,
 }
 

@@ -340,8 +340,8 @@ mod tests {
     }
 
     /// Values of [`ScreenRow32`]s (linear functions of points) are within their error bounds close to an
-    /// anchor far from the origin. The coordinates of such an anchor are ones that `f32` holds in two parts
-    /// only.
+    /// anchor far from the origin. One `f32` is too coarse for the coordinates of such an anchor, so each is
+    /// stored as the sum of two.
     #[test]
     fn rows_are_within_their_error_close_to_a_far_anchor() {
         let mut random = random(7);

@@ -59,8 +59,8 @@ const HALF: usize = SIDE / 2;
 /// greatest of them, the whole triangle gets the depth key of its farthest corner.
 const FLAT: f32 = 0.001;
 
-/// Scratch for the contribution of one mesh: one [`ContourTile`] for each tile of the buffer. All are empty
-/// between meshes.
+/// Scratch for the coverage and depth that one mesh contributes: one [`ContourTile`] for each tile of the
+/// buffer. Between two meshes all are empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContourTiles {
     /// Contribution of the mesh to each tile, row by row from the top.

@@ -55,8 +55,8 @@ impl RowBound {
     }
 }
 
-/// Maximum number of row bounds (bounds on the columns in each row of pixels) on the left of a shape, and
-/// maximum number on the right.
+/// Maximum number of row bounds (bounds on the columns in each row of pixels) on each side, left and right,
+/// of a shape.
 pub(crate) const MAX_EDGES: usize = 32;
 /// Maximum number of depth planes of a shape.
 pub(crate) const MAX_PLANES: usize = 16;

@@ -21,7 +21,8 @@ const FORWARD: u8 = 1;
 const BACKWARD: u8 = 2;
 const CLOSED: u8 = 4;
 
-/// State of all portals of a graph: whether each is open, and its directions of passage.
+/// State of all portals of a graph: whether each portal is open, and in which directions it can be seen
+/// through.
 #[derive(Clone, Debug)]
 pub(super) struct Doors {
     /// One byte per portal, by portal index: the bits `FORWARD` and `BACKWARD` for the passage, and

@@ -48,7 +48,8 @@ pub(super) struct PortalPath {
     /// Index in `PortalWalk::paths` of the path without its last portal, or `NONE` for a path that starts at
     /// the eye.
     pub(super) parent: u32,
-    /// The portal crossed last on this path. Meaningless if `parent` is `NONE`.
+    /// The last portal of this path, the one nearest to the cell that the path leads to. Meaningless if
+    /// `parent` is `NONE`.
     pub(super) portal: PortalId,
     /// Index in `PortalWalk::paths` of the path to the same cell that was found just before this path, or
     /// `NONE` if this path was found first.

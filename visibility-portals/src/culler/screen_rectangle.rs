@@ -46,8 +46,9 @@ pub(super) fn rectangle_around(
 }
 
 /// Appends to `sides` the planes of a rectangle on the screen, given in NDC, with normals to the inside. The
-/// planes are anchor-relative and follow from the rows of the clip matrix: `x - left w >= 0`, and likewise
-/// for the other three bounds. Planes whose error is too large to bound anything are left out.
+/// planes are anchor-relative and follow from the rows of the clip matrix: `x - left w >= 0` for the left
+/// bound, where `x` and `w` are clip coordinates, and likewise for right, bottom and top. Planes whose error
+/// is too large to bound anything are left out.
 pub(super) fn push_rectangle_planes(
     eye_view: &PortalView,
     rectangle: ScreenRectangle,

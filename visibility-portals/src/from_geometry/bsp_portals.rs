@@ -37,9 +37,9 @@ pub(super) struct Node {
     pub(super) covers: Vec<(Vec<DVec3>, bool)>,
 }
 
-/// An opaque polygon prepared for subtraction from a portal in the same plane: planes perpendicular to the
-/// polygon through its widened edges, with normals to the inside, and the bounds of the widened polygon. In
-/// world space.
+/// An opaque polygon in world space, prepared for subtraction from a portal in the same plane. It is widened,
+/// and stored as the planes perpendicular to it through its edges, with normals to the inside, and as its
+/// bounds.
 struct Cover {
     planes: Vec<Plane>,
     min: DVec3,

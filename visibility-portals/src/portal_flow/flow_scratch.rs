@@ -49,8 +49,8 @@ pub struct FlowScratch {
     pub(crate) chain: PortalChain,
     pub(crate) flood: CellFlood,
     pub(crate) pluecker: Pluecker,
-    /// Sets of indices in `DirectedPortals::all`: no line passes all portals of a set. From the most recent
-    /// certificates of this flow, at most 32.
+    /// Sets of portals, as indices in `DirectedPortals::all`, such that no line passes all portals of a set.
+    /// One set for each of the last certificates (proofs in Pluecker space) of this flow, at most 32.
     pub(crate) refuted: Vec<SmallVec<[u32; MAX_ROWS]>>,
     /// Index in `refuted` (sets of portals that no line passes) of the oldest set, which the next
     /// certificate replaces.
