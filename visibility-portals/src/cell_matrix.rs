@@ -137,8 +137,8 @@ impl CellMatrix {
     }
 }
 
-/// Returns the viewcells of all cells that share a portal with the cell of the same index as `viewcell`, once
-/// for each shared portal. Empty for an unknown viewcell.
+/// Returns the neighbours of a viewcell, where viewcell i is the volume of cell i: the viewcells of all cells
+/// that share a portal with that cell, once for each shared portal. Empty for an unknown viewcell.
 pub(crate) fn neighbours(graph: &CellGraph, viewcell: ViewcellId) -> impl Iterator<Item = ViewcellId> + '_ {
     let cell = CellId(viewcell.0);
     let portals = graph.portals_of(cell).iter().filter_map(|&id| graph.portal(id));

@@ -177,11 +177,11 @@ impl BoxFacePlanes {
         below
     }
 
-    /// Returns bounds on the box's depth key over a rectangle (left, right, top, bottom in pixels): the least
-    /// of the faces' upper bounds, each at its maximum over the rectangle, and the greatest of their lower
-    /// bounds, each at its minimum. Infinity if no face gives an upper bound, negative infinity if none gives
-    /// a lower one. If the upper bound is less than the lower one, no view ray through the rectangle meets
-    /// the box.
+    /// Returns an upper and a lower bound, in this order, on the box's depth key over a rectangle (left,
+    /// right, top, bottom in pixels). The upper bound is the least of the faces' upper bounds, each at its
+    /// maximum over the rectangle. The lower bound is the greatest of the faces' lower bounds, each at its
+    /// minimum. Infinity if no face gives an upper bound, negative infinity if none gives a lower one. If the
+    /// upper bound is less than the lower one, no view ray through the rectangle meets the box.
     #[inline(always)]
     pub(crate) fn range(&self, [left, right, top, bottom]: [f64; 4]) -> [f64; 2] {
         let (mut above, mut below) = ([0.0; LANES], [0.0; LANES]);

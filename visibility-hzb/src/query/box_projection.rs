@@ -133,9 +133,10 @@ impl<const N: usize> ProjectedBoxes<N> {
         inside: [false; N],
     };
 
-    /// Returns the screen bounds of box `i`, or `None` if they are not known. `picture` is the width and
-    /// height of the picture, `padded` that of the buffer of whole tiles, in pixels. Bounds that end at the
-    /// right or lower border of the picture are extended to the border of the buffer.
+    /// Returns the screen bounds of box `i`, rounded outwards, or `None` if they are not known because the
+    /// box may reach the plane of the eye. `picture` is the width and height of the picture, `padded` that of
+    /// the buffer of whole tiles, in pixels. Bounds that end at the right or lower border of the picture are
+    /// extended to the border of the buffer.
     #[inline(always)]
     pub(crate) fn extent(&self, i: usize, picture: [usize; 2], padded: [usize; 2]) -> Option<ScreenExtent> {
         let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| self.sides[side][i] as usize);

@@ -14,7 +14,7 @@ use crate::lanes::{greatest, least};
 use crate::rounding::lower;
 use alloc::vec::Vec;
 
-/// A vertex of a drawn triangle on the screen, in pixels.
+/// A vertex of a drawn triangle: its position on the screen in pixels, and a bound on its depth key.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScreenVertex {
     /// Column in pixels of the buffer, not rounded to whole pixels.

@@ -102,10 +102,11 @@ pub(crate) fn convex_shape(
 #[inline(always)]
 fn looks_convex(mesh: &OccluderTriangles, screen: &[[f64; 3]], drawn: &[bool], facing: f64) -> bool {
     // Vertices may lie this far beyond an edge's line or before a triangle's plane.
-    /// Tolerance across the outline, in pixels: how far a vertex may lie outside the line of a contour edge.
+    /// Tolerance across the outline, in pixels: how far a vertex may lie outside the line of a contour edge
+    /// for the mesh still to count as looking convex.
     const PIXELS: f64 = 0.1;
-    /// Tolerance in depth, as a fraction of the depth key: how far a vertex may lie before a triangle's
-    /// plane.
+    /// Tolerance in depth, as a fraction of the depth key: how far a vertex may lie in front of a triangle's
+    /// plane for the mesh still to count as looking convex.
     const DEPTH: f64 = 1e-3;
     for edge in mesh.edges {
         let left = drawn[edge.left as usize];

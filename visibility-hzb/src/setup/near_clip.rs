@@ -25,8 +25,8 @@ pub(crate) struct ClippedTriangle {
     pub(crate) corners: [[f64; 5]; 4],
     /// Number of corners: 3 or 4, or 0 if the whole triangle is nearer than `near_limit`.
     pub(crate) count: usize,
-    /// Start and end, in homogeneous screen coordinates, of the edge along the cut, in the direction of the
-    /// remaining polygon. `None` if the triangle lies wholly on one side of the cut.
+    /// Start and end, in homogeneous screen coordinates, of the new edge that the cut makes, directed as an
+    /// edge of the clipped triangle. `None` if the triangle lies wholly on one side of the cut.
     pub(crate) edge: Option<[[f64; 5]; 2]>,
 }
 

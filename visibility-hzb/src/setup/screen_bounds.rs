@@ -33,8 +33,8 @@ pub(crate) fn extent<const N: usize>(
 
 /// Returns screen bounds from computed extremes, each moved outwards by its error: least and greatest column
 /// in pixels, least and greatest row, least and greatest depth key. `low` and `high` hold the computed least
-/// and greatest column, row and depth key. `least_w` is the least `w` of the points. `None` if it is at most
-/// 1024 times its own error bound.
+/// and greatest column, row and depth key. `least_w` is the least `w` of the points. `None` if `least_w` is
+/// at most 1024 times the error bound of `w`.
 ///
 /// A quotient `q = a / w` is off by `(e_a + |q| e_w) / w` to first order, and by two roundings, with absolute
 /// errors `e_a` and `e_w`. The factor 2 covers higher orders, since `w` exceeds `1024 e_w`.

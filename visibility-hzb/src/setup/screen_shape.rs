@@ -123,7 +123,8 @@ impl ScreenShape {
         self.ceiling = up(ceiling);
     }
 
-    /// Resets the shape to the rectangle and depth bounds of `extent`, without row bounds or depth planes.
+    /// Resets the shape to the pixel rectangle and the bounds on depth keys of `extent`, without row bounds
+    /// or depth planes.
     #[inline(always)]
     pub(crate) fn begin_within(&mut self, extent: &ScreenExtent) {
         (self.lefts, self.rights, self.plane_count) = (0, 0, 0);

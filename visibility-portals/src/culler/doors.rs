@@ -63,8 +63,8 @@ impl Doors {
         true
     }
 
-    /// Tests whether a portal is open and can be seen through along its normal (`forward`) or against its
-    /// normal (otherwise). `false` if the portal is unknown.
+    /// Tests whether a portal is open and can be seen through in one direction: along its normal if `forward`
+    /// is true, against its normal if false. `false` if the portal is unknown.
     pub(super) fn passes(&self, portal: PortalId, forward: bool) -> bool {
         let side = if forward { FORWARD } else { BACKWARD };
         self.flags.get(portal.index()).is_some_and(|flags| flags & (CLOSED | side) == side)

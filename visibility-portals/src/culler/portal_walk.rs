@@ -113,8 +113,8 @@ pub(super) struct PortalWalk {
     stack: Vec<(u32, u32)>,
     /// Cells that the walk still has to enter with the whole view as their window.
     waiting: Vec<CellId>,
-    /// Corners of the portal that is being clipped, relative to the anchor of the view. The field `clipped`
-    /// receives the result of each clip.
+    /// Corners of the portal that is being clipped, relative to the anchor of the view (the eye of a
+    /// perspective view). The field `clipped` receives the result of each clip.
     polygon: Vec<Corner>,
     clipped: Vec<Corner>,
     /// Union of the PVS rows of the starting cells: bit i % 64 of word i / 64 is 1 if the walk may enter
@@ -198,8 +198,8 @@ impl PortalWalk {
     }
 
     /// Extends paths through portals until none can be extended. Returns `false` if more than `steps` portals
-    /// would have to be inspected; the result is then incomplete and must not be used for culling. `stats` is
-    /// updated.
+    /// would have to be inspected; the result is then incomplete and must not be used for culling. Counters
+    /// of the walk are added to `stats`.
     pub(super) fn run(
         &mut self,
         cells: &SceneCells,

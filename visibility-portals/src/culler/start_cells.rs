@@ -15,7 +15,7 @@ pub(super) struct StartCells {
 impl StartCells {
     /// Calls `each` with every cell in which lines of sight begin; a cell may be passed more than once.
     /// Returns `false` if some lines of sight begin outside all cells, or if the start points cannot be
-    /// computed: the cells already passed to `each` are then incomplete. Computes relative to `anchor`, a
+    /// computed: `each` may then not have been called with all such cells. Computes relative to `anchor`, a
     /// point in world space.
     pub(super) fn find(
         &mut self,

@@ -186,8 +186,8 @@ impl Bsp {
     }
 
     /// Splits a world-space polygon among the leaves below `child`. Appends to `out`, for each leaf, the
-    /// leaf's index and the polygon's part in that leaf. A polygon that lies in the plane of a node goes to
-    /// both sides.
+    /// leaf's index and the polygon's part in that leaf. A polygon that lies in the plane of a node is passed
+    /// on whole to both children of the node.
     fn split_among_leaves(
         &self,
         polygon: Vec<DVec3>,

@@ -15,8 +15,8 @@ const WASTE: f64 = 0.1;
 /// Maximum number of pieces that are merged in pairs. With more pieces, only the hull of all pieces is tried.
 const MAX_PAIRWISE_PIECES: usize = 48;
 
-/// Merges coplanar convex pieces and replaces `pieces` by the result, which covers at least all points of the
-/// input. `normal` is the unit normal of the common plane.
+/// Merges coplanar convex pieces and replaces `pieces` by the result, convex polygons that cover at least all
+/// points of the input. `normal` is the unit normal of the common plane.
 pub(super) fn merge_pieces(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     if pieces.len() < 2 {
         return;

@@ -12,7 +12,7 @@ use visibility_core::{
 /// space.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Subdivision {
-    /// The graph of cells and portals.
+    /// The graph of cells and portals, with portal polygons in world space.
     pub graph: CellGraph,
     /// Volumes of the cells, in world space; viewcell `i` is the volume of cell `i`.
     pub viewcells: Vec<Viewcell>,

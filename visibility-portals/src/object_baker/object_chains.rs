@@ -103,7 +103,8 @@ pub struct SeenObjects {
     pub(super) gave_up: bool,
 }
 
-/// Scratch memory of the search for the objects seen from a cell.
+/// Scratch memory of the search for the objects seen from one cell: the current chain of portals and the
+/// objects seen so far.
 #[derive(Default)]
 pub struct Chains {
     seen: Vec<bool>,

@@ -26,8 +26,8 @@ pub struct Stabber {
     plan: FloorPlan,
     pluecker: Pluecker,
     edges: Vec<Edge>,
-    /// By polygon of the sequence: the end of the polygon's edges in `edges`, exclusive, and the polygon's
-    /// unit normal.
+    /// By polygon of the sequence: the exclusive end of the polygon's range of edges in `edges`, and the
+    /// polygon's unit normal.
     ends: Vec<(usize, DVec3)>,
     /// Segments: rectangles projected along one axis. Each segment is the end that lines pass on their left
     /// and the end that lines pass on their right, in the two coordinates that follow the axis cyclically.
