@@ -64,10 +64,12 @@ pub(crate) struct ScreenProjection32 {
     /// Difference between the exact anchor (the eye of a perspective view) and its rounded coordinates
     /// `high`, in metres, rounded to `f32`.
     low: [f32; 3],
-    /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, `n` (depth key times `w`) and the distance
-    /// beyond the near plane (positive beyond, in the unit of clip space).
+    /// Rows (linear functions of a point) that give `x` and `y` (pixel coordinates times `w`), `w`, `n`
+    /// (depth key times `w`) and the distance beyond the near plane (positive beyond, in the unit of clip
+    /// space).
     rows: [ScreenRow32; 5],
-    /// Rows of `width * w - x` and `height * w - y`: negative to the right of the picture and below it.
+    /// Rows (linear functions of a point) that give `width * w - x` and `height * w - y`, with `width` and
+    /// `height` of the picture in pixels: negative to the right of the picture and below it.
     right_bottom: [ScreenRow32; 2],
     /// Width and height of the picture in pixels.
     picture: [f32; 2],

@@ -46,9 +46,11 @@ pub(crate) struct ScreenProjection {
     pub(crate) size: [f64; 2],
     /// Width and height of the picture in pixels. `size` is this, rounded up to whole tiles.
     pub(crate) picture: [f64; 2],
-    /// Rows of `x` and `y` (pixel coordinates times `w`), `w`, and `n` (depth key times `w`).
+    /// Rows (linear functions of a point) that give `x` and `y` (pixel coordinates times `w`), `w`, and `n`
+    /// (depth key times `w`).
     pub(crate) rows: [ScreenRow; 4],
-    /// Row of the distance beyond the near plane: positive beyond the plane, in the unit of clip space.
+    /// Row (linear function of a point) that gives the distance beyond the near plane: positive beyond that
+    /// plane, in the unit of clip space.
     pub(crate) near: ScreenRow,
     /// Point in scene coordinates that points are taken relative to: the eye of a perspective view.
     pub(crate) anchor: DVec3,

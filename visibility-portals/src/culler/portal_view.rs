@@ -122,12 +122,12 @@ impl PortalView {
 /// polygon's normal.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Crossing {
-    /// The lines of sight cross the plane in the direction of the polygon's normal.
+    /// The lines of sight cross the polygon's plane in the direction of the polygon's normal.
     Along,
-    /// The lines of sight cross the plane in the direction opposite to the polygon's normal.
+    /// The lines of sight cross the polygon's plane in the direction opposite to the polygon's normal.
     Against,
-    /// Undecided: the eye is so near the plane, or the lines of sight are so nearly parallel to the plane,
-    /// that rounding can hide the direction.
+    /// Undecided: the eye is so near the polygon's plane, or the lines of sight are so nearly parallel to
+    /// that plane, that rounding can hide the direction.
     Undecided,
 }
 

@@ -113,7 +113,7 @@ pub(crate) fn edges_of(
 pub(crate) struct Pluecker {
     seidel: SeidelSolver,
     /// Constraints of the linear program, one for each used edge: half-spaces in the five variables of
-    /// `frame`, each as its normal and its offset.
+    /// `frame`, each as a normal and an offset: `normal . variables + offset >= 0`.
     rows: Vec<([f64; 5], f64)>,
     /// By row: index of the opening, index of the edge in the opening, and index of the edge among the edges
     /// of all openings.
