@@ -79,7 +79,8 @@ impl Line {
             .then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
     }
 
-    /// Returns the plane with its inner and outer sides exchanged.
+    /// Returns this line's plane, the plane through the eye that projects to the line, with its inner and
+    /// outer sides exchanged.
     pub(crate) fn flipped(&self) -> Self {
         Self { n: self.n.map(|x| -x), ..*self }
     }

@@ -180,15 +180,15 @@ impl Shadows {
         self.corners.clear();
     }
 
-    /// Returns the edges of a shadow in `list`.
+    /// Returns the edges of `shadow`, which must be an element of this set's `list`.
     pub(crate) fn edges_of(&self, shadow: &Shadow) -> &[ShadowEdge] {
         &self.edges[shadow.edges.clone()]
     }
 
-    /// Appends the shadow of a polygon to `list`. Returns false and appends nothing if the polygon casts no
-    /// shadow: the eye is not surely in front of the polygon (or behind, if it is two-sided), all of the
-    /// polygon is in front of the near plane, it has more than [`MOST_EDGES`] edges, or rounding leaves the
-    /// plane of an edge uncertain.
+    /// Appends the shadow of a polygon to this set's shadows, `list`. Returns false and appends nothing if
+    /// the polygon casts no shadow: the eye is not surely in front of the polygon (or behind, if it is
+    /// two-sided), all of the polygon is in front of the near plane, it has more than [`MOST_EDGES`]
+    /// edges, or rounding leaves the plane of an edge uncertain.
     pub(crate) fn cast(
         &mut self,
         projection: &ClipProjection,

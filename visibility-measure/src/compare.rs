@@ -47,7 +47,8 @@ pub struct Comparison {
     /// Number of pixels whose shown object was not reported, but another object of the pixel's tie was. Not
     /// counted as errors.
     pub tied_pixels: u32,
-    /// Number of reported objects without a pixel, alone or in a tie.
+    /// Number of objects that the culler reported as visible, though no pixel shows them and they tie in
+    /// depth with the shown object of no pixel.
     pub false_visible_objects: u32,
     /// Number of triangles without a pixel, of all reported objects, partly visible objects included.
     pub false_visible_triangles: u32,

@@ -189,9 +189,9 @@ impl Frame<'_> {
         state
     }
 
-    /// Projects a fragment, tests it against the beam tree and updates its object's state. If `hides` is true
-    /// and the object is an occluder, the fragment also covers image area. A fragment that can change neither
-    /// the state nor the covered area is skipped.
+    /// Projects a fragment, tests the fragment against the beam tree and updates the [`ObjectState`] of the
+    /// object it belongs to. If `hides` is true and the object is an occluder, the fragment also covers image
+    /// area. A fragment that can change neither the object's state nor the covered area is skipped.
     fn draw(&mut self, fragment: &Fragment<'_>, hides: bool) {
         let state = self.state(fragment.owner());
         let occluder = match state {
