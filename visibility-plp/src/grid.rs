@@ -38,8 +38,9 @@ impl Grid {
         Self { min: (min + max) * 0.5 - DVec3::splat(side * 0.5), step: side / f64::from(STEPS) }
     }
 
-    /// Returns the index of the voxel that contains a scene-relative point, x, y and z from 0 to 1023. The
-    /// nearest voxel for a point outside of the grid. A NaN coordinate counts as 0 steps.
+    /// Returns the indices along x, y and z, each 0 to 1023, of the voxel (smallest cube of the grid) that
+    /// contains a scene-relative point. A point outside of the grid gives the nearest voxel. A NaN coordinate
+    /// gives index 0 on its axis.
     pub(crate) fn voxel(&self, point: DVec3) -> [u32; 3] {
         // Casts of NaN and of numbers out of range are defined: 0 and the nearest number.
         ((point - self.min) / self.step).to_array().map(|x| (x as u32).min(STEPS - 1))

@@ -157,7 +157,7 @@ impl Iterator for Layer<'_> {
 }
 
 /// Iterator over the layers (groups of similar objects) of one axis side of a cell, in order of falling mean
-/// area times openness.
+/// area times openness. An axis side is one of the directions ±x, ±y and ±z that objects are grouped by.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers<'a> {
     /// Axis side that the objects face, 0 to 5 (twice the axis, plus one towards negative coordinates), or
@@ -213,7 +213,8 @@ pub(crate) struct Sides<'a> {
 }
 
 impl<'a> Sides<'a> {
-    /// Starts at the first axis side of a cell's encoded list. An empty list has no sides.
+    /// Starts at the first axis side (group of objects that face ±x, ±y or ±z, or no single side) of a
+    /// cell's encoded list. An empty list has no sides.
     #[inline]
     pub(crate) fn new(list: &'a [u8]) -> Self {
         let mut bytes = list;
@@ -221,7 +222,8 @@ impl<'a> Sides<'a> {
         Self { least, bytes }
     }
 
-    /// Returns the number of bytes of the axis sides not returned yet.
+    /// Returns the number of encoded bytes of the axis sides (groups of objects that face ±x, ±y or ±z, or
+    /// no single side) not returned yet.
     #[inline]
     pub(crate) fn byte_count(&self) -> usize {
         self.bytes.len()

@@ -218,9 +218,10 @@ impl OccluderMesh {
         &self.triangles
     }
 
-    /// Returns all edges. An edge of one or two triangles in opposite directions is listed once. An edge that
-    /// more than two triangles share, or two in the same direction, is listed once for each of these
-    /// triangles, with `right` equal to `None`.
+    /// Returns all edges. An edge of a single triangle is listed once. An edge that two triangles traverse in
+    /// opposite directions is also listed once. An edge that more than two triangles share, or that two
+    /// triangles traverse in the same direction, is listed once for each of these triangles, with `right`
+    /// equal to `None`.
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }

@@ -168,10 +168,10 @@ impl Viewcells {
     }
 
     /// Calls `each` with the viewcells that may touch the box from `min` to `max` in world space, boundaries
-    /// included. A viewcell is reported if its own box meets the given box and, for each of its planes, a
+    /// included. `each` gets a viewcell if its own box meets the given box and, for each of its planes, a
     /// corner of the given box is inside or within rounding error. A box with a NaN touches no viewcell. The
-    /// order is that of the tree. Time is proportional to the number of viewcells reported, and logarithmic
-    /// in the number of all.
+    /// order of the calls is unspecified. Time is proportional to the number of calls, and logarithmic in the
+    /// number of all viewcells.
     pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(ViewcellId)) {
         let meets = |low: DVec3, high: DVec3| low.cmple(max).all() && min.cmple(high).all();
         let (magnitude, mut at) = (min.abs().max(max.abs()), 0);
