@@ -88,8 +88,8 @@ pub(crate) struct Image {
     /// [`drop_hidden_claims`](Self::drop_hidden_claims).
     pub(crate) claims: Vec<TieClaim>,
     /// If true, new claims (records of a triangle that ties in depth with the triangle that a pixel shows)
-    /// are discarded, since about [`MAX_CLAIMS`] per pixel are held already, as where
-    /// thousands of objects coincide. If false, new claims are recorded.
+    /// are discarded, since about [`MAX_CLAIMS`] per pixel are held already, as where thousands of objects
+    /// coincide. If false, new claims are recorded.
     claims_full: bool,
     /// Number of the first triangle of the object that is being drawn. Two triangles of one object never
     /// claim a pixel from each other, however near they are.

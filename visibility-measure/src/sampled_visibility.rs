@@ -36,7 +36,8 @@ pub struct ObjectPixels {
 }
 
 impl ObjectPixels {
-    /// Tests whether any pixel shows the object, alone or in a tie.
+    /// Tests whether any pixel shows the object, or shows another object at an equal depth within the tie
+    /// tolerance (see [ties](crate#ties)).
     pub fn is_visible(&self) -> bool {
         self.pixels > 0 || self.tied_pixels > 0
     }
