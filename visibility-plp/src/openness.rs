@@ -294,7 +294,8 @@ mod tests {
         }
     }
 
-    /// All faces of a cube inside a slightly larger cube have low openness. Faces of the larger cube and of a
+    /// All faces of a cube inside a slightly larger cube have low openness (mean free distance in front of an
+    /// object's surface). Faces of the larger cube and of a
     /// separate cube have high openness. The same holds for 40 copies of the scene, where lines have so many
     /// intersections that depths are bisected.
     #[test]

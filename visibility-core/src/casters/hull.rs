@@ -147,8 +147,9 @@ impl Facet {
 }
 
 impl RoundedPlane {
-    /// Returns the plane with a unit normal and all errors moved into the offset. It is valid for points
-    /// whose coordinates have absolute values of at most `reach`: an error `e` of the normal's x moves the
+    /// Returns the plane scaled to a unit normal, with one absolute error bound of a point's signed distance,
+    /// which covers the errors of normal and offset. The bound holds for points whose coordinates have
+    /// absolute values of at most `reach`, since an error `e` of the normal's x moves the
     /// plane by at most `e * reach.x` there. `None` if the normal is (almost) zero or NaN, or if the offset
     /// or its error overflows.
     fn settle(&self, reach: DVec3) -> Option<ViewPlane> {
