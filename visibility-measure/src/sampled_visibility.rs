@@ -66,7 +66,7 @@ pub struct SampledVisibility {
     /// Objects of the tied pixels, sorted by pixel. Objects tie for a pixel if rounding alone decides which
     /// of them the image shows. Within a pixel, the object that the image shows comes first.
     ties: Vec<Tie>,
-    /// Number of objects with at least one pixel, alone or in a tie.
+    /// Number of objects that at least one pixel shows, or that tie in depth with its shown object.
     visible_objects: u32,
     /// Number of triangles with at least one pixel of the image.
     visible_triangles: u32,
@@ -102,7 +102,7 @@ impl SampledVisibility {
         &self.triangle_pixels
     }
 
-    /// Returns the number of objects with at least one pixel, alone or in a tie.
+    /// Returns the number of objects that at least one pixel shows, or that tie with its shown object.
     pub fn visible_objects(&self) -> u32 {
         self.visible_objects
     }
