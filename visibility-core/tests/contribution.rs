@@ -496,6 +496,67 @@ fn children_whose_parent_cannot_stand_in_are_drawn() {
     assert_eq!(scene.hlod_parent(child), Ok(None));
 }
 
+/// Change of a scene, given a parent, its children and a box elsewhere.
+type Change = fn(&mut Scene, ObjectId, &[ObjectId], Aabb);
+
+/// Tests that nodes which were dropped because a parent stood in for all their objects are looked into again
+/// at once, whatever has happened to the parent.
+#[test]
+fn nodes_of_children_whose_parent_has_changed_are_looked_into() {
+    let whole = Aabb::from_arrays([490.0; 3], [530.0; 3]);
+    let elsewhere = Aabb::from_arrays([-530.0; 3], [-490.0; 3]);
+    let from = DrawRange { begin: 10.0, ..DrawRange::ALWAYS };
+    let all_layers = u32::MAX;
+    let changes: [(&str, Change); 9] = [
+        ("moved", |scene, parent, _, to| scene.set_bounds(parent, to).unwrap()),
+        ("moved with all others", |scene, parent, children, to| {
+            let still = children.iter().map(|&id| (id, scene.bounds(id).unwrap()));
+            let moved: Vec<_> = still.chain([(parent, to)]).collect();
+            scene.set_bounds_batch(&moved).unwrap();
+        }),
+        ("moved a little with all others, after them", |scene, parent, children, _| {
+            let bounds = |id: ObjectId| scene.bounds(id).unwrap();
+            let to = Aabb::new(bounds(parent).min + 30.0, bounds(parent).max + 30.0);
+            let moved: Vec<_> = children.iter().map(|&id| (id, bounds(id))).chain([(parent, to)]).collect();
+            scene.set_bounds_batch(&moved).unwrap();
+        }),
+        ("on another layer", |scene, parent, _, _| scene.set_layers(parent, 2).unwrap()),
+        ("removed", |scene, parent, _, _| scene.remove(parent).unwrap()),
+        ("never culled", |scene, parent, _, _| scene.set_never_cull(parent, true).unwrap()),
+        ("farther", |scene, parent, _, _| {
+            let begin = DrawRange { begin: 1e5, ..DrawRange::ALWAYS };
+            scene.set_draw_range(parent, begin).unwrap();
+        }),
+        ("children on more layers", |scene, _, children, _| {
+            children.iter().for_each(|&id| scene.set_layers(id, u32::MAX).unwrap());
+        }),
+        ("children without parent", |scene, _, children, _| {
+            children.iter().for_each(|&id| scene.set_hlod_parent(id, None).unwrap());
+        }),
+    ];
+    for (what, change) in changes {
+        let mut rng = Random(12);
+        let mut scene = Scene::new();
+        let parent = scene.insert(Object { layers: all_layers >> 1, ..Object::new(whole) });
+        scene.set_draw_range(parent, from).unwrap();
+        let child = |rng: &mut Random| {
+            let at = rng.vec3(495.0, 520.0);
+            Object { layers: 5, ..Object::new(Aabb::new(at, at + 1.0)) }
+        };
+        let children = scene.insert_batch((0..600).map(|_| child(&mut rng)).collect::<Vec<_>>());
+        for &id in &children {
+            scene.set_hlod_parent(id, Some(parent)).unwrap();
+        }
+        scene.rebuild();
+        let view = view_from(DVec3::ZERO);
+        let (seen, stats) = cull(&mut ContributionCuller::new(1080.0, 0.0), &scene, &view);
+        assert!(seen.len() == 1 && stats.nodes <= 2, "{what}: {} nodes", stats.nodes);
+        change(&mut scene, parent, &children, elsewhere);
+        let seen = cull(&mut ContributionCuller::new(1080.0, 0.0), &scene, &view).0;
+        assert!(children.iter().all(|id| seen.contains(id)), "{what}: {} seen", seen.len());
+    }
+}
+
 #[test]
 fn ranges_and_parents_follow_their_objects() {
     let mut scene = Scene::new();

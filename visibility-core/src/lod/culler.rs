@@ -25,8 +25,9 @@ const HYSTERESIS: f64 = 0.05;
 /// trembles. Only distances that were seen inside such a band depend on earlier frames.
 ///
 /// # Cost
-/// A node without an object that is large enough and in range is dropped in one test, about 5 ns; the objects
-/// of a leaf take 1 ns each, an object with a range or a parent 10 ns more. Memory: 2 bits for each object
+/// A node without an object that is large enough and in range is dropped in one test. Objects of other leaves
+/// take a few nanoseconds each, and an object with a range or a parent some ten more. Of a million objects of
+/// like size, of which 1 % remain, 0.2 ms; where most leaves hold a large object, 4 ms. Memory: 2 bits for each object
 /// index, if any object has a range or a parent.
 ///
 /// ```
