@@ -27,8 +27,8 @@ const HYSTERESIS: f64 = 0.05;
 /// # Cost
 /// A node without an object that is large enough and in range is dropped in one test. Objects of other leaves
 /// take a few nanoseconds each, and an object with a range or a parent some ten more. Of a million objects of
-/// like size, of which 1 % remain, 0.2 ms; where most leaves hold a large object, 4 ms. Memory: 2 bits for each object
-/// index, if any object has a range or a parent.
+/// like size, of which 1 % remain, 0.2 ms; where most leaves hold a large object, 4 ms. Memory: 2 bits for
+/// each object index, if any object has a range or a parent.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, lod::ContributionCuller};
