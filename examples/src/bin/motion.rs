@@ -1,0 +1,211 @@
+//! Program `motion`: walks through a scene in which many objects move, updates only the movers that motion
+//! volumes say are due, and prints how many updates are saved and whether any mover is seen too late.
+
+use clap::Parser;
+use comfy_table::{Table, presets};
+use glam::DVec3;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+use visibility_core::motion::{Motion, MotionVolumes};
+use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
+use visibility_examples::built_in;
+use visibility_examples::walkthrough::{World, cullers};
+
+/// Walk through built-in scenes with many movers, and count the updates that motion volumes save.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// Built-in scenes, with or without sizes.
+    #[arg(default_values_t = ["plpcity".to_owned(), "london".to_owned()])]
+    scenes: Vec<String>,
+
+    /// Cullers that decide on visibility, separated by commas, as `walkthrough --cullers` takes them.
+    #[arg(long, default_value = "frustum,hzb")]
+    cullers: String,
+
+    /// Number of movers.
+    #[arg(long, default_value_t = 100_000)]
+    movers: usize,
+
+    /// Number of frames, at 60 in a second.
+    #[arg(long, default_value_t = 600)]
+    frames: usize,
+}
+
+/// A mover that goes to and fro on a segment at constant speed.
+struct Pacer {
+    home: DVec3,
+    /// From `home` to either end of the segment, in metres.
+    reach: DVec3,
+    /// Speed in metres per second.
+    speed: f64,
+    phase: f64,
+    half: DVec3,
+}
+
+impl Pacer {
+    fn at(&self, time: f64) -> Aabb {
+        // A triangle wave between -1 and 1, with slope 1 along the length of `reach`.
+        let wave = (self.phase + time * self.speed / self.reach.length()).rem_euclid(4.0);
+        let center = self.home + self.reach * ((wave - 2.0).abs() - 1.0);
+        Aabb::new((center - self.half).as_vec3(), (center + self.half).as_vec3())
+    }
+
+    fn motion(&self) -> Motion {
+        Motion::new((self.speed as f32).next_up())
+    }
+}
+
+/// Draws the next number from 0 to 1 of a fixed sequence (SplitMix64).
+fn unit(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let z = (*state ^ *state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Makes movers on the ground of a scene: of five, four are people at 1 to 2 m/s and one is a car at 5 to 15.
+fn pacers(bounds: &Aabb, count: usize) -> Vec<Pacer> {
+    let state = &mut 1;
+    let (min, size) = (bounds.min.as_dvec3(), (bounds.max - bounds.min).as_dvec3());
+    (0..count)
+        .map(|number| {
+            let is_car = number % 5 == 0;
+            let half = if is_car { DVec3::new(1.5, 1.5, 0.8) } else { DVec3::new(0.3, 0.3, 0.9) };
+            let home = min + size * DVec3::new(unit(state), unit(state), 0.0) + DVec3::Z * half.z;
+            let length = if is_car { 20.0 + 60.0 * unit(state) } else { 3.0 + 17.0 * unit(state) };
+            let reach = if unit(state) < 0.5 { DVec3::X } else { DVec3::Y } * length;
+            let speed = if is_car { 5.0 + 10.0 * unit(state) } else { 1.0 + unit(state) };
+            Pacer { home, reach, speed, phase: 4.0 * unit(state), half }
+        })
+        .collect()
+}
+
+fn main() -> ExitCode {
+    match measure(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    let mut table = Table::new();
+    table.load_preset(presets::ASCII_MARKDOWN);
+    table.set_header([
+        "scene",
+        "culler",
+        "movers",
+        "visible",
+        "updates",
+        "saved",
+        "by volume",
+        "too late",
+        "bookkeeping",
+        "all updates",
+    ]);
+    for scene in &arguments.scenes {
+        let world = World::new(built_in(scene)?, (640, 360), Some(arguments.frames))?;
+        let pacers = pacers(&world.scene.culled_bounds().ok_or("an empty scene")?, arguments.movers);
+        for number in 0..cullers::parse(&arguments.cullers, &world)?.len() {
+            let counts = walk(arguments, &world, &pacers, number)?;
+            let frames = world.views.len() as f64;
+            let per_frame = |count: usize| format!("{:.0}", count as f64 / frames);
+            let time = |time: Duration| format!("{:.2} ms", time.as_secs_f64() * 1e3 / frames);
+            let all = pacers.len() as f64 * frames;
+            table.add_row([
+                scene.clone(),
+                counts.culler,
+                pacers.len().to_string(),
+                per_frame(counts.visible),
+                per_frame(counts.updates + counts.seen),
+                format!("{:.1} %", 100.0 - (counts.updates + counts.seen) as f64 / all * 100.0),
+                per_frame(counts.seen),
+                counts.late.to_string(),
+                time(counts.kept),
+                time(counts.set_all),
+            ]);
+        }
+    }
+    println!("{table}");
+    Ok(())
+}
+
+/// Sums over all frames of one walk.
+#[derive(Default)]
+struct Counts {
+    culler: String,
+    /// Movers visible with exact bounds.
+    visible: usize,
+    /// Movers whose bounds were set because they were due.
+    updates: usize,
+    /// Movers whose place was asked for because their volume was seen.
+    seen: usize,
+    /// Movers visible with exact bounds that were not found visible.
+    late: usize,
+    /// Time for motion volumes and due bounds.
+    kept: Duration,
+    /// Time to set the bounds of all movers instead.
+    set_all: Duration,
+}
+
+fn walk(
+    arguments: &Arguments,
+    world: &World,
+    pacers: &[Pacer],
+    number: usize,
+) -> Result<Counts, Box<dyn std::error::Error>> {
+    let mut scene = world.scene.clone();
+    let ids = scene.insert_batch(pacers.iter().map(|pacer| pacer.at(0.0)));
+    scene.rebuild();
+    let mut exact = scene.clone();
+    let first = ids.first().map_or(0, |id| id.index());
+    let mut volumes = MotionVolumes::new();
+    ids.iter().zip(pacers).for_each(|(&id, pacer)| volumes.insert(id, pacer.motion()));
+    let (name, mut pipeline) = cullers::parse(&arguments.cullers, world)?.remove(number);
+    let (_, mut judge) = cullers::parse(&arguments.cullers, world)?.remove(number);
+    let (mut visible, mut truth) = (VisibleSet::new(), VisibleSet::new());
+    let (mut due, mut seen) = (Vec::new(), Vec::new());
+    let mut counts = Counts { culler: name, ..Counts::default() };
+    for (frame, view) in world.views.iter().enumerate() {
+        let time = frame as f64 / 60.0;
+        let place = |id: ObjectId| (id, pacers[id.index() - first].at(time));
+
+        let start = Instant::now();
+        volumes.begin_frame(&mut scene, time, &mut due);
+        let moved: Vec<_> = due.iter().map(|&id| place(id)).collect();
+        scene.set_bounds_batch(&moved)?;
+        counts.kept += start.elapsed();
+        scene.maintain(64);
+        pipeline.cull(&scene, view, &mut visible);
+        let start = Instant::now();
+        volumes.end_frame(&scene, &visible, &mut seen);
+        counts.kept += start.elapsed();
+        counts.updates += due.len();
+        counts.seen += seen.len();
+
+        let start = Instant::now();
+        let moved: Vec<_> = ids.iter().map(|&id| place(id)).collect();
+        exact.set_bounds_batch(&moved)?;
+        counts.set_all += start.elapsed();
+        exact.maintain(64);
+        judge.cull(&exact, view, &mut truth);
+        for id in truth.iter(&exact).filter(|id| id.index() >= first) {
+            counts.visible += 1;
+            counts.late += usize::from(!visible.contains(&scene, id));
+        }
+    }
+    check_containment(&scene, &ids, pacers, world.views.len());
+    Ok(counts)
+}
+
+/// Asserts that the bounds of all movers hold in the last frame.
+fn check_containment(scene: &Scene, ids: &[ObjectId], pacers: &[Pacer], frames: usize) {
+    let time = (frames - 1) as f64 / 60.0;
+    for (&id, pacer) in ids.iter().zip(pacers) {
+        let (exact, held) = (pacer.at(time), scene.bounds(id).expect("a mover"));
+        assert!(held.min.cmple(exact.min).all() && exact.max.cmple(held.max).all(), "{id}");
+    }
+}
