@@ -93,7 +93,7 @@ fn main() -> ExitCode {
 
 fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let mut table = Table::new();
-    table.load_preset(presets::ASCII_MARKDOWN);
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY);
     table.set_header([
         "scene",
         "culler",
