@@ -6,7 +6,7 @@ use crate::{ObjectId, Scene};
 use core::fmt;
 
 /// Number of words of an index bitset per listed object above which sorting the list by comparison is faster
-/// than passing through a bitset (measured).
+/// than passing through a bitset.
 const WORDS_PER_ID: usize = 4;
 
 /// Why [`VisibleSet::write_bits`] failed. The slice is unchanged by a failed call.
