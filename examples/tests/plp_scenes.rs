@@ -18,7 +18,7 @@ const JUDGE: (u32, u32) = (2560, 1440);
 /// fails if a conservative culler hides a visible object.
 fn check(source: SceneSource, frames: Option<usize>) {
     let world = World::new(source, JUDGE, frames).unwrap();
-    let list = "frustum,cplp,cplp:10%,cplp:0%,hzb-plp:2%";
+    let list = "frustum,cplp,cplp:10%,cplp:0%";
     let trials: Vec<_> = cullers::parse(list, &world)
         .unwrap()
         .into_iter()

@@ -110,7 +110,8 @@ impl Image {
         Some(image)
     }
 
-    /// Removes all triangles and claims, and zeroes the counts; keeps the capacity.
+    /// Removes all triangles and claims (triangles that tie for a pixel) from the image. The size of the
+    /// image and the allocated capacity stay.
     pub(crate) fn clear(&mut self) {
         self.items.clear();
         self.items.resize(self.width * self.height, NONE);
@@ -223,8 +224,8 @@ impl Image {
     }
 }
 
-/// Returns the least depth key that ties with (counts as equal to) `depth_key`. `least_difference` is the
-/// absolute tolerance, [`DEPTH_TIE`] the relative one.
+/// Returns the least depth key that ties with (counts as equal to) `depth_key`: lower by `least_difference`,
+/// the absolute tolerance, plus the relative tolerance [`DEPTH_TIE`] times `depth_key`.
 #[inline]
 fn least_tied_key(depth_key: f64, least_difference: f64) -> f64 {
     depth_key - (depth_key.abs() * DEPTH_TIE + least_difference)

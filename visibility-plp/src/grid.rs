@@ -19,7 +19,7 @@ pub(crate) const STEPS: u32 = 1 << DEPTH;
 pub(crate) struct Grid {
     /// Minimum corner of the cube, relative to the scene's origin, in metres.
     pub(crate) min: DVec3,
-    /// Length of one step in metres.
+    /// Length of one step, the side of a voxel, in metres.
     pub(crate) step: f64,
 }
 

@@ -354,9 +354,9 @@ mod tests {
         assert!(all * 30 < sure, "{all} of {sure} unknown");
     }
 
-    /// Two triangles in a bin, equally far from its mean normal, each with a point in a corner of a small
-    /// box, and distant eyes in or just beside the planes. This is where the bound is tightest and f32
-    /// arithmetic is too coarse: the wrong side is never reported.
+    /// Tests that a bin never reports an eye to be behind its triangles' planes unless the eye is. The case
+    /// is the hardest for rounding: two triangles in a bin, equally far from its mean normal, each with a
+    /// point in a corner of a small box, and distant eyes in or just beside the triangles' planes.
     #[test]
     fn eyes_far_away_beside_a_plane_are_not_on_its_wrong_side() {
         let mut random = Random(61);

@@ -225,8 +225,8 @@ pub(crate) fn leaf_position(code: u32, side: u32) -> [u16; 4] {
     [x, y, z, side].map(|x| x as u16)
 }
 
-/// Number of low bits of an encoded neighbour that hold the leaf's number. The octree has at most 2^28
-/// leaves, or seven more.
+/// Number of low bits of an encoded neighbour that hold the leaf's number. The octree has at most 2^28 + 7
+/// leaves: splitting ends at 2^28, and the last split adds seven.
 const LEAF_BITS: u32 = 29;
 
 /// Encodes a neighbour in 32 bits: the number of the neighbouring leaf, the axis (0, 1, 2) along which it

@@ -223,9 +223,9 @@ impl Occluders {
         &self.sources[polygon.first_source as usize..(polygon.first_source + polygon.sources) as usize]
     }
 
-    /// Returns the boxes that contain a section, as minimum and maximum corners in metres relative to
-    /// `Scene::origin`. The section hides only for eyes outside all of them. Empty for a polygon on a
-    /// surface.
+    /// Returns the boxes that `polygon`, an index of a polygon, is a section through, as minimum and maximum
+    /// corners in metres relative to `Scene::origin`. A section hides only for eyes outside all of these
+    /// boxes. Empty for a polygon on the surface of an occluder.
     pub(crate) fn solids_of(&self, polygon: u32) -> &[[DVec3; 2]] {
         let polygon = &self.polygons[polygon as usize];
         &self.solids[polygon.first_solid as usize..(polygon.first_solid + polygon.solids) as usize]

@@ -3,7 +3,7 @@
 
 #[cfg(test)]
 std::thread_local! {
-    /// Number of steps counted on this thread.
+    /// Number of elementary steps of making polygons counted on this thread since it began.
     static STEPS: core::cell::Cell<u64> = const { core::cell::Cell::new(0) };
 }
 

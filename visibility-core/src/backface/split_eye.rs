@@ -107,6 +107,7 @@ pub(crate) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
     found
 }
 
-/// `2^-50`, added by [`inside`] to the third component of `w` plus the margin, so that only values below
-/// `-2^-50` count: their squares are far above the denormals.
+/// Least depth of an eye inside a cone (the eye's coordinate against the cone's axis, plus the margin for
+/// rounding, in the cone's units) at which [`inside`] counts the eye as inside: `2^-50`. Squares of smaller
+/// depths come near the denormals, so such eyes count as outside.
 const LEAST: f32 = 1.0 / 1_125_899_906_842_624.0;

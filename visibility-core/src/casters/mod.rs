@@ -155,8 +155,9 @@ impl CasterCuller {
         Ok(())
     }
 
-    /// Returns the planes that bound all casters, relative to the scene's origin. The planes are valid for
-    /// points whose coordinates have absolute values of at most `reach`.
+    /// Returns the planes, with inward normals and relative to the scene's origin, around the region that
+    /// every caster whose shadow can fall into `view` meets. Their error bounds hold for points whose
+    /// coordinates have absolute values of at most `reach`, in metres.
     fn planes(&self, scene: &Scene, view: &View, reach: DVec3) -> HullPlanes {
         let mut planes = HullPlanes::new();
         let source = match self.light {

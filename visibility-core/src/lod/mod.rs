@@ -1,8 +1,7 @@
 //! Levels of detail: small objects are not drawn, far ones cheaper or by a stand-in.
 //!
-//! - [`ContributionCuller`] removes objects that are smaller than a number of pixels, out of their
-//!   [draw range](crate::scene::DrawRange), or [stood in for](crate::Scene::set_hlod_parent) by an HLOD
-//!   parent.
+//! - [`ContributionCuller`] removes objects that are smaller than a number of pixels, out of their [draw
+//!   range](crate::scene::DrawRange), or [stood in for](crate::Scene::set_hlod_parent) by an HLOD parent.
 //! - [`LodSelector`] gives each visible object its level of detail, with hysteresis and a cross-fade.
 //! - [`PixelScale`] tells the size in pixels and the distance that both decide by.
 //!

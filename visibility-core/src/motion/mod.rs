@@ -90,7 +90,7 @@ struct Mover {
     state: State,
     /// Last time at which the volume holds. Meaningful in the state `Volume`.
     deadline: f64,
-    /// Whether `MotionVolumes::active` lists the place.
+    /// Whether `MotionVolumes::active` lists the index of this mover.
     is_listed: bool,
 }
 

@@ -12,8 +12,9 @@ use crate::scene::lanes;
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, Walk};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
-/// Triangles of occluders that hiding one object is worth, by default. Measured: the largest price at which
-/// no scene took more than 1.2 times as long as with the best choice of occluders made for that scene.
+/// Default price: the number of occluder triangles that may be drawn for each object that they are expected
+/// to hide. Measured: with larger prices, frames of some scenes took more than 1.2 times as long as with the
+/// best choice of occluders for that scene.
 const DEFAULT_PRICE: u32 = 24;
 
 /// Removes the objects that an occlusion map finds hidden behind the scene's occluders.
@@ -50,7 +51,8 @@ const DEFAULT_PRICE: u32 = 24;
 pub struct OcclusionCuller<M, H = SceneHierarchy> {
     map: M,
     hierarchy: H,
-    /// Triangles of occluders that hiding one object is worth.
+    /// Price: the number of occluder triangles that may be drawn for each object that they are expected to
+    /// hide. With 0 no occluder is drawn.
     price: u32,
     /// Memory of the search for occluders. Its content does not outlive a frame.
     queue: Queue,

@@ -8,7 +8,8 @@ use core::fmt;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum PvsError {
-    /// A given row is not strictly ascending, or has a target that is not below the number of targets.
+    /// A given row, the list of targets visible from one viewcell, is not strictly ascending, or has a target
+    /// that is not below the number of targets.
     Target {
         /// Viewcell whose given row is faulty.
         viewcell: ViewcellId,

@@ -83,8 +83,8 @@ fn in_box(p: DVec3, min: DVec3, max: DVec3) -> bool {
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Viewcells {
     cells: Vec<Viewcell>,
-    /// Numbers of the viewcells in the order of the tree's leaves. Viewcells with improper boxes are left
-    /// out.
+    /// Numbers of the viewcells in the order of the tree's leaves. Viewcells with inverted or NaN boxes
+    /// are left out.
     order: Vec<u32>,
     /// Nodes in depth-first order: the first child follows its parent, the second child follows all
     /// descendants of the first.

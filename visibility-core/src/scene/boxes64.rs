@@ -36,9 +36,9 @@ impl Boxes64 {
         Aabb::from_arrays([c[0][lane], c[1][lane], c[2][lane]], [c[3][lane], c[4][lane], c[5][lane]])
     }
 
-    /// Returns the rows min x, min y, min z, max x, max y and max z, with one element per lane, for occlusion
-    /// maps that test all lanes at once. Free lanes hold +infinity in the min rows and -infinity in the max
-    /// rows.
+    /// Returns the rows min x, min y, min z, max x, max y and max z, in metres relative to the scene's
+    /// origin, with one element per lane, for occlusion maps that test all lanes at once. Free lanes hold
+    /// +infinity in the min rows and -infinity in the max rows.
     pub fn coordinates(&self) -> &[[f32; 64]; 6] {
         &self.coordinates
     }

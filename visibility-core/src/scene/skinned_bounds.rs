@@ -32,7 +32,8 @@ pub struct SkinnedBounds {
     bones: Vec<Aabb>,
     /// Least and greatest sum of a vertex's weights, rounded outwards.
     sums: [f32; 2],
-    /// Bound on the rounding of a skinned vertex in `f32`, as a fraction of the magnitudes summed.
+    /// Upper bound on the rounding error of a vertex skinned in `f32`, as a fraction of the sum of the
+    /// magnitudes of its terms (weight times matrix element times coordinate).
     rounding: f32,
 }
 

@@ -29,8 +29,8 @@ impl RowSpans {
     pub(crate) const NONE: Self =
         Self { low: [0.0; 2 * SIDE], high: [0.0; 2 * SIDE], masks: [[0; SIDE]; WIDTH] };
 
-    /// Replaces the spans: `low` and `high` are the columns at which each of the eight rows of pixels begins
-    /// and ends, in pixels of the buffer and not rounded to whole pixels.
+    /// Replaces the spans of the eight rows of pixels in a row of tiles: the span of each row goes from
+    /// column `low` to column `high`, in pixels of the buffer, not rounded to whole pixels.
     #[inline(always)]
     pub(crate) fn set(&mut self, [low, high]: &[[f32; SIDE]; 2]) {
         for i in 0..SIDE {

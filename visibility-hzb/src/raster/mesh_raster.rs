@@ -69,8 +69,9 @@ const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
 /// apply.
 const MIN_OPEN_EDGES: usize = 32;
 
-/// Relative tolerance for telling that a closed mesh is seen from outside: the sum of the signed areas of its
-/// triangles on the screen is at most this fraction of the sum of their magnitudes.
+/// Relative tolerance for telling that a closed mesh is seen from outside: the signed areas of its triangles
+/// on the screen then cancel, so that the magnitude of their sum is at most this fraction of the sum of their
+/// magnitudes.
 const OUTSIDE_TOLERANCE: f64 = 1e-6;
 
 /// Number of vertices that are processed together.

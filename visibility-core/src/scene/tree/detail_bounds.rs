@@ -6,7 +6,8 @@ use crate::scene::boxes64::Boxes64;
 /// Upper bounds on the objects below a node of the hierarchy.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct DetailBounds {
-    /// Greatest squared diagonal of a box, in square metres, as [`diagonal_squared`] computes it.
+    /// Greatest squared diagonal of the boxes of these objects, in square metres, as [`diagonal_squared`]
+    /// computes it.
     pub(crate) diagonal_squared: f64,
     /// Greatest distance at which an object may still be drawn, in metres; infinite if one has no limit.
     pub(crate) end: f32,
