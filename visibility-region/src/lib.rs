@@ -4,3 +4,7 @@
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
+
+mod sweep;
+
+pub use sweep::ExtendedProjectionCuller;

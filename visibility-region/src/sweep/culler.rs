@@ -1,0 +1,149 @@
+//! The culler that sweeps all six directions.
+
+use super::Sweep;
+use super::direction::{CellBox, Direction};
+use super::occludees::{self, Item};
+use super::planes::{self, Cone};
+use super::window::Window;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+use visibility_core::walk::Child;
+use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet, pvs::Viewcell};
+
+/// Removes the objects that the occluders of the scene together hide from all of a viewcell.
+#[derive(Debug)]
+pub struct ExtendedProjectionCuller {
+    sweep: Sweep,
+    /// Occludees of each direction.
+    lists: [Vec<Item>; 6],
+    /// Projections of the occludees onto the present plane: ends along x and y.
+    projections: Vec<[[f64; 2]; 2]>,
+    stack: Vec<Option<usize>>,
+    /// One bit for each object index: whether the object is hidden.
+    hidden: Vec<u64>,
+}
+
+impl Default for ExtendedProjectionCuller {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl ExtendedProjectionCuller {
+    /// Creates a culler.
+    pub fn new() -> Self {
+        Self {
+            sweep: Sweep::new(),
+            lists: Default::default(),
+            projections: Vec::new(),
+            stack: Vec::new(),
+            hidden: Vec::new(),
+        }
+    }
+
+    /// Sweeps one direction and marks the items of `list` that are hidden.
+    fn sweep(&mut self, job: &Job<'_>, list: &mut Vec<Item>, stats: &mut CullStats) {
+        let Job { scene, direction, .. } = *job;
+        let Some(cone) = Cone::around(direction, list) else { return };
+        let occluders = planes::occluders(scene, direction, &cone, &mut self.stack);
+        self.sweep.begin();
+        for d in planes::distances(direction, &cone, &occluders) {
+            job.drop_reached(d, list, stats);
+            self.projections.clear();
+            self.projections.extend(list.iter().map(|item| direction.occludee(d, &item.bounds)));
+            let unite = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
+                [0, 1].map(|lat| [a[lat][0].min(b[lat][0]), a[lat][1].max(b[lat][1])])
+            };
+            let ends = self.projections.iter().copied().reduce(unite);
+            let Some(window) = ends.and_then(|ends| Window::fit(direction, d, ends)) else { return };
+            stats.occluders += self.sweep.advance(direction, window, &occluders, &cone);
+            self.test(job, &window, list, stats);
+        }
+    }
+
+    /// Removes from `list` what is hidden behind the present plane, and marks its objects. Nodes of which
+    /// part may be hidden are replaced by their children.
+    fn test(&mut self, job: &Job<'_>, window: &Window, list: &mut Vec<Item>, stats: &mut CullStats) {
+        let (mut at, mut kept) = (0, 0);
+        while let Some(&item) = list.get(at) {
+            let projection = self.projections.get(at).copied();
+            let projection = projection.unwrap_or_else(|| job.direction.occludee(window.d, &item.bounds));
+            at += 1;
+            stats.tests += 1;
+            if let Some(rect) = window.pixels(projection) {
+                if self.sweep.map.all_set(rect) {
+                    occludees::mark(job.scene, item.child, &mut self.hidden);
+                    continue;
+                }
+                if let Child::Node(node) = item.child
+                    && self.sweep.map.any_near(rect)
+                {
+                    job.open_node(node, list, stats);
+                    continue;
+                }
+            }
+            list[kept] = item;
+            kept += 1;
+        }
+        list.truncate(kept);
+    }
+}
+
+/// One direction of one call.
+struct Job<'a> {
+    scene: &'a Scene,
+    visible: &'a VisibleSet,
+    direction: &'a Direction,
+}
+
+impl Job<'_> {
+    /// Removes from `list` the objects that the plane at `d` is not strictly before. They count as visible:
+    /// tested on such a plane, an object would hide itself, and what lies in the plane of another's front.
+    /// Nodes are replaced by their children, which may be farther.
+    fn drop_reached(&self, d: f64, list: &mut Vec<Item>, stats: &mut CullStats) {
+        let reach = d + self.direction.guard();
+        let mut at = 0;
+        while let Some(&item) = list.get(at) {
+            if item.bounds.lo.z > reach {
+                at += 1;
+                continue;
+            }
+            list.swap_remove(at);
+            if let Child::Node(node) = item.child {
+                self.open_node(node, list, stats);
+            }
+        }
+    }
+
+    /// Adds the children of a node to `list`. Rays to them are rays to the node, and so were asked before.
+    fn open_node(&self, node: usize, list: &mut Vec<Item>, stats: &mut CullStats) {
+        stats.nodes += 1;
+        occludees::for_each_child(self.scene, self.visible, self.direction, node, |child| list.push(child));
+    }
+}
+
+impl RegionCuller for ExtendedProjectionCuller {
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
+        let mut stats = CullStats::default();
+        self.hidden.clear();
+        self.hidden.resize(scene.index_limit().div_ceil(64), 0);
+        let cell_box =
+            scene.culled_bounds().and_then(|bounds| CellBox::new(cell, scene.origin(), &bounds, DVec3::AXES));
+        if let Some(cell_box) = cell_box {
+            let directions = core::array::from_fn(|index| cell_box.direction(index));
+            let mut lists = core::mem::take(&mut self.lists);
+            stats.nodes += occludees::assign(scene, visible, &directions, &mut lists, &mut self.stack);
+            for (direction, list) in directions.iter().zip(&mut lists) {
+                self.sweep(&Job { scene, visible, direction }, list, &mut stats);
+            }
+            self.lists = lists;
+        }
+        let hidden = &self.hidden;
+        stats += visible.retain(scene, |id, _| hidden[id.index() / 64] >> (id.index() % 64) & 1 == 0);
+        stats
+    }
+}

@@ -1,0 +1,159 @@
+//! The six directions that leave a viewcell, each with coordinates of its own.
+//!
+//! Extended projections onto planes across one of these directions split into two 2D problems (Durand,
+//! Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended Projections", 2000,
+//! sections 3.1 and 4.3): a ray is followed along each lateral axis by itself.
+//!
+//! Local coordinates are an affine image of scene coordinates. Lines stay lines under such a map, so nothing
+//! here depends on the axes being exactly orthogonal or of unit length: it suffices that the viewcell, mapped,
+//! lies within the box of [`Direction::half`] and [`Direction::depth`].
+
+use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, pvs::Viewcell};
+
+/// A box around a viewcell, with axes of its own, relative to the scene's origin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CellBox {
+    /// Rows of the map from scene coordinates to the axes of the box.
+    axes: [DVec3; 3],
+    /// Middle of the box and half its extent, along `axes`.
+    center: DVec3,
+    half: DVec3,
+    /// Bound on the error of every local coordinate, in metres; see [`Direction::error`].
+    error: f64,
+}
+
+impl CellBox {
+    /// Encloses a viewcell. `bounds` contains all objects that can be culled. `None` for a viewcell that is
+    /// empty or not finite.
+    pub(crate) fn new(cell: &Viewcell, origin: DVec3, bounds: &Aabb, axes: [DVec3; 3]) -> Option<Self> {
+        let (min, max) = (cell.min - origin, cell.max - origin);
+        if !(min.is_finite() && max.is_finite() && cell.min.cmple(cell.max).all()) {
+            return None;
+        }
+        let reach = |p: DVec3, q: DVec3| p.abs().max(q.abs()).element_sum();
+        let magnitude = reach(min, max) + reach(bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        // With u = EPSILON / 2: a row times a point rounds three products and two sums, each of at most the
+        // magnitude above, and the offset subtracted below as much: less than 16 u of the magnitude in all.
+        let error = 16.0 * f64::EPSILON * magnitude + f64::MIN_POSITIVE;
+        // The subtraction of the origin rounds by u of its result, and the corners as the rest does.
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for corner in 0..8 {
+            let p = DVec3::new(
+                if corner & 1 == 0 { min.x } else { max.x },
+                if corner & 2 == 0 { min.y } else { max.y },
+                if corner & 4 == 0 { min.z } else { max.z },
+            );
+            let p = DVec3::from_array(axes.map(|axis| axis.dot(p)));
+            (low, high) = (low.min(p), high.max(p));
+        }
+        let (center, half) = (low * 0.5 + high * 0.5, (high * 0.5 - low * 0.5) + DVec3::splat(error));
+        error.is_finite().then_some(Self { axes, center, half, error })
+    }
+
+    /// Returns direction `index`, 0 to 5: out of the box along its axis `index % 3`, forwards for indices
+    /// below 3.
+    pub(crate) fn direction(&self, index: usize) -> Direction {
+        let (outward, a, b) = (index % 3, (index + 1) % 3, (index + 2) % 3);
+        let sign = if index < 3 { 1.0 } else { -1.0 };
+        Direction {
+            rows: [self.axes[a], self.axes[b], self.axes[outward] * sign],
+            offset: [self.center[a], self.center[b], self.center[outward] * sign + self.half[outward]],
+            half: [self.half[a], self.half[b]],
+            depth: 2.0 * self.half[outward],
+            error: self.error,
+        }
+    }
+}
+
+/// Local coordinates of one direction: x and y across it, 0 in the middle of the viewcell, and z along it, 0
+/// on the front of the viewcell's box. The box is at z from `-depth` to 0.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Direction {
+    /// Rows of the map from scene coordinates to local ones, before `offset` is subtracted.
+    pub(crate) rows: [DVec3; 3],
+    pub(crate) offset: [f64; 3],
+    /// Half the extent of the viewcell along x and y.
+    pub(crate) half: [f64; 2],
+    /// Extent of the viewcell along z.
+    pub(crate) depth: f64,
+    /// Bound on the error of each local coordinate of a point of the scene, in metres.
+    pub(crate) error: f64,
+}
+
+/// A box in local coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LocalBox {
+    pub(crate) lo: DVec3,
+    pub(crate) hi: DVec3,
+}
+
+impl Direction {
+    /// Returns local bounds of a box of the scene, correct up to [`error`](Self::error).
+    #[inline]
+    pub(crate) fn local_box(&self, bounds: &Aabb) -> LocalBox {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let [x, y, z] = self.rows.map(|row| {
+            let (a, b) = (row * min, row * max);
+            (a.min(b).element_sum(), a.max(b).element_sum())
+        });
+        let offset = DVec3::from_array(self.offset);
+        LocalBox { lo: DVec3::new(x.0, y.0, z.0) - offset, hi: DVec3::new(x.1, y.1, z.1) - offset }
+    }
+
+    /// Returns the distance between a plane and what is certainly behind it, or what certainly ends before it,
+    /// in metres. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
+    /// [`error`](Self::error); a plane's own distance is exact.
+    pub(crate) fn guard(&self) -> f64 {
+        8.0 * self.error
+    }
+
+    /// Returns the largest half extent of the viewcell across the direction.
+    pub(crate) fn widest(&self) -> f64 {
+        self.half[0].max(self.half[1])
+    }
+
+    /// Returns, along the lateral axis `lat`, where rays from the viewcell through a point at `x` and `z > 0`
+    /// meet the plane at `d >= z`.
+    #[inline]
+    pub(crate) fn spread(&self, x: f64, lat: usize, [near, far]: [f64; 2]) -> [f64; 2] {
+        let (a, b) = (x - self.half[lat], x + self.half[lat]);
+        [x + (a * near).min(a * far), x + (b * near).max(b * far)]
+    }
+
+    /// Returns the two factors for [`spread`](Self::spread): how far beyond the point, in distances from the
+    /// viewpoint to the point, the plane at `d` is, for viewpoints on the front and on the back of the cell.
+    #[inline]
+    pub(crate) fn beyond(&self, z: f64, d: f64) -> [f64; 2] {
+        [(d - z) / z, (d - z) / (z + self.depth)]
+    }
+
+    /// Returns, along both lateral axes, where the rays from the viewcell to a box behind the plane at `d`
+    /// meet that plane: the extended projection of an occludee, by separating lines.
+    #[inline]
+    pub(crate) fn occludee(&self, d: f64, b: &LocalBox) -> [[f64; 2]; 2] {
+        // From viewpoint v at depth w behind the front, to x at z: v + (x - v) t with t = (d + w) / (z + w),
+        // which is least for w = 0 and the far z, and greatest for the near z.
+        let (least, most) = (d / b.hi.z, (d + self.depth) / (b.lo.z + self.depth));
+        [0, 1].map(|lat| {
+            let h = self.half[lat];
+            let (low, high) = (b.lo[lat] + h, b.hi[lat] - h);
+            [(low * least).min(low * most) - h, (high * least).max(high * most) + h]
+        })
+    }
+
+    /// Returns, along the lateral axis `lat`, a range on the plane at `d` outside of which no point is in all
+    /// views of a box between the depths `near > 0` and `far <= d`. Empty ranges have their ends swapped.
+    pub(crate) fn common_view(&self, d: f64, b: &LocalBox, [near, far]: [f64; 2], lat: usize) -> [f64; 2] {
+        let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
+        for w in [0.0, self.depth] {
+            let (t, s) = ((d + w) / (near + w), (d + w) / (far + w));
+            for v in [-self.half[lat], self.half[lat]] {
+                let (low, high) = (b.lo[lat] - v, b.hi[lat] - v);
+                left = left.max(v + (low * t).min(low * s));
+                right = right.min(v + (high * t).max(high * s));
+            }
+        }
+        [left, right]
+    }
+}

@@ -1,0 +1,90 @@
+//! The occlusion sweep: projection planes that leave the viewcell in six directions and gather occlusion.
+
+mod culler;
+pub(crate) mod direction;
+mod draw;
+mod occludees;
+pub(crate) mod planes;
+pub(crate) mod ray_map;
+pub(crate) mod window;
+
+pub use culler::ExtendedProjectionCuller;
+
+use alloc::vec::Vec;
+use direction::Direction;
+use draw::Pen;
+use planes::{Candidate, Cone};
+use ray_map::RayMap;
+use window::Window;
+
+/// Number of planes behind an occluder that it is drawn on, besides those that cut it. Each reprojection
+/// loses up to a pixel around what is covered, so drawing once more keeps more than reprojecting.
+const AGAIN: usize = 2;
+
+/// The map of a sweep along one direction, and scratch memory. One value serves any number of sweeps.
+#[derive(Debug)]
+pub(crate) struct Sweep {
+    pub(crate) map: RayMap,
+    scratch: RayMap,
+    pen: Pen,
+    /// Window of the map. `None` before the first plane of a sweep.
+    window: Option<Window>,
+    /// Occluders that have begun and not ended, by index, each with the number of planes behind it that it
+    /// is still to be drawn on.
+    open: Vec<(usize, usize)>,
+    /// Number of occluders that have begun.
+    begun: usize,
+}
+
+impl Sweep {
+    pub(crate) fn new() -> Self {
+        Self {
+            map: RayMap::new(),
+            scratch: RayMap::new(),
+            pen: Pen::new(),
+            window: None,
+            open: Vec::new(),
+            begun: 0,
+        }
+    }
+
+    /// Begins a sweep with an empty map.
+    pub(crate) fn begin(&mut self) {
+        self.map.clear();
+        self.window = None;
+        self.open.clear();
+        self.begun = 0;
+    }
+
+    /// Moves the map on to the plane of `window`: reprojects what was covered, and draws the occluders that
+    /// end shortly before the plane or reach through it. `occluders` are those of the whole sweep, nearest
+    /// first. Returns the number of occluders drawn.
+    pub(crate) fn advance(
+        &mut self,
+        direction: &Direction,
+        window: Window,
+        occluders: &[Candidate<'_>],
+        cone: &Cone,
+    ) -> u64 {
+        if let Some(before) = &self.window
+            && self.map.any_set()
+        {
+            let [columns, rows] = [0, 1].map(|lat| window.reprojection(direction, before, lat));
+            self.map.erode(&columns, &rows, &mut self.scratch);
+        }
+        self.window = Some(window);
+        while occluders.get(self.begun).is_some_and(|c| c.occluder.bounds.lo.z < window.d) {
+            self.open.push((self.begun, AGAIN));
+            self.begun += 1;
+        }
+        let mut drawn = 0;
+        let (pen, map) = (&mut self.pen, &mut self.map);
+        self.open.retain_mut(|(index, again)| {
+            let occluder = &occluders[*index].occluder;
+            drawn += u64::from(pen.draw(map, direction, &window, occluder, cone.near));
+            *again -= usize::from(occluder.bounds.hi.z <= window.d);
+            *again > 0
+        });
+        drawn
+    }
+}

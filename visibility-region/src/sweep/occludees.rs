@@ -1,0 +1,88 @@
+//! Occludees: nodes and objects of the scene's hierarchy, each asked of the direction that it is farthest
+//! along.
+
+use super::direction::{Direction, LocalBox};
+use alloc::vec::Vec;
+use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
+use visibility_core::{Scene, VisibleSet};
+
+/// A node or an object in local coordinates of the direction that it is asked of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Item {
+    pub(crate) child: Child,
+    pub(crate) bounds: LocalBox,
+}
+
+/// Slopes of rays that are too steep for a map: objects that reach so far aside count as visible.
+const STEEPEST: f64 = 4.0;
+
+/// Assigns the objects of `visible` to the six directions, as whole nodes where all objects below are
+/// farthest along one direction, or nearly. Objects that reach into the box of the viewcell, or too far aside
+/// of it, are left out: they count as visible.
+pub(crate) fn assign(
+    scene: &Scene,
+    visible: &VisibleSet,
+    directions: &[Direction; 6],
+    lists: &mut [Vec<Item>; 6],
+    stack: &mut Vec<Option<usize>>,
+) -> u64 {
+    let mut nodes = 0;
+    lists.iter_mut().for_each(Vec::clear);
+    stack.push(None);
+    while let Some(node) = stack.pop() {
+        nodes += 1;
+        SceneHierarchy.for_each_child(scene, node, &mut |child, bounds| {
+            let boxes = directions.each_ref().map(|direction| direction.local_box(&bounds));
+            let farthest = (1..6).fold(0, |best, i| if boxes[i].lo.z > boxes[best].lo.z { i } else { best });
+            let (direction, bounds) = (&directions[farthest], boxes[farthest]);
+            let usable = bounds.lo.z > direction.guard() && is_ahead(direction, &bounds);
+            match child {
+                Child::Object(id) => {
+                    if usable && visible.contains(scene, id) {
+                        lists[farthest].push(Item { child, bounds });
+                    }
+                }
+                Child::Node(below) => {
+                    // An object below may be as far along another direction as the node reaches there.
+                    let others = (0..6).filter(|&i| i != farthest).map(|i| boxes[i].hi.z);
+                    if usable && others.fold(0.0, f64::max) * 0.75 <= bounds.lo.z {
+                        lists[farthest].push(Item { child, bounds });
+                    } else {
+                        stack.push(Some(below));
+                    }
+                }
+            }
+        });
+    }
+    nodes
+}
+
+/// Tests whether the rays to a box are no steeper than [`STEEPEST`].
+fn is_ahead(direction: &Direction, b: &LocalBox) -> bool {
+    (0..2).all(|lat| b.lo[lat].abs().max(b.hi[lat].abs()) - direction.half[lat] <= STEEPEST * b.lo.z)
+}
+
+/// Calls `each` with the children of a node that are asked, in local coordinates.
+pub(crate) fn for_each_child(
+    scene: &Scene,
+    visible: &VisibleSet,
+    direction: &Direction,
+    node: usize,
+    mut each: impl FnMut(Item),
+) {
+    SceneHierarchy.for_each_child(scene, Some(node), &mut |child, bounds| {
+        if !matches!(child, Child::Object(id) if !visible.contains(scene, id)) {
+            each(Item { child, bounds: direction.local_box(&bounds) });
+        }
+    });
+}
+
+/// Sets the bits of all objects below a node, or of an object, by object index.
+pub(crate) fn mark(scene: &Scene, child: Child, bits: &mut [u64]) {
+    match child {
+        Child::Object(id) => bits[id.index() / 64] |= 1 << (id.index() % 64),
+        Child::Node(node) => {
+            SceneHierarchy.for_each_child(scene, Some(node), &mut |child, _| mark(scene, child, bits));
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Choice of occluders and projection planes.
+//!
+//! Planes are put right behind the occluders that cover most of what is asked, each by itself, and at
+//! geometrically growing distances (Durand, Drettakis, Thollot and Puech, "Conservative Visibility
+//! Preprocessing Using Extended Projections", 2000, section 6.1, puts one behind each occluder and counts
+//! pixels). Planes are ranked by the largest share that one occluder before them covers. The sum of shares
+//! would favour planes behind many small occluders, none of which covers a pixel.
+
+use super::direction::{Direction, LocalBox};
+use super::draw::Occluder;
+use super::occludees::Item;
+use super::ray_map::SIDE;
+use alloc::vec::Vec;
+use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
+use visibility_core::{Aabb, Scene};
+
+/// Number of planes right behind occluders.
+const BEHIND: usize = 24;
+/// Ratio of the distances of planes that are not behind occluders.
+const GROWTH: f64 = 1.3;
+/// Two planes behind occluders are at least this ratio apart.
+const APART: f64 = 1.004;
+
+/// The cone of rays from the viewcell to all that is asked, by its slopes, and the depths it has.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cone {
+    /// Least and greatest slope along x and y, in lateral metres per metre from the back of the viewcell.
+    slopes: [[f64; 2]; 2],
+    /// Depth of the first plane, before which nothing is asked.
+    pub(crate) first: f64,
+    /// Depth of the nearest side of the object farthest away.
+    pub(crate) deepest: f64,
+    /// Depth at which occluders are cut on the side of the viewcell.
+    pub(crate) near: f64,
+}
+
+impl Cone {
+    /// Encloses the rays to `items`. `None` without items.
+    pub(crate) fn around(direction: &Direction, items: &[Item]) -> Option<Self> {
+        let mut slopes = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let mut deepest = 0.0f64;
+        for LocalBox { lo, hi } in items.iter().map(|item| &item.bounds) {
+            deepest = deepest.max(lo.z);
+            for (lat, slopes) in slopes.iter_mut().enumerate() {
+                for z in [lo.z, hi.z] {
+                    slopes[0] = slopes[0].min(lo[lat] / (z + direction.depth));
+                    slopes[1] = slopes[1].max(hi[lat] / (z + direction.depth));
+                }
+            }
+        }
+        // The first plane: a twentieth of the cell's width, which a person passes in a step, but for tiny
+        // cells not below what the precision and the number of planes allow.
+        let first = (0.05 * direction.widest()).max(1e-3 * deepest).min(0.5 * deepest);
+        (first > 0.0).then_some(Self { slopes, first, deepest, near: 0.02 * first })
+    }
+
+    /// Returns the range of the cone at a depth, along the lateral axis `lat`.
+    fn at(&self, direction: &Direction, z: f64, lat: usize) -> [f64; 2] {
+        let [low, high] = self.slopes[lat].map(|slope| slope * (z + direction.depth));
+        [low - direction.half[lat], high + direction.half[lat]]
+    }
+
+    /// Tests whether a box may meet the cone between `near` and `deepest`.
+    fn meets(&self, direction: &Direction, b: &LocalBox) -> bool {
+        b.hi.z > self.near
+            && b.lo.z < self.deepest
+            && (0..2).all(|lat| {
+                let ends =
+                    [b.lo.z.max(self.near), b.hi.z.min(self.deepest)].map(|z| self.at(direction, z, lat));
+                b.lo[lat] <= ends[0][1].max(ends[1][1]) && b.hi[lat] >= ends[0][0].min(ends[1][0])
+            })
+    }
+
+    /// Estimates the share of the cone that an occluder covers on a plane right behind it: 0 if it cannot
+    /// cover a pixel.
+    fn share(&self, direction: &Direction, b: &LocalBox) -> f64 {
+        let (near, far) = (b.lo.z.max(self.near), b.hi.z.min(self.deepest));
+        (0..2)
+            .map(|lat| {
+                let [low, high] = self.at(direction, far, lat);
+                // Views from both ends of the cell lose this much of it. Thin parts close to the plane lose
+                // less than the whole, so at most half is taken off.
+                let lost = direction.half[lat] * (far - near) / near;
+                let extent = b.hi[lat] - b.lo[lat];
+                let width = b.hi[lat].min(high) - b.lo[lat].max(low) - lost.min(0.5 * extent);
+                let share = width / (high - low);
+                if share * SIDE as f64 >= 1.0 { share } else { 0.0 }
+            })
+            .product()
+    }
+}
+
+/// An occluder with the share of the cone that it covers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate<'a> {
+    pub(crate) occluder: Occluder<'a>,
+    share: f64,
+}
+
+/// Collects the occluders that may cover something of the cone, nearest first.
+pub(crate) fn occluders<'a>(
+    scene: &'a Scene,
+    direction: &Direction,
+    cone: &Cone,
+    stack: &mut Vec<Option<usize>>,
+) -> Vec<Candidate<'a>> {
+    let mut all = Vec::new();
+    stack.push(None);
+    while let Some(node) = stack.pop() {
+        SceneHierarchy.for_each_child(scene, node, &mut |child, bounds: Aabb| {
+            if !cone.meets(direction, &direction.local_box(&bounds)) {
+                return;
+            }
+            match child {
+                Child::Node(node) => stack.push(Some(node)),
+                Child::Object(id) => {
+                    let Some((mesh, transform)) = scene.occluder(id) else { return };
+                    let parts =
+                        if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
+                    for part in parts {
+                        let Some(occluder) = Occluder::new(direction, part, transform) else { continue };
+                        let share = cone.share(direction, &occluder.bounds);
+                        if share > 0.0 && occluder.is_precise(direction) {
+                            all.push(Candidate { occluder, share });
+                        }
+                    }
+                }
+            }
+        });
+    }
+    all.sort_by(|a, b| a.occluder.bounds.lo.z.total_cmp(&b.occluder.bounds.lo.z));
+    all
+}
+
+/// Chooses the distances of the projection planes, ascending, all before `cone.deepest`.
+pub(crate) fn distances(direction: &Direction, cone: &Cone, occluders: &[Candidate<'_>]) -> Vec<f64> {
+    let mut behind: Vec<(f64, f64)> = occluders
+        .iter()
+        .map(|c| (c.occluder.bounds.hi.z + direction.guard(), c.share))
+        .filter(|(d, _)| *d > cone.first && *d < cone.deepest)
+        .collect();
+    behind.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Of planes that nearly coincide the last is behind the occluders of all.
+    behind.dedup_by(|later, kept| {
+        let same = later.0 < kept.0 * APART;
+        if same {
+            *kept = (later.0, later.1.max(kept.1));
+        }
+        same
+    });
+    behind.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.total_cmp(&b.0)));
+    behind.truncate(BEHIND);
+    let mut all: Vec<f64> = behind.into_iter().map(|(d, _)| d).collect();
+    let mut d = cone.first;
+    while d < cone.deepest {
+        all.push(d);
+        d *= GROWTH;
+    }
+    all.sort_by(f64::total_cmp);
+    all
+}

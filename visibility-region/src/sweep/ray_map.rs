@@ -1,0 +1,236 @@
+//! Bit maps of rays: one bit for each pixel of a projection plane.
+//!
+//! Erosion of such a map by a rectangle that varies with the pixel is the reprojection of extended
+//! projections (Durand, Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended
+//! Projections", 2000, section 5.1). It works on rows of words and on runs of bits, never on single pixels.
+
+use alloc::vec::Vec;
+
+/// Width and height of a map, in pixels.
+pub(crate) const SIDE: usize = 512;
+/// Number of words of a row.
+const WORDS: usize = SIDE / 64;
+
+type Row = [u64; WORDS];
+
+/// A rectangle of pixels, ends included.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct PixelRect {
+    /// First and last column.
+    pub(crate) x: [usize; 2],
+    /// First and last row.
+    pub(crate) y: [usize; 2],
+}
+
+/// A map of `SIDE` by `SIDE` bits.
+#[derive(Clone, Debug)]
+pub(crate) struct RayMap {
+    rows: Vec<Row>,
+}
+
+/// For each pixel of a new map along one axis, the first and last pixel of the former map that rays through
+/// the pixel may meet. Both never decrease from one pixel to the next.
+pub(crate) type Ranges = [[u16; 2]; SIDE];
+
+impl RayMap {
+    pub(crate) fn new() -> Self {
+        Self { rows: alloc::vec![[0; WORDS]; SIDE] }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.rows.fill([0; WORDS]);
+    }
+
+    /// Clears the words that hold pixels of `rect`.
+    pub(crate) fn clear_rect(&mut self, rect: PixelRect) {
+        for row in &mut self.rows[rect.y[0]..=rect.y[1]] {
+            row[rect.x[0] / 64..=rect.x[1] / 64].fill(0);
+        }
+    }
+
+    /// Sets the pixels `first` to `last`, both included, of a row.
+    #[inline]
+    pub(crate) fn set_span(&mut self, row: usize, first: usize, last: usize) {
+        set_span(&mut self.rows[row], first, last);
+    }
+
+    /// Tests whether all pixels of `rect` are set.
+    pub(crate) fn all_set(&self, rect: PixelRect) -> bool {
+        let [a, b] = rect.x.map(|x| x / 64);
+        let (first, last) = (u64::MAX << (rect.x[0] % 64), u64::MAX >> (63 - rect.x[1] % 64));
+        self.rows[rect.y[0]..=rect.y[1]].iter().all(|row| {
+            if a == b {
+                return !row[a] & first & last == 0;
+            }
+            !row[a] & first == 0 && !row[b] & last == 0 && row[a + 1..b].iter().all(|&word| word == u64::MAX)
+        })
+    }
+
+    /// Tests whether any pixel of the words that hold pixels of `rect` is set: true more often than of the
+    /// rectangle itself.
+    pub(crate) fn any_near(&self, rect: PixelRect) -> bool {
+        let [a, b] = rect.x.map(|x| x / 64);
+        self.rows[rect.y[0]..=rect.y[1]].iter().any(|row| row[a..=b].iter().any(|&word| word != 0))
+    }
+
+    /// Tests whether any pixel is set.
+    pub(crate) fn any_set(&self) -> bool {
+        self.rows.iter().flatten().any(|&word| word != 0)
+    }
+
+    /// Tests whether `other` has a pixel that this map has not, in the words of `rect`.
+    pub(crate) fn lacks(&self, other: &Self, rect: PixelRect) -> bool {
+        let words = rect.x[0] / 64..=rect.x[1] / 64;
+        (rect.y[0]..=rect.y[1]).any(|y| {
+            self.rows[y][words.clone()]
+                .iter()
+                .zip(&other.rows[y][words.clone()])
+                .any(|(own, new)| new & !own != 0)
+        })
+    }
+
+    /// Sets the pixels that are set in `inside` and not in `contour`, in the words of `rect`.
+    pub(crate) fn add_difference(&mut self, inside: &Self, contour: &Self, rect: PixelRect) {
+        for y in rect.y[0]..=rect.y[1] {
+            for x in rect.x[0] / 64..=rect.x[1] / 64 {
+                self.rows[y][x] |= inside.rows[y][x] & !contour.rows[y][x];
+            }
+        }
+    }
+
+    #[cfg(test)]
+    fn get(&self, x: usize, y: usize) -> bool {
+        self.rows[y][x / 64] >> (x % 64) & 1 != 0
+    }
+
+    /// Replaces the map with its erosion: a pixel of the result is set if all pixels of its ranges along x
+    /// and y were. `columns` and `rows` are scratch. Linear in the number of words and of runs of bits.
+    pub(crate) fn erode(&mut self, columns: &Ranges, rows: &Ranges, scratch: &mut RayMap) {
+        self.and_rows(rows, scratch);
+        // A run of set bits keeps the pixels whose ranges lie within the run: from the first pixel whose
+        // range begins in the run to the last whose range ends there.
+        let (mut begins, mut ends) = ([0u16; SIDE + 1], [0u16; SIDE + 1]);
+        let (mut first, mut last) = (0, 0);
+        for at in 0..SIDE {
+            while first < SIDE && usize::from(columns[first][0]) < at {
+                first += 1;
+            }
+            while last < SIDE && usize::from(columns[last][1]) <= at {
+                last += 1;
+            }
+            begins[at] = first as u16;
+            // One past the last pixel whose range ends at or before `at`.
+            ends[at] = last as u16;
+        }
+        for (row, out) in scratch.rows.iter().zip(&mut self.rows) {
+            *out = [0; WORDS];
+            let mut at = 0;
+            while let Some(start) = next(row, at, 0) {
+                let end = next(row, start, u64::MAX).unwrap_or(SIDE);
+                let (a, b) = (usize::from(begins[start]), usize::from(ends[end - 1]));
+                if a < b {
+                    set_span(out, a, b - 1);
+                }
+                at = end;
+            }
+        }
+    }
+
+    /// Writes to row `j` of `out` the conjunction of the rows `ranges[j]` of this map. Ends of ranges never
+    /// decrease, so a queue of two stacks needs three conjunctions a row.
+    fn and_rows(&self, ranges: &Ranges, out: &mut RayMap) {
+        // `suffix[r]`: conjunction of rows r to `middle`. `back`: of the rows after `middle` up to `end`.
+        let mut suffix = [[0; WORDS]; SIDE];
+        let (mut middle, mut end, mut back) = (None, None, [u64::MAX; WORDS]);
+        for (range, out) in ranges.iter().zip(&mut out.rows) {
+            let [low, high] = range.map(usize::from);
+            while end.is_none_or(|end| end < high) {
+                let next = end.map_or(0, |end| end + 1);
+                back = and(&back, &self.rows[next]);
+                end = Some(next);
+            }
+            if middle.is_none_or(|middle| middle < low) {
+                let mut all = [u64::MAX; WORDS];
+                for r in (low..=high).rev() {
+                    all = and(&all, &self.rows[r]);
+                    suffix[r] = all;
+                }
+                (middle, back) = (Some(high), [u64::MAX; WORDS]);
+            }
+            *out = and(&suffix[low], &back);
+        }
+    }
+}
+
+fn and(a: &Row, b: &Row) -> Row {
+    core::array::from_fn(|i| a[i] & b[i])
+}
+
+#[inline]
+fn set_span(row: &mut Row, first: usize, last: usize) {
+    let (a, b) = (first / 64, last / 64);
+    let (begin, end) = (u64::MAX << (first % 64), u64::MAX >> (63 - last % 64));
+    if a == b {
+        row[a] |= begin & end;
+    } else {
+        row[a] |= begin;
+        row[a + 1..b].fill(u64::MAX);
+        row[b] |= end;
+    }
+}
+
+/// Returns the first position from `at` on whose bit differs from those of `than`, all bits 0 or all bits 1.
+/// `None` if there is none.
+fn next(row: &Row, at: usize, than: u64) -> Option<usize> {
+    let mut word = at / 64;
+    let mut bits = (*row.get(word)? ^ than) & u64::MAX << (at % 64);
+    while bits == 0 {
+        word += 1;
+        bits = row.get(word)? ^ than;
+    }
+    Some(word * 64 + bits.trailing_zeros() as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    #[test]
+    fn erosion_keeps_a_pixel_if_all_pixels_of_its_ranges_are_set() {
+        let mut rng = Random(7);
+        for density in [2, 8, 40] {
+            let mut map = RayMap::new();
+            for y in 0..SIDE {
+                for _ in 0..density {
+                    let x = rng.below(SIDE);
+                    map.set_span(y, x, (x + rng.below(120)).min(SIDE - 1));
+                }
+            }
+            let mut ranges = |reach: usize| {
+                let mut all = [[0; 2]; SIDE];
+                let (mut low, mut high) = (0, 0);
+                for (i, range) in all.iter_mut().enumerate() {
+                    low = low.max(i.saturating_sub(rng.below(reach)));
+                    high = high.max((i + rng.below(reach)).min(SIDE - 1)).max(low);
+                    *range = [low as u16, high as u16];
+                }
+                all
+            };
+            let (columns, rows) = (ranges(4), ranges(3));
+            let mut eroded = map.clone();
+            eroded.erode(&columns, &rows, &mut RayMap::new());
+            let mut kept = 0;
+            for y in (0..SIDE).step_by(3) {
+                for (x, column) in columns.iter().enumerate() {
+                    let rect = PixelRect { x: column.map(usize::from), y: rows[y].map(usize::from) };
+                    let all = (rect.y[0]..=rect.y[1]).all(|y| (rect.x[0]..=rect.x[1]).all(|x| map.get(x, y)));
+                    assert_eq!(eroded.get(x, y), all, "{x} {y}");
+                    assert_eq!(map.all_set(rect), all);
+                    kept += usize::from(all);
+                }
+            }
+            assert!(density == 2 || kept > 100, "{density} {kept}");
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Windows of projection planes: the rectangle that a map covers, and its pixels.
+
+use super::direction::Direction;
+use super::ray_map::{PixelRect, Ranges, SIDE};
+
+/// The margin of every decision in pixels. All pixel coordinates that decide are in error by less: see
+/// [`Window::fit`] for the lateral positions and [`draw`](super::draw) for projected vertices.
+pub(crate) const SLACK: f64 = 1.0 / 1024.0;
+
+/// Least width of a window, in units of the rounding error of positions on it: 2^26.
+const WIDTH: f64 = 67_108_864.0;
+
+/// A projection plane at a distance, with the rectangle on it that its map covers.
+///
+/// A map's bit says: every *asked* ray through the closed pixel is blocked before the plane. A ray is asked
+/// if it passes through the windows of this plane and of all earlier planes of the sweep.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window {
+    /// Distance from the front of the viewcell.
+    pub(crate) d: f64,
+    /// Ends of the window along x and y.
+    pub(crate) ends: [[f64; 2]; 2],
+    /// Pixels per metre along x and y.
+    scale: [f64; 2],
+}
+
+impl Window {
+    /// Fits a window around the rectangle `ends`, which may be a point but not empty. `None` if the numbers
+    /// are not finite.
+    pub(crate) fn fit(direction: &Direction, d: f64, ends: [[f64; 2]; 2]) -> Option<Self> {
+        let ends = ends.map(|[low, high]| {
+            // Positions on the plane are sums of three terms within the magnitudes here, each rounded a few
+            // times: in error by less than 16 EPSILON of them and of the error of their coordinates, which
+            // the factor (d + depth) / (z + depth) <= 1 does not enlarge. The window is at least 2^26 times
+            // that wide, so the error is below SIDE / 2^26 < SLACK / 64 pixels.
+            let magnitude = low.abs() + high.abs() + direction.widest();
+            let pad = (high - low) * 1e-3 + (magnitude * f64::EPSILON + direction.error) * WIDTH;
+            [low - pad, high + pad]
+        });
+        let scale = ends.map(|[low, high]| SIDE as f64 / (high - low));
+        let usable =
+            scale.iter().all(|s| s.is_finite() && *s > 0.0) && ends.iter().flatten().all(|e| e.is_finite());
+        usable.then_some(Self { d, ends, scale })
+    }
+
+    /// Returns the pixel coordinate of a position along the lateral axis `lat`.
+    #[inline]
+    pub(crate) fn pixel(&self, x: f64, lat: usize) -> f64 {
+        (x - self.ends[lat][0]) * self.scale[lat]
+    }
+
+    /// Returns the length of a pixel's side along the lateral axis `lat`.
+    pub(crate) fn pixel_size(&self, lat: usize) -> f64 {
+        1.0 / self.scale[lat]
+    }
+
+    pub(crate) fn scale(&self, lat: usize) -> f64 {
+        self.scale[lat]
+    }
+
+    /// Returns the pixels that a rectangle on the plane meets, or `None` unless it is within the window.
+    pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2]) -> Option<PixelRect> {
+        let along = |[low, high]: [f64; 2], lat| {
+            let (low, high) = (self.pixel(low, lat) - SLACK, self.pixel(high, lat) + SLACK);
+            (low >= 0.0 && high < SIDE as f64 && low <= high).then_some([low as usize, high as usize])
+        };
+        Some(PixelRect { x: along(x, 0)?, y: along(y, 1)? })
+    }
+
+    /// Returns for each pixel of this window, along the lateral axis `lat`, the pixels of the earlier window
+    /// `from` that asked rays through it meet: reprojection with the cell itself as the source.
+    pub(crate) fn reprojection(&self, direction: &Direction, from: &Self, lat: usize) -> Ranges {
+        // A ray from v, at w behind the front, to p on this plane meets the earlier one at
+        // p (1 - t) + v t with t = (d - from.d) / (d + w).
+        let (h, gap) = (direction.half[lat], self.d - from.d);
+        let t = [gap / self.d, gap / (self.d + direction.depth)];
+        let size = self.pixel_size(lat);
+        let mut ranges = [[0; 2]; SIDE];
+        let (mut first, mut last) = (0, 0);
+        for (i, range) in ranges.iter_mut().enumerate() {
+            let a = self.ends[lat][0] + i as f64 * size;
+            let b = self.ends[lat][0] + (i + 1) as f64 * size;
+            let low = t.map(|t| a * (1.0 - t) - h * t);
+            let high = t.map(|t| b * (1.0 - t) + h * t);
+            // Asked rays stay within the earlier window, so what is beyond its rim need not be blocked.
+            let low = from.pixel(low[0].min(low[1]), lat) - SLACK;
+            let high = from.pixel(high[0].max(high[1]), lat) + SLACK;
+            let clamp = |x: f64| x.max(0.0).min((SIDE - 1) as f64) as usize;
+            // In real numbers the ends never decrease; rounding must not make them do so.
+            first = clamp(low).max(first);
+            last = clamp(high).max(last);
+            *range = [first.min(last) as u16, last as u16];
+        }
+        ranges
+    }
+}
