@@ -11,6 +11,7 @@ pub mod gltf_file;
 pub mod load;
 pub mod occlusion;
 pub mod picture_size;
+pub mod plan;
 pub mod plp;
 pub mod pvs;
 pub mod recipes;

@@ -1,6 +1,18 @@
 //! Computes visibility on a plan: from walls, houses, hills and trees that stand on a ground.
+//!
+//! Much of what engines cull stands on a ground, and on a plan visibility is exact, cheap and of use by
+//! itself: fog of war, guards, robots, perception, servers that decide who may see whom.
+//!
+//! - [`cdt`]: exact visibility among walls, which are segments, by a triangulation.
 #![no_std]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
+
+pub mod cdt;
+mod float;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,152 @@
+//! Program `plan`: computes what eyes on a floor plan see, and draws it.
+
+use clap::Parser;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
+use visibility_examples::plan::drawing::Drawing;
+use visibility_examples::plan::{PlanFile, load};
+
+/// Compute what eyes on a floor plan see: visibility polygons and the walls seen.
+///
+/// The plan is an SVG file (outlines are walls), GeoJSON (lines and rings are walls, points are eyes), or
+/// text: a line `SEGMENTS QUERIES`, then so many lines `x1 y1 x2 y2`, then so many lines `x y`.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// Plan: a file with the extension .svg, .json or .geojson, or text.
+    file: PathBuf,
+
+    /// Eye, besides those of the file. May be given several times.
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    eye: Vec<[f64; 2]>,
+
+    /// File to write a line of JSON to for each eye: area of the visibility polygon, numbers of the segments
+    /// seen, from 0, and microseconds, location included. `-` is standard output. By default none.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// File to draw visibility polygons and the walls seen to. By default none.
+    #[arg(long, value_name = "FILE.svg")]
+    svg: Option<PathBuf>,
+
+    /// Number of eyes drawn, from the first.
+    #[arg(long, default_value_t = 6, value_name = "N")]
+    draw: usize,
+
+    /// Distance from the outermost walls to the rectangle in which sight ends. By default a quarter of the
+    /// plan's larger extent, at least 1.
+    #[arg(long)]
+    margin: Option<f64>,
+
+    /// Greatest distance that an eye sees.
+    #[arg(long, default_value_t = f64::INFINITY)]
+    range: f64,
+
+    /// Number of walls that an eye sees through.
+    #[arg(long, default_value_t = 0, value_name = "K")]
+    through: u32,
+}
+
+fn parse_point(text: &str) -> Result<[f64; 2], String> {
+    let (x, y) = text.split_once(',').ok_or("expected X,Y")?;
+    let number = |text: &str| text.trim().parse().map_err(|_| format!("`{text}` is no number"));
+    Ok([number(x)?, number(y)?])
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    let mut file = load(&arguments.file)?;
+    file.eyes.extend(&arguments.eye);
+    let walls: Vec<_> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
+    let start = Instant::now();
+    let plan = match arguments.margin {
+        Some(margin) => Plan::with_margin(&walls, margin)?,
+        None => Plan::new(&walls)?,
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    eprintln!(
+        "{} walls, {} pieces, {} triangles, {} bytes, made in {seconds:.3} s",
+        walls.len(),
+        plan.pieces().len(),
+        plan.triangle_count(),
+        plan.memory()
+    );
+    let mut answer = Visibility::new();
+    let mut json = String::new();
+    let mut times = Vec::new();
+    for &eye in &file.eyes {
+        let view = PlanView::new(eye).with_range(arguments.range).with_through(arguments.through);
+        let us = time(&plan, &view, &mut answer)?;
+        times.push(us);
+        let mut seen = answer.walls().to_vec();
+        seen.sort_unstable();
+        let line = serde_json::json!({ "area": answer.area(), "seen": seen, "us": us });
+        writeln!(json, "{line}")?;
+    }
+    times.sort_unstable_by(f64::total_cmp);
+    if let Some(median) = times.get(times.len() / 2) {
+        eprintln!("{} eyes, {median:.2} us in the median", times.len());
+    }
+    match &arguments.json {
+        Some(path) if path.as_os_str() == "-" => print!("{json}"),
+        Some(path) => write(path, &json)?,
+        None => {}
+    }
+    if let Some(path) = &arguments.svg {
+        write(path, &draw(arguments, &file, &plan)?)?;
+    }
+    Ok(())
+}
+
+/// Returns the median of five runs in microseconds, after one that is not counted.
+fn time(plan: &Plan, view: &PlanView, answer: &mut Visibility) -> Result<f64, visibility_2d::cdt::PlanError> {
+    plan.look(view, answer)?;
+    let mut times = [0.0; 5];
+    for time in &mut times {
+        let start = Instant::now();
+        plan.look(view, answer)?;
+        *time = start.elapsed().as_secs_f64() * 1e6;
+    }
+    times.sort_unstable_by(f64::total_cmp);
+    Ok(times[2])
+}
+
+fn write(path: &std::path::Path, content: &str) -> Result<(), String> {
+    std::fs::write(path, content).map_err(|error| format!("cannot write {}: {error}", path.display()))
+}
+
+fn draw(
+    arguments: &Arguments,
+    file: &PlanFile,
+    plan: &Plan,
+) -> Result<String, visibility_2d::cdt::PlanError> {
+    const COLORS: [&str; 6] = ["#e8b04a", "#5a9bd4", "#74b566", "#c77cc0", "#d9775a", "#6fb7b0"];
+    let mut drawing = Drawing::new(plan.bounds(), file.y_down);
+    let mut answer = Visibility::new();
+    let eyes = || file.eyes.iter().take(arguments.draw).zip(COLORS.into_iter().cycle());
+    let mut seen = Vec::new();
+    for (&eye, color) in eyes() {
+        let view = PlanView::new(eye).with_range(arguments.range).with_through(arguments.through);
+        plan.look(&view, &mut answer)?;
+        drawing.polygon(answer.polygon(), &format!("fill:{color};fill-opacity:.45"));
+        seen.extend(answer.walls().iter().map(|&wall| file.walls[wall as usize]));
+    }
+    drawing.walls(file);
+    drawing.lines(seen, "stroke:#c22;stroke-width:2.5;stroke-linecap:round");
+    for (&eye, color) in eyes() {
+        drawing.dot(eye, color);
+    }
+    Ok(drawing.finish())
+}

@@ -1,0 +1,73 @@
+//! Plans as SVG pictures: walls, and layers of polygons, walls and points on them.
+
+use super::PlanFile;
+use std::fmt::Write as _;
+
+/// Longer side of the picture in pixels.
+const SIDE: f64 = 1000.0;
+
+/// A picture of a plan in SVG. What is added later lies on top.
+pub struct Drawing {
+    body: String,
+    low: [f64; 2],
+    size: [f64; 2],
+    scale: f64,
+    y_down: bool,
+}
+
+impl Drawing {
+    /// Begins an empty picture of the rectangle between two corners, in the units of the plan.
+    pub fn new([low, high]: [[f64; 2]; 2], y_down: bool) -> Self {
+        let size = [high[0] - low[0], high[1] - low[1]];
+        let scale = SIDE / size[0].max(size[1]).max(f64::MIN_POSITIVE);
+        Self { body: String::new(), low, size: size.map(|side| side * scale), scale, y_down }
+    }
+
+    fn place(&self, [x, y]: [f64; 2]) -> String {
+        let (x, y) = ((x - self.low[0]) * self.scale, (y - self.low[1]) * self.scale);
+        let y = if self.y_down { y } else { self.size[1] - y };
+        format!("{x:.2} {y:.2}")
+    }
+
+    /// Adds a filled polygon; `style` is the value of the attribute `style`.
+    pub fn polygon(&mut self, corners: &[[f64; 2]], style: &str) {
+        if corners.is_empty() {
+            return;
+        }
+        let path: Vec<_> = corners.iter().map(|&corner| self.place(corner)).collect();
+        let _ = writeln!(self.body, "<path style=\"{style}\" d=\"M{}Z\"/>", path.join("L"));
+    }
+
+    /// Adds lines between pairs of points.
+    pub fn lines(&mut self, lines: impl IntoIterator<Item = [[f64; 2]; 2]>, style: &str) {
+        let mut path = String::new();
+        for [a, b] in lines {
+            let _ = write!(path, "M{}L{}", self.place(a), self.place(b));
+        }
+        if !path.is_empty() {
+            let _ = writeln!(self.body, "<path style=\"{style}\" fill=\"none\" d=\"{path}\"/>");
+        }
+    }
+
+    /// Adds the walls of a plan in black.
+    pub fn walls(&mut self, plan: &PlanFile) {
+        self.lines(plan.walls.iter().copied(), "stroke:#222;stroke-width:1.5;stroke-linecap:round");
+    }
+
+    /// Adds a filled dot.
+    pub fn dot(&mut self, at: [f64; 2], color: &str) {
+        let place = self.place(at);
+        let (x, y) = place.split_once(' ').unwrap_or_default();
+        let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"4\" fill=\"{color}\"/>");
+    }
+
+    /// Returns the picture.
+    pub fn finish(self) -> String {
+        let [width, height] = self.size.map(|side| side.max(1.0));
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.2} {height:.2}\" width=\"{width:.0}\" \
+             height=\"{height:.0}\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fafaf7\"/>\n{}</svg>\n",
+            self.body
+        )
+    }
+}

@@ -1,0 +1,104 @@
+//! Plans as GeoJSON: lines and the rings of polygons are walls, points are eyes (RFC 7946).
+
+use super::{PlanFile, Problem};
+use serde_json::Value;
+
+/// Reads a plan from GeoJSON of any type. Coordinates are taken as they are, without a map projection.
+///
+/// # Errors
+///
+/// Returns the place of a syntax error, or the key path of an object without type or with coordinates of
+/// another form than its type has.
+pub fn read(content: &str) -> Result<PlanFile, Problem> {
+    let value: Value = serde_json::from_str(content)
+        .map_err(|error| Problem::new(format!("line {}", error.line()), error.to_string()))?;
+    let mut plan = PlanFile::default();
+    object(&value, "", &mut plan)?;
+    Ok(plan)
+}
+
+fn object(value: &Value, path: &str, plan: &mut PlanFile) -> Result<(), Problem> {
+    let members = |key: &str| (list(&value[key]), format!("{path}.{key}"));
+    let (coordinates, path_of) = (&value["coordinates"], format!("{path}.coordinates"));
+    match value["type"].as_str() {
+        Some("FeatureCollection" | "GeometryCollection") => {
+            let key = if value["features"].is_array() { "features" } else { "geometries" };
+            let (items, path) = members(key);
+            for (index, item) in items.iter().enumerate() {
+                object(item, &format!("{path}[{index}]"), plan)?;
+            }
+        }
+        // A feature may have no geometry.
+        Some("Feature") if value["geometry"].is_null() => {}
+        Some("Feature") => object(&value["geometry"], &format!("{path}.geometry"), plan)?,
+        Some("Point") => plan.eyes.push(position(coordinates, &path_of)?),
+        Some("MultiPoint") => plan.eyes.extend(positions(coordinates, &path_of)?),
+        Some("LineString") => plan.push_chain(&positions(coordinates, &path_of)?, false),
+        Some("MultiLineString") => chains(coordinates, &path_of, false, plan)?,
+        Some("Polygon") => chains(coordinates, &path_of, true, plan)?,
+        Some("MultiPolygon") => {
+            for (index, polygon) in list(coordinates).iter().enumerate() {
+                chains(polygon, &format!("{path_of}[{index}]"), true, plan)?;
+            }
+        }
+        _ => return Err(Problem::new(format!("{path}.type"), "not a type of GeoJSON")),
+    }
+    Ok(())
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}
+
+fn chains(value: &Value, path: &str, closed: bool, plan: &mut PlanFile) -> Result<(), Problem> {
+    for (index, chain) in list(value).iter().enumerate() {
+        plan.push_chain(&positions(chain, &format!("{path}[{index}]"))?, closed);
+    }
+    Ok(())
+}
+
+fn positions(value: &Value, path: &str) -> Result<Vec<[f64; 2]>, Problem> {
+    let items = value.as_array().ok_or_else(|| Problem::new(path, "expected a list of positions"))?;
+    items.iter().enumerate().map(|(index, item)| position(item, &format!("{path}[{index}]"))).collect()
+}
+
+fn position(value: &Value, path: &str) -> Result<[f64; 2], Problem> {
+    match [&value[0], &value[1]].map(Value::as_f64) {
+        [Some(x), Some(y)] => Ok([x, y]),
+        _ => Err(Problem::new(path, "expected a position: a list of two or three numbers")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_and_rings_are_walls_and_points_are_eyes() {
+        let plan = read(
+            r#"{"type": "FeatureCollection", "features": [
+                {"type": "Feature", "geometry": {"type": "LineString", "coordinates": [[0, 0], [1, 0], [1, 2]]}},
+                {"type": "Feature", "geometry": {"type": "Polygon",
+                    "coordinates": [[[5, 5, 9], [6, 5], [6, 6], [5, 5]], []]}},
+                {"type": "Feature", "geometry": null},
+                {"type": "Feature", "geometry": {"type": "GeometryCollection", "geometries": [
+                    {"type": "Point", "coordinates": [3, 4]},
+                    {"type": "MultiPolygon", "coordinates": [[[[0, 0], [1, 1], [2, 0]]]]}]}}]}"#,
+        )
+        .unwrap();
+        assert_eq!(plan.walls.len(), 2 + 3 + 3);
+        assert_eq!(plan.walls[7], [[2.0, 0.0], [0.0, 0.0]]);
+        assert_eq!(plan.eyes, [[3.0, 4.0]]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_place() {
+        let place = |content| read(content).unwrap_err().place;
+        assert_eq!(place("{"), "line 1");
+        assert_eq!(place("[]"), ".type");
+        assert_eq!(place(r#"{"type": "LineString", "coordinates": [[0, 0], [1]]}"#), ".coordinates[1]");
+        assert_eq!(place(r#"{"type": "LineString"}"#), ".coordinates");
+        let nested = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": {}}]}"#;
+        assert_eq!(place(nested), ".features[0].geometry.type");
+    }
+}

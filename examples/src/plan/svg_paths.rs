@@ -1,0 +1,331 @@
+//! Plans as SVG: the outlines of paths, lines, polylines, polygons and rectangles are walls.
+//!
+//! Curves become chords. Coordinates are user units of the file, with y downwards. Transforms would move
+//! walls, so a file that has any is refused rather than read wrongly.
+
+use super::{PlanFile, Problem};
+
+/// Number of chords of a curve.
+const CHORDS: usize = 16;
+
+/// Reads the outlines of an SVG file as walls.
+///
+/// # Errors
+///
+/// Returns the byte offset of an element whose coordinates are wrong, or that has a transform.
+pub fn read(content: &str) -> Result<PlanFile, Problem> {
+    let mut plan = PlanFile { y_down: true, ..PlanFile::default() };
+    let mut at = 0;
+    while let Some(begin) = content[at..].find('<').map(|index| at + index) {
+        // Comments and declarations hold no elements.
+        let skip = [("<!--", "-->"), ("<![CDATA[", "]]>")]
+            .into_iter()
+            .find(|(mark, _)| content[begin..].starts_with(mark));
+        if let Some((_, end)) = skip {
+            at = content[begin..].find(end).map_or(content.len(), |index| begin + index + end.len());
+            continue;
+        }
+        let end = element_end(content, begin);
+        element(&content[begin + 1..end], &mut plan)
+            .map_err(|problem| Problem::new(format!("byte {begin}"), problem))?;
+        at = end;
+    }
+    Ok(plan)
+}
+
+/// Returns the offset of the `>` that ends an element, outside of quotes; the end of the file without one.
+fn element_end(content: &str, begin: usize) -> usize {
+    let mut quote = None;
+    for (index, c) in content[begin..].char_indices() {
+        match (quote, c) {
+            (None, '>') => return begin + index,
+            (None, '"' | '\'') => quote = Some(c),
+            (Some(open), c) if open == c => quote = None,
+            _ => {}
+        }
+    }
+    content.len()
+}
+
+/// Returns the value of an attribute: the text between quotes after `name=`.
+fn attribute<'a>(element: &'a str, name: &str) -> Option<&'a str> {
+    let mut rest = element;
+    loop {
+        let equals = rest.find('=')?;
+        let key = rest[..equals].trim_end();
+        let value = rest[equals + 1..].trim_start();
+        let quote = value.chars().next().filter(|c| matches!(c, '"' | '\''))?;
+        let (value, after) = value[1..].split_once(quote)?;
+        if key.ends_with(name) && key[..key.len() - name.len()].ends_with(char::is_whitespace) {
+            return Some(value);
+        }
+        rest = after;
+    }
+}
+
+fn element(element: &str, plan: &mut PlanFile) -> Result<(), String> {
+    if attribute(element, "transform").is_some() {
+        return Err("transforms are not supported: apply them to the coordinates first".into());
+    }
+    let number = |name: &str| match attribute(element, name) {
+        None => Ok(0.0),
+        Some(value) => value.trim().parse::<f64>().map_err(|_| format!("`{name}` is no number: `{value}`")),
+    };
+    let name = element.split(|c: char| c.is_whitespace() || c == '/').next().unwrap_or("");
+    match name {
+        "path" => path(attribute(element, "d").unwrap_or(""), plan)?,
+        "line" => plan.walls.push([[number("x1")?, number("y1")?], [number("x2")?, number("y2")?]]),
+        "rect" => {
+            let [x, y, width, height] = [number("x")?, number("y")?, number("width")?, number("height")?];
+            plan.push_chain(&[[x, y], [x + width, y], [x + width, y + height], [x, y + height]], true);
+        }
+        "polyline" | "polygon" => {
+            let mut numbers = Numbers(attribute(element, "points").unwrap_or(""));
+            let mut points = Vec::new();
+            while !numbers.is_at_end() {
+                points.push(numbers.pair()?);
+            }
+            plan.push_chain(&points, name == "polygon");
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+/// Numbers of path data that are left to read, with the letters of commands between.
+struct Numbers<'a>(&'a str);
+
+impl Numbers<'_> {
+    fn skip(&mut self) {
+        self.0 = self.0.trim_start_matches(|c: char| c.is_whitespace() || c == ',');
+    }
+
+    fn is_at_end(&mut self) -> bool {
+        self.skip();
+        self.0.is_empty()
+    }
+
+    fn command(&mut self) -> Option<char> {
+        self.skip();
+        let c = self.0.chars().next().filter(char::is_ascii_alphabetic)?;
+        self.0 = &self.0[1..];
+        Some(c)
+    }
+
+    fn number(&mut self) -> Result<f64, String> {
+        self.skip();
+        let bytes = self.0.as_bytes();
+        let (mut end, mut dots, mut exponent) = (0, 0, false);
+        while let Some(&c) = bytes.get(end) {
+            let signed = end == 0 || matches!(bytes[end - 1], b'e' | b'E');
+            match c {
+                b'0'..=b'9' => {}
+                b'+' | b'-' if signed => {}
+                b'.' if dots == 0 && !exponent => dots = 1,
+                b'e' | b'E' if !exponent && end > 0 => exponent = true,
+                _ => break,
+            }
+            end += 1;
+        }
+        let (number, rest) = self.0.split_at(end);
+        self.0 = rest;
+        number
+            .parse()
+            .map_err(|_| format!("expected a number before `{}`", rest.chars().take(12).collect::<String>()))
+    }
+
+    /// Reads a flag of an arc: a single digit, after which no separator is needed.
+    fn flag(&mut self) -> Result<bool, String> {
+        self.skip();
+        let flag =
+            self.0.chars().next().filter(|c| matches!(c, '0' | '1')).ok_or("expected a flag 0 or 1")?;
+        self.0 = &self.0[1..];
+        Ok(flag == '1')
+    }
+
+    fn pair(&mut self) -> Result<[f64; 2], String> {
+        Ok([self.number()?, self.number()?])
+    }
+}
+
+/// Adds the walls of path data.
+fn path(data: &str, plan: &mut PlanFile) -> Result<(), String> {
+    let mut numbers = Numbers(data);
+    let (mut at, mut start) = ([0.0; 2], [0.0; 2]);
+    // Last control point, for the smooth curves of commands S and T.
+    let mut control = [0.0; 2];
+    let mut command = 'M';
+    while !numbers.is_at_end() {
+        match numbers.command() {
+            Some(next) => command = next,
+            // More coordinates repeat the command; after a move they are lines.
+            None if command == 'M' => command = 'L',
+            None if command == 'm' => command = 'l',
+            None => {}
+        }
+        let base = if command.is_ascii_lowercase() { at } else { [0.0; 2] };
+        let from_base = |[x, y]: [f64; 2]| [base[0] + x, base[1] + y];
+        let mirrored = [2.0 * at[0] - control[0], 2.0 * at[1] - control[1]];
+        let upper = command.to_ascii_uppercase();
+        let mut curve = Vec::new();
+        let to = match upper {
+            'Z' => start,
+            'M' | 'L' => from_base(numbers.pair()?),
+            'H' => [base[0] + numbers.number()?, at[1]],
+            'V' => [at[0], base[1] + numbers.number()?],
+            'C' | 'S' => {
+                let first = if upper == 'C' { from_base(numbers.pair()?) } else { mirrored };
+                let second = from_base(numbers.pair()?);
+                let to = from_base(numbers.pair()?);
+                curve = chords(|t| {
+                    let s = 1.0 - t;
+                    mix([
+                        (s * s * s, at),
+                        (3.0 * s * s * t, first),
+                        (3.0 * s * t * t, second),
+                        (t * t * t, to),
+                    ])
+                });
+                control = second;
+                to
+            }
+            'Q' | 'T' => {
+                let middle = if upper == 'Q' { from_base(numbers.pair()?) } else { mirrored };
+                let to = from_base(numbers.pair()?);
+                curve = chords(|t| {
+                    let s = 1.0 - t;
+                    mix([(s * s, at), (2.0 * s * t, middle), (t * t, to), (0.0, to)])
+                });
+                control = middle;
+                to
+            }
+            'A' => {
+                let (radii, turn) = (numbers.pair()?, numbers.number()?);
+                let (large, sweep) = (numbers.flag()?, numbers.flag()?);
+                let to = from_base(numbers.pair()?);
+                curve = arc(at, to, radii, turn.to_radians(), large, sweep);
+                to
+            }
+            other => return Err(format!("unknown command `{other}`")),
+        };
+        if !matches!(upper, 'C' | 'S' | 'Q' | 'T') {
+            control = to;
+        }
+        if upper == 'M' {
+            start = to;
+        } else if upper != 'Z' || at != start {
+            let mut chain = vec![at];
+            chain.append(&mut curve);
+            chain.push(to);
+            plan.push_chain(&chain, false);
+        }
+        at = to;
+        if upper == 'Z' && !numbers.is_at_end() && !numbers.0.starts_with(|c: char| c.is_ascii_alphabetic()) {
+            return Err("numbers after the end of an outline".into());
+        }
+    }
+    Ok(())
+}
+
+fn mix(terms: [(f64, [f64; 2]); 4]) -> [f64; 2] {
+    [0, 1].map(|axis| terms.iter().map(|(share, point)| share * point[axis]).sum())
+}
+
+/// Returns the points of a curve between its ends.
+fn chords(at: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
+    (1..CHORDS).map(|i| at(i as f64 / CHORDS as f64)).collect()
+}
+
+/// Returns the points of an elliptic arc between its ends: SVG 1.1, appendix F.6.5.
+fn arc(from: [f64; 2], to: [f64; 2], radii: [f64; 2], turn: f64, large: bool, sweep: bool) -> Vec<[f64; 2]> {
+    let [rx, ry] = radii.map(f64::abs);
+    if rx == 0.0 || ry == 0.0 || from == to {
+        return Vec::new();
+    }
+    let (sin, cos) = turn.sin_cos();
+    let half = [(from[0] - to[0]) / 2.0, (from[1] - to[1]) / 2.0];
+    let x = (cos * half[0] + sin * half[1]) / rx;
+    let y = (cos * half[1] - sin * half[0]) / ry;
+    // In units of the radii the ends are at (x, y) and (-x, -y), on a circle of radius `grown`.
+    let grown = (x * x + y * y).sqrt().max(1.0);
+    let (x, y) = (x / grown, y / grown);
+    let square = (x * x + y * y).max(f64::MIN_POSITIVE);
+    let factor = ((1.0 - square).max(0.0) / square).sqrt() * if large == sweep { -1.0 } else { 1.0 };
+    let centre = [factor * y, -factor * x];
+    let angle = |x: f64, y: f64| (y - centre[1]).atan2(x - centre[0]);
+    let (begin, mut end) = (angle(x, y), angle(-x, -y));
+    if sweep && end < begin {
+        end += std::f64::consts::TAU;
+    } else if !sweep && end > begin {
+        end -= std::f64::consts::TAU;
+    }
+    let middle = [(from[0] + to[0]) / 2.0, (from[1] + to[1]) / 2.0];
+    chords(|t| {
+        let angle = begin + t * (end - begin);
+        let (u, v) = ((centre[0] + angle.cos()) * rx * grown, (centre[1] + angle.sin()) * ry * grown);
+        [middle[0] + cos * u - sin * v, middle[1] + sin * u + cos * v]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn walls(svg: &str) -> Vec<[[f64; 2]; 2]> {
+        read(svg).unwrap().walls
+    }
+
+    #[test]
+    fn outlines_are_walls() {
+        let square = [
+            [[1.0, 1.0], [3.0, 1.0]],
+            [[3.0, 1.0], [3.0, 2.0]],
+            [[3.0, 2.0], [1.0, 2.0]],
+            [[1.0, 2.0], [1.0, 1.0]],
+        ];
+        for svg in [
+            r#"<svg><path id="d" d="M1 1 3 1 3 2 1 2Z"/></svg>"#,
+            r#"<path d='M 1,1 h2v1h-2z'/>"#,
+            r#"<path d="m1 1l2 0 0 1-2 0z"/>"#,
+            r#"<rect x="1" y="1" width="2" height="1"/>"#,
+            r#"<polygon points="1,1 3,1 3,2 1,2"/>"#,
+            r#"<!-- <line x1="9"/> --><path d="M1 1L3,1"/><path d="M3 1V2"/><path d="M3 2H1V1"/>"#,
+        ] {
+            assert_eq!(walls(svg), square, "{svg}");
+        }
+        assert_eq!(walls(r#"<line x1="1" y1="2" x2="-.5e1" y2="4"/>"#), [[[1.0, 2.0], [-5.0, 4.0]]]);
+    }
+
+    #[test]
+    fn curves_end_where_they_should() {
+        for svg in [
+            r#"<path d="M0 0C0 1 1 2 2 2S4 2 4 0"/>"#,
+            r#"<path d="M0 0q1 2 2 0t2 0"/>"#,
+            r#"<path d="M0 0A2 2 0 0 1 4 0"/>"#,
+            r#"<path d="M0 0a2 2 0 014 0"/>"#,
+        ] {
+            let walls = walls(svg);
+            assert_eq!(walls.last().unwrap()[1], [4.0, 0.0], "{svg}");
+            assert!(walls.windows(2).all(|pair| pair[0][1] == pair[1][0]));
+        }
+        // The half circle with a positive sweep, y downwards, goes over negative y.
+        let top = walls(r#"<path d="M0 0A2 2 0 0 1 4 0"/>"#)[CHORDS / 2][0];
+        assert!((top[0] - 2.0).abs() < 1e-9 && (top[1] + 2.0).abs() < 1e-9, "{top:?}");
+    }
+
+    #[test]
+    fn what_is_wrong_is_told() {
+        for svg in [
+            r#"<path d="M1"/>"#,
+            r#"<path d="M1 1 X"/>"#,
+            r#"<path d="M1 1L2 2z3 3"/>"#,
+            r#"<g transform="scale(2)"><path d="M0 0L1 1"/></g>"#,
+            r#"<line x1="one"/>"#,
+        ] {
+            assert!(read(svg).is_err(), "{svg}");
+        }
+        for svg in ["", "<", "<path d=\"", "<path d=", "<!--", "text", "<p\u{e4}th d='M'>"] {
+            let _ = read(svg);
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Plans as text: a line `SEGMENTS QUERIES`, then so many lines `x1 y1 x2 y2`, then so many lines `x y`.
+
+use super::{PlanFile, Problem};
+
+/// Reads a plan from text. Empty lines, and what follows a `#` in a line, are ignored.
+///
+/// # Errors
+///
+/// Returns the line, counted from 1, that is missing, is no row of numbers, or is left over.
+pub fn read(content: &str) -> Result<PlanFile, Problem> {
+    let mut lines = content
+        .lines()
+        .zip(1..)
+        .map(|(line, number)| (line.split('#').next().unwrap_or("").trim(), number))
+        .filter(|(line, _)| !line.is_empty());
+    let [segments, queries] = row::<2, usize>(lines.next(), "SEGMENTS QUERIES")?;
+    let mut plan = PlanFile::default();
+    for _ in 0..segments {
+        let [a, b, c, d] = row::<4, f64>(lines.next(), "x1 y1 x2 y2")?;
+        plan.walls.push([[a, b], [c, d]]);
+    }
+    for _ in 0..queries {
+        plan.eyes.push(row::<2, f64>(lines.next(), "x y")?);
+    }
+    match lines.next() {
+        Some((_, number)) => Err(Problem::new(format!("line {number}"), "more lines than announced")),
+        None => Ok(plan),
+    }
+}
+
+fn row<const N: usize, T: std::str::FromStr + Copy + Default>(
+    line: Option<(&str, i32)>,
+    form: &str,
+) -> Result<[T; N], Problem> {
+    let (line, number) = line.ok_or_else(|| Problem::new("end of file", format!("expected `{form}`")))?;
+    let wrong = || Problem::new(format!("line {number}"), format!("expected `{form}`, found `{line}`"));
+    let mut numbers = [T::default(); N];
+    let mut fields = line.split_whitespace();
+    for number in &mut numbers {
+        *number = fields.next().and_then(|field| field.parse().ok()).ok_or_else(wrong)?;
+    }
+    if fields.next().is_some() { Err(wrong()) } else { Ok(numbers) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_walls_and_eyes() {
+        let plan = read("2 1\n0 0 1 0\n\n1 0 1e1 -2.5 # a wall\n.5 .5\n").unwrap();
+        assert_eq!(plan.walls, [[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [10.0, -2.5]]]);
+        assert_eq!(plan.eyes, [[0.5, 0.5]]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        for (content, place) in [
+            ("", "end of file"),
+            ("1 0\n", "end of file"),
+            ("1 0\n0 0 1\n", "line 2"),
+            ("1 0\n0 0 1 x\n", "line 2"),
+            ("1 0\n0 0 1 1 1\n", "line 2"),
+            ("0 0\n1 1\n", "line 2"),
+            ("-1 0\n", "line 1"),
+        ] {
+            assert_eq!(read(content).unwrap_err().place, place, "{content:?}");
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! Walls become edges of the triangulation: what crosses a wall makes room, walls that cross are split.
+//!
+//! This work is based on: Marc Vigo Anglada, "An Improved Incremental Algorithm for Constructing Restricted
+//! Delaunay Triangulations", 1997 (both sides of the wall are triangulated anew); Godfried Toussaint and
+//! David Avis, "On a Convex Hull Algorithm for Polygons and its Application to Triangulation Problems", 1982
+//! (in one pass over the corners, since all of them see the wall).
+//!
+//! Two walls that cross are split at the `f64` point nearest to their crossing, and from there on both are
+//! chains through that point. Every piece of a chain lies in the bounding box of the piece that was split and
+//! is smaller, so splitting ends. No gap opens: a chain has the ends of its wall and no holes.
+
+use super::error::PlanError;
+use super::predicates::{Point, is_same_way, orient};
+use super::triangulation::{NONE, Triangulation, next, previous};
+use alloc::vec::Vec;
+
+/// Greatest number of vertices of a triangulation, ends of walls and crossings together.
+pub(crate) const MOST_VERTICES: usize = 1 << 24;
+
+/// Marks a link or a twin as the index of a boundary step.
+const STEP: u32 = 1 << 31;
+
+/// A piece of a wall that is to become an edge or a chain of edges.
+struct Task {
+    from: u32,
+    to: u32,
+    walls: u32,
+}
+
+/// An edge of the boundary of the triangles that a wall crosses.
+struct Step {
+    /// Vertex at the end of the step, in order along the wall's left side.
+    vertex: u32,
+    /// Half-edge of the removed triangle; later that of the new triangle.
+    inner: u32,
+    /// Half-edge on the outer side, or [`STEP`] and the index of the step that is the other side of the same
+    /// edge, when both its triangles are removed. [`NONE`] on the outer rectangle.
+    outer: u32,
+    walls: u32,
+}
+
+/// What is next on the way of a wall.
+enum Way {
+    /// The wall runs along this half-edge.
+    Along(u32),
+    /// The wall crosses the triangle that begins with this half-edge.
+    Through(u32),
+}
+
+/// Makes walls edges of a triangulation. Kept for all walls, for its memory.
+#[derive(Default)]
+pub(crate) struct Constrainer {
+    tasks: Vec<Task>,
+    /// Steps on the left side of the wall, then those on the right side, each in order of the turn
+    /// counter-clockwise around the hole.
+    steps: Vec<Step>,
+    right: Vec<Step>,
+    /// Triangles that the wall crosses.
+    removed: Vec<u32>,
+    /// Chain of vertices with the link to the vertex before.
+    chain: Vec<(u32, u32)>,
+}
+
+impl Constrainer {
+    /// Makes the wall between two vertices a chain of edges. Nothing happens for equal vertices.
+    ///
+    /// # Errors
+    /// [`PlanError::TooMany`] when crossings make more than [`MOST_VERTICES`] vertices.
+    pub(crate) fn insert(
+        &mut self,
+        of: &mut Triangulation,
+        from: u32,
+        to: u32,
+        wall: u32,
+    ) -> Result<(), PlanError> {
+        let walls = of.lists.len() as u32;
+        of.lists.push((wall, NONE));
+        self.tasks.push(Task { from, to, walls });
+        while let Some(task) = self.tasks.pop() {
+            if of.points.len() > MOST_VERTICES {
+                self.tasks.clear();
+                return Err(PlanError::TooMany { count: of.points.len() });
+            }
+            self.advance(of, task);
+        }
+        Ok(())
+    }
+
+    /// Does the first part of a task and leaves the rest as tasks.
+    fn advance(&mut self, of: &mut Triangulation, Task { from, to, walls }: Task) {
+        if from == to {
+            return;
+        }
+        let (h, rest) = match way(of, from, to) {
+            None => return,
+            Some(Way::Along(h)) => (h, of.edges[next(h) as usize].origin),
+            Some(Way::Through(h)) => {
+                let Some(reached) = self.cross(of, h, to, walls) else { return };
+                (self.fill(of, from, reached), reached)
+            }
+        };
+        mark(of, h, walls);
+        // Flips of a long wall's neighbours could take quadratic time.
+        of.restore_delaunay(16 * self.steps.len() + 64);
+        self.tasks.push(Task { from: rest, to, walls });
+    }
+
+    /// Walks from the vertex of `h` through the triangle of `h` until the next vertex on the way to `to`, and
+    /// collects what is crossed. Returns that vertex. `None` if a wall is in the way: then the two walls are
+    /// split, and their pieces are tasks.
+    fn cross(&mut self, of: &mut Triangulation, h: u32, to: u32, walls: u32) -> Option<u32> {
+        let from = of.edges[h as usize].origin;
+        let [a, b] = [from, to].map(|v| of.points[v as usize]);
+        self.steps.clear();
+        self.right.clear();
+        self.removed.clear();
+        self.removed.push(h / 3);
+        let mut crossed = next(h);
+        self.steps.push(step(of, of.apex(h), previous(h)));
+        self.right.push(step(of, from, h));
+        loop {
+            let edge = of.edges[crossed as usize];
+            if edge.walls != NONE {
+                self.split(of, from, to, crossed, walls);
+                return None;
+            }
+            let (twin, apex) = (edge.twin, of.apex(edge.twin));
+            self.removed.push(twin / 3);
+            let side = orient(a, b, of.points[apex as usize]);
+            if side >= 0.0 {
+                self.steps.push(step(of, apex, previous(twin)));
+            }
+            if side <= 0.0 {
+                self.right.push(step(of, edge.origin, next(twin)));
+            }
+            if side == 0.0 {
+                return Some(apex);
+            }
+            crossed = if side > 0.0 { next(twin) } else { previous(twin) };
+        }
+    }
+
+    /// Splits the walls of `crossed` and the wall between two vertices where they cross.
+    fn split(&mut self, of: &mut Triangulation, from: u32, to: u32, crossed: u32, walls: u32) {
+        let edge = of.edges[crossed as usize];
+        let ends = [edge.origin, of.edges[edge.twin as usize].origin];
+        let [a, b, c, d] = [from, to, ends[0], ends[1]].map(|v| of.points[v as usize]);
+        let middle = crossing(a, b, c, d);
+        mark_as(of, crossed, NONE);
+        of.begin_at(crossed);
+        let vertex = if let Some(v) =
+            [from, to, ends[0], ends[1]].into_iter().find(|&v| of.points[v as usize] == middle)
+        {
+            v
+        } else {
+            of.insert(middle)
+        };
+        // The pieces of the wall in the way come first, so that the way is not crossed twice. A piece between
+        // equal vertices is dropped.
+        self.tasks.push(Task { from: vertex, to, walls });
+        self.tasks.push(Task { from, to: vertex, walls });
+        self.tasks.push(Task { from: vertex, to: ends[1], walls: edge.walls });
+        self.tasks.push(Task { from: ends[0], to: vertex, walls: edge.walls });
+    }
+
+    /// Triangulates the hole that [`cross`](Self::cross) has collected, with the edge from `from` to `to`,
+    /// and returns the half-edge from `from` to `to`.
+    fn fill(&mut self, of: &mut Triangulation, from: u32, to: u32) -> u32 {
+        let left = self.steps.len();
+        self.steps.extend(self.right.drain(..).rev());
+        // An edge whose two triangles are both removed is two steps.
+        for (index, step) in (0u32..).zip(&self.steps) {
+            of.edges[step.inner as usize].twin = STEP | index;
+        }
+        for step in &mut self.steps {
+            if step.outer != NONE && of.edges[step.outer as usize].twin & STEP != 0 {
+                step.outer = of.edges[step.outer as usize].twin;
+            }
+        }
+        let upper = self.fill_side(of, from, 0, left);
+        let lower = self.fill_side(of, to, left, self.steps.len());
+        link(of, upper, lower);
+        for index in 0..self.steps.len() {
+            let Step { inner, outer, walls, .. } = self.steps[index];
+            let outer = if outer == NONE || outer & STEP == 0 {
+                outer
+            } else {
+                self.steps[(outer & !STEP) as usize].inner
+            };
+            of.edges[inner as usize].walls = walls;
+            of.edges[inner as usize].twin = outer;
+            if outer != NONE {
+                of.edges[outer as usize].twin = inner;
+            }
+        }
+        upper
+    }
+
+    /// Triangulates one side of the hole: the steps of a range, from the vertex `from`. Returns the half-edge
+    /// along the wall.
+    fn fill_side(&mut self, of: &mut Triangulation, from: u32, first: usize, end: usize) -> u32 {
+        self.chain.clear();
+        self.chain.push((from, NONE));
+        for index in first..end {
+            let z = self.steps[index].vertex;
+            let mut link_z = STEP | index as u32;
+            while let [.., (x, _), (y, link_y)] = self.chain[..] {
+                let [p, q, r] = [x, y, z].map(|v| of.points[v as usize]);
+                if orient(p, q, r) >= 0.0 {
+                    break;
+                }
+                // The corner is convex: the triangle z y x is cut off.
+                let Some(t) = self.removed.pop() else { break };
+                let h = 3 * t;
+                for (h, origin, link_to) in [(h, z, link_z), (h + 1, y, link_y)] {
+                    new_edge(of, h, origin);
+                    if link_to & STEP != 0 {
+                        self.steps[(link_to & !STEP) as usize].inner = h;
+                    } else {
+                        link(of, h, link_to);
+                    }
+                }
+                new_edge(of, h + 2, x);
+                link_z = h + 2;
+                self.chain.pop();
+                of.suspect(h);
+                of.suspect(h + 1);
+            }
+            self.chain.push((z, link_z));
+        }
+        debug_assert_eq!(self.chain.len(), 2, "a side of a wall is not triangulated");
+        self.chain.last().map_or(NONE, |&(_, link)| link)
+    }
+}
+
+fn step(of: &Triangulation, vertex: u32, inner: u32) -> Step {
+    let edge = of.edges[inner as usize];
+    Step { vertex, inner, outer: edge.twin, walls: edge.walls }
+}
+
+fn new_edge(of: &mut Triangulation, h: u32, origin: u32) {
+    let edge = &mut of.edges[h as usize];
+    (edge.origin, edge.walls) = (origin, NONE);
+    of.out[origin as usize] = h;
+}
+
+fn link(of: &mut Triangulation, h: u32, g: u32) {
+    of.edges[h as usize].twin = g;
+    of.edges[g as usize].twin = h;
+}
+
+/// Sets the walls of both half-edges of an edge.
+fn mark_as(of: &mut Triangulation, h: u32, walls: u32) {
+    let twin = of.edges[h as usize].twin;
+    of.edges[h as usize].walls = walls;
+    if twin != NONE {
+        of.edges[twin as usize].walls = walls;
+    }
+}
+
+/// Adds a list of walls to an edge. A wall may then be listed more than once.
+fn mark(of: &mut Triangulation, h: u32, walls: u32) {
+    let mut head = of.edges[h as usize].walls;
+    if head == walls {
+        return;
+    }
+    if head == NONE {
+        head = walls;
+    } else {
+        let mut item = walls;
+        while item != NONE {
+            let (wall, rest) = of.lists[item as usize];
+            of.lists.push((wall, head));
+            head = of.lists.len() as u32 - 1;
+            item = rest;
+        }
+    }
+    mark_as(of, h, head);
+}
+
+/// Returns how the wall from one vertex to another leaves the first. `None` only if the triangulation is
+/// broken.
+fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
+    let [a, b] = [from, to].map(|v| of.points[v as usize]);
+    let first = of.out[from as usize];
+    let mut h = first;
+    // Counter-clockwise around the vertex, from edge to edge.
+    loop {
+        let end = of.edges[next(h) as usize].origin;
+        let c = of.points[end as usize];
+        let side = orient(a, c, b);
+        if side == 0.0 && is_same_way(a, c, b) {
+            return Some(Way::Along(h));
+        }
+        if side > 0.0 && orient(a, of.points[of.apex(h) as usize], b) < 0.0 {
+            return Some(Way::Through(h));
+        }
+        h = of.edges[previous(h) as usize].twin;
+        if h == first || h == NONE {
+            return None;
+        }
+    }
+}
+
+/// Returns the `f64` point nearest to the crossing of `ab` and `cd`, up to a few units of rounding, in the
+/// bounding boxes of both.
+fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
+    let (of_a, of_b) = (orient(c, d, a), orient(c, d, b));
+    let share = of_a / (of_a - of_b);
+    core::array::from_fn(|axis| {
+        let x = a[axis] + share * (b[axis] - a[axis]);
+        let x = x.max(a[axis].min(b[axis])).min(a[axis].max(b[axis]));
+        x.max(c[axis].min(d[axis])).min(c[axis].max(d[axis]))
+    })
+}

@@ -1,0 +1,51 @@
+//! What can be wrong with the walls of a plan, or with a query.
+
+use core::fmt;
+
+/// Error of making a [`Plan`](crate::cdt::Plan) or of asking it.
+#[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// A coordinate is NaN, infinite, or of a magnitude above 1e60.
+    Coordinate {
+        /// Index of the wall with the faulty point, or of the point among the points of a query, from 0.
+        index: usize,
+        /// The faulty point.
+        point: [f64; 2],
+    },
+    /// There are too many walls, or walls that cross too often.
+    TooMany {
+        /// Number of walls given, or number of vertices reached with crossings.
+        count: usize,
+    },
+    /// A wall has a number that the plan does not have.
+    UnknownWall {
+        /// Number of the wall.
+        wall: u32,
+        /// Number of walls of the plan.
+        walls: usize,
+    },
+    /// A region is no convex polygon with its corners in counter-clockwise order, or has fewer than two
+    /// corners.
+    NotConvex,
+    /// The lower bound of heights is not below the upper one, or one is not finite.
+    Heights,
+}
+
+impl fmt::Display for PlanError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Coordinate { index, point: [x, y] } => {
+                write!(f, "point ({x}, {y}) of number {index} is not finite or above 1e60")
+            }
+            Self::TooMany { count } => write!(f, "{count} walls or crossings are too many"),
+            Self::UnknownWall { wall, walls } => {
+                write!(f, "wall {wall} is unknown: the plan has {walls}, numbered from 0")
+            }
+            Self::NotConvex => write!(f, "the region is not convex and counter-clockwise"),
+            Self::Heights => write!(f, "the lower height must be below the upper one, and both finite"),
+        }
+    }
+}
+
+impl core::error::Error for PlanError {}

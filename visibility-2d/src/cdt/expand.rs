@@ -1,0 +1,223 @@
+//! Triangular expansion: the cone of sight from an eye grows through triangles until walls stop it.
+//!
+//! This work is based on: Francisc Bungiu, Michael Hemmer, John Hershberger, Kan Huang and Alexander
+//! Kroeller, "Efficient Computation of Visibility Polygons", 2014.
+//!
+//! A cone is bounded by two rays from the eye through ends of walls. All decisions are on which side of a ray
+//! a vertex lies, and exact. A cone of no width is not followed: what is seen through a single point is not
+//! seen.
+
+use super::plan::{BLOCKS, Plan, TWIN, WALL};
+use super::predicates::{ORIENTATION_ERROR, Point, orient, orient_slow};
+use super::triangulation::{Place, next, previous};
+use alloc::vec::Vec;
+
+/// A ray from the eye through a point: a vertex, or a bound of the sector.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ray {
+    /// Vertex, or the number of vertices plus the index of a point of the sector.
+    pub(crate) point: u32,
+    /// Rounded difference of the point and the eye.
+    pub(crate) offset: Point,
+}
+
+/// Part of the view that leaves a triangle by an edge.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cone {
+    /// Half-edge of the triangle that the cone leaves. Before the outer rectangle, the half-edge by which the
+    /// cone enters.
+    pub(crate) edge: u32,
+    pub(crate) right: Ray,
+    pub(crate) left: Ray,
+    /// Number of opaque walls that the cone may pass through.
+    through: u32,
+    /// Whether the cone comes from outside the rectangle and enters the triangle of `edge`.
+    enters: bool,
+}
+
+/// What happens to a cone at an edge.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Met {
+    /// The cone passes a wall: it is clear, or one of those that the view sees through.
+    Passed,
+    /// The cone ends at a wall or at the outer rectangle.
+    Ended,
+    /// The cone ends because the edge is out of range.
+    Far,
+}
+
+/// Eye and plan of an expansion.
+#[derive(Clone, Copy)]
+pub(crate) struct Expansion<'a> {
+    pub(crate) plan: &'a Plan,
+    pub(crate) eye: Point,
+    /// Points that divide the sector; see [`PlanView::sector_points`](super::PlanView::sector_points).
+    pub(crate) sector: &'a [Point],
+}
+
+impl Expansion<'_> {
+    pub(crate) fn ray(&self, point: u32) -> Ray {
+        let [x, y] = self.point(point);
+        Ray { point, offset: [x - self.eye[0], y - self.eye[1]] }
+    }
+
+    fn point(&self, point: u32) -> Point {
+        let vertices = self.plan.points.len();
+        let point = point as usize;
+        if point < vertices { self.plan.points[point] } else { self.sector[point - vertices] }
+    }
+
+    /// Returns whether the second ray is strictly to the left of the first.
+    #[inline(always)]
+    fn is_left(&self, first: Ray, second: Ray) -> bool {
+        let (plus, minus) = (first.offset[0] * second.offset[1], first.offset[1] * second.offset[0]);
+        let difference = plus - minus;
+        if difference.abs() > ORIENTATION_ERROR * (plus.abs() + minus.abs()) {
+            return difference > 0.0;
+        }
+        orient_slow(self.point(first.point), self.point(second.point), self.eye) > 0.0
+    }
+
+    /// Writes the cones by which the view leaves the triangles at the eye, counter-clockwise.
+    pub(crate) fn start(&self, place: Place, through: u32, cones: &mut Vec<Cone>) {
+        cones.clear();
+        let plan = self.plan;
+        let mut push = |edge: u32, enters: bool| {
+            let (mut right, mut left) =
+                (plan.edges[edge as usize].origin, plan.edges[next(edge) as usize].origin);
+            if enters {
+                (right, left) = (left, right);
+            }
+            cones.push(Cone { edge, right: self.ray(right), left: self.ray(left), through, enters });
+        };
+        match place {
+            Place::Triangle(t) => (3 * t..3 * t + 3).for_each(|h| push(h, false)),
+            Place::Edge(h) => {
+                for h in [Some(h), plan.edges[h as usize].twin()].into_iter().flatten() {
+                    push(next(h), false);
+                    push(previous(h), false);
+                }
+            }
+            Place::Vertex(h) => plan.fan(h).for_each(|h| push(next(h), false)),
+            Place::Outside => {
+                // The outer edges that the eye is before: one or two, the right one first.
+                let mut outer = plan.outer();
+                let is_before = outer.map(|h| {
+                    let [a, b] = plan.ends(h);
+                    orient(a, b, self.eye) < 0.0
+                });
+                if is_before[0] && is_before[3] {
+                    outer.rotate_left(1);
+                }
+                for h in outer.into_iter().rev() {
+                    let [a, b] = plan.ends(h);
+                    if orient(a, b, self.eye) < 0.0 {
+                        push(h, true);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Replaces cones by their parts within the sector, from right to left.
+    pub(crate) fn limit(&self, cones: &mut Vec<Cone>) {
+        let count = cones.len();
+        let vertices = self.plan.points.len() as u32;
+        for part in 1..self.sector.len() as u32 {
+            let (right, left) = (self.ray(vertices + part - 1), self.ray(vertices + part));
+            let begins = |cone: &Cone| self.holds(cone.right, cone.left, right);
+            let first = cones[..count].iter().position(begins).unwrap_or(0);
+            for index in 0..count {
+                let mut cone = cones[(first + index) % count];
+                // Both are narrower than half a turn, so they meet in one cone or not at all.
+                if self.holds(cone.right, cone.left, right) {
+                    cone.right = right;
+                } else if !self.holds(right, left, cone.right) {
+                    continue;
+                }
+                if self.is_left(left, cone.left) {
+                    cone.left = left;
+                }
+                cones.push(cone);
+            }
+        }
+        cones.drain(..count);
+    }
+
+    /// Returns whether a ray is in a cone narrower than half a turn: on its right bound or inside.
+    fn holds(&self, right: Ray, left: Ray, ray: Ray) -> bool {
+        !self.is_left(ray, right)
+            && self.is_left(ray, left)
+            && (self.is_left(right, ray) || self.is_same_direction(right, ray))
+    }
+
+    fn is_same_direction(&self, a: Ray, b: Ray) -> bool {
+        super::predicates::is_same_way(self.eye, self.point(a.point), self.point(b.point))
+    }
+
+    /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
+    /// of an edge between two rays where a cone passes a wall or ends, from right to left. Cones end at edges
+    /// for which `is_near` is false.
+    #[inline(always)]
+    pub(crate) fn run(
+        &self,
+        stack: &mut Vec<Cone>,
+        is_near: impl Fn(u32) -> bool,
+        mut meet: impl FnMut(u32, Ray, Ray, Met),
+    ) {
+        let plan = self.plan;
+        while let Some(mut cone) = stack.pop() {
+            loop {
+                let twin = if cone.enters {
+                    cone.edge
+                } else {
+                    let twin = plan.edges[cone.edge as usize].twin;
+                    if !is_near(cone.edge) {
+                        meet(cone.edge, cone.right, cone.left, Met::Far);
+                        break;
+                    }
+                    if twin & (WALL | BLOCKS) != 0 {
+                        let blocks = twin & BLOCKS != 0;
+                        let ends = blocks && (cone.through == 0 || twin & TWIN == TWIN);
+                        if ends {
+                            meet(cone.edge, cone.right, cone.left, Met::Ended);
+                            break;
+                        }
+                        meet(cone.edge, cone.right, cone.left, Met::Passed);
+                        cone.through -= u32::from(blocks);
+                    }
+                    twin & TWIN
+                };
+                let (to_right, to_left) = (next(twin), previous(twin));
+                let apex = plan.edges[to_left as usize].origin;
+                let [x, y] = plan.points[apex as usize];
+                let middle = Ray { point: apex, offset: [x - self.eye[0], y - self.eye[1]] };
+                cone.enters = false;
+                if !self.is_left(middle, cone.left) {
+                    cone.edge = to_right;
+                } else if !self.is_left(cone.right, middle) {
+                    cone.edge = to_left;
+                } else {
+                    stack.push(Cone { edge: to_left, right: middle, ..cone });
+                    cone.edge = to_right;
+                    cone.left = middle;
+                }
+            }
+        }
+    }
+
+    /// Returns the point in which a ray meets an edge, whose ends lie on either side of the ray or on it: the
+    /// end itself where the ray goes through it. Other points are rounded, but between the ends.
+    pub(crate) fn meet(&self, ray: Ray, edge: u32) -> Point {
+        let (a, b) = (self.plan.edges[edge as usize].origin, self.plan.edges[next(edge) as usize].origin);
+        if ray.point == a || ray.point == b {
+            return self.plan.points[ray.point as usize];
+        }
+        let [a, b] = [a, b].map(|v| self.plan.points[v as usize]);
+        let [of_a, of_b] =
+            [a, b].map(|[x, y]| ray.offset[0] * (y - self.eye[1]) - ray.offset[1] * (x - self.eye[0]));
+        let share = of_a / (of_a - of_b);
+        let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
+        [0, 1].map(|axis| a[axis] + share * (b[axis] - a[axis]))
+    }
+}

@@ -1,0 +1,51 @@
+//! Location of a point in a plan: a binary search along the curve, then a walk of some steps.
+
+use super::plan::Plan;
+use super::predicates::{Point, orient};
+use super::triangulation::{Place, next, place_in};
+
+impl Plan {
+    /// Finds where a point lies, starting at a half-edge. The walk turns to another edge at each step, so it
+    /// hardly ever runs in a circle; when it has taken too long, all triangles are searched.
+    pub(crate) fn locate(&self, point: Point, from: u32) -> Place {
+        let mut t = from / 3;
+        'walk: for step in 0..self.edges.len() as u32 + 16 {
+            for turn in 0..3 {
+                let h = 3 * t + (turn + step) % 3;
+                if orient(self.start(h), self.start(next(h)), point) < 0.0 {
+                    match self.edges[h as usize].twin() {
+                        Some(twin) => t = twin / 3,
+                        None => return Place::Outside,
+                    }
+                    continue 'walk;
+                }
+            }
+            return self.place_in(t, point).unwrap_or(Place::Outside);
+        }
+        let triangles = 0..self.edges.len() as u32 / 3;
+        triangles.into_iter().find_map(|t| self.place_in(t, point)).unwrap_or(Place::Outside)
+    }
+
+    fn place_in(&self, t: u32, point: Point) -> Option<Place> {
+        place_in(core::array::from_fn(|k| self.start(3 * t + k as u32)), t, point)
+    }
+
+    /// Returns the half-edges that begin at the vertex of `h`, counter-clockwise. At a corner of the outer
+    /// rectangle from the first to the last inside; elsewhere all around, from `h`.
+    pub(crate) fn fan(&self, h: u32) -> impl Iterator<Item = u32> + '_ {
+        let mut first = h;
+        // Clockwise, as far as there are triangles.
+        while let Some(twin) = self.edges[first as usize].twin() {
+            first = next(twin);
+            if first == h {
+                break;
+            }
+        }
+        let mut at = Some(first);
+        core::iter::from_fn(move || {
+            let h = at?;
+            at = self.turned(h).filter(|&next| next != first);
+            Some(h)
+        })
+    }
+}

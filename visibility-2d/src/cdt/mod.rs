@@ -1,0 +1,33 @@
+//! Exact visibility among walls on a plan, by a constrained Delaunay triangulation.
+//!
+//! A [`Plan`] is made once of [`Wall`]s. Each query expands sight from its eye through triangles until walls
+//! end it, so it takes time in proportion to what is seen. All decisions are on which side of a line through
+//! two ends of walls a third one lies, and these are exact: see `predicates.rs`. Only the corners of
+//! visibility polygons are rounded.
+//!
+//! - [`Plan::look`]: the visibility polygon and the walls seen, within a range or a sector, through glass,
+//!   one-way walls and a number of opaque ones.
+//! - [`Plan::set_opacity`]: doors that open and close.
+
+mod constrain;
+mod error;
+mod expand;
+mod hilbert;
+mod locate;
+mod plan;
+mod predicates;
+mod range;
+mod sight;
+#[cfg(test)]
+mod tests;
+mod triangulation;
+mod view;
+mod visibility;
+mod wall;
+
+pub use error::PlanError;
+pub use plan::Plan;
+pub use sight::RayHit;
+pub use view::PlanView;
+pub use visibility::Visibility;
+pub use wall::{Opacity, Wall};

@@ -1,0 +1,376 @@
+//! The plan: a constrained Delaunay triangulation of walls, ready for queries.
+
+use super::constrain::{Constrainer, MOST_VERTICES};
+use super::error::PlanError;
+use super::hilbert::Curve;
+use super::predicates::{GREATEST, LEAST, Point, checked};
+use super::triangulation::{NONE, Triangulation, next, previous};
+use super::wall::{Opacity, Wall, is_along};
+use alloc::vec::Vec;
+use visibility_core::stamp::Stamp;
+
+/// A half-edge of a plan: 8 bytes, of which one query reads some dozens.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HalfEdge {
+    /// Vertex at which the half-edge begins.
+    pub(crate) origin: u32,
+    /// Twin in the bits of [`TWIN`], with the flags [`WALL`] and [`BLOCKS`].
+    pub(crate) twin: u32,
+}
+
+/// Flag: lines of sight that leave the triangle across the half-edge end here.
+pub(crate) const BLOCKS: u32 = 1 << 31;
+/// Flag: a wall lies along the half-edge.
+pub(crate) const WALL: u32 = 1 << 30;
+/// Bits of the twin. All ones on the outer rectangle.
+pub(crate) const TWIN: u32 = WALL - 1;
+
+impl HalfEdge {
+    /// Returns the twin, or `None` on the outer rectangle.
+    #[inline]
+    pub(crate) fn twin(self) -> Option<u32> {
+        let twin = self.twin & TWIN;
+        (twin != TWIN).then_some(twin)
+    }
+}
+
+/// Walls of a floor plan, triangulated: answers what can be seen from a point or a region of the plane.
+///
+/// Walls are segments, infinitely thin and closed. They may touch, cross, overlap, repeat and have no length.
+/// Two walls that cross are split at the `f64` point nearest to their crossing; every other answer is exact
+/// for the ends of walls as given. A rectangle around all walls bounds the plan; nothing stands outside.
+///
+/// Building takes expected time `n log n` in the number of walls and crossings. A query takes time in
+/// proportion to what it sees, and a binary search to find its eye.
+///
+/// ```
+/// use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
+/// // A square room with a wall across half of it.
+/// let corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+/// let mut walls: Vec<_> = (0..4).map(|i| Wall::new(corners[i], corners[(i + 1) % 4])).collect();
+/// walls.push(Wall::new([2.0, 0.0], [2.0, 2.0]));
+/// let plan = Plan::new(&walls)?;
+/// let mut visibility = Visibility::new();
+/// plan.look(&PlanView::new([1.0, 1.0]), &mut visibility)?;
+/// assert_eq!(visibility.walls(), [0, 4, 2, 3]); // all but the right side of the room
+/// assert_eq!(visibility.area(), 16.0 - 6.0); // the shadow is 2 wide, and 2 to 4 long
+/// # Ok::<(), visibility_2d::cdt::PlanError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Plan {
+    stamp: Stamp,
+    pub(crate) points: Vec<Point>,
+    pub(crate) edges: Vec<HalfEdge>,
+    /// A half-edge that begins at each vertex.
+    pub(crate) out: Vec<u32>,
+    curve: Curve,
+    /// Place of each vertex on the curve, ascending: the first 32 bits.
+    places: Vec<u32>,
+    /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
+    pub(crate) piece: Vec<u32>,
+    /// CSR offsets into `walls_of_pieces`.
+    first_wall: Vec<u32>,
+    walls_of_pieces: Vec<u32>,
+    /// A half-edge of each piece.
+    piece_edge: Vec<u32>,
+    /// CSR offsets into `pieces_of_walls`.
+    first_piece: Vec<u32>,
+    pieces_of_walls: Vec<u32>,
+    walls: Vec<Wall>,
+    bounds: [Point; 2],
+    /// Half-edges on the outer rectangle, counter-clockwise.
+    outer: [u32; 4],
+}
+
+impl Plan {
+    /// Greatest number of walls. Crossings count as well: at most 2^24 vertices in all.
+    pub const LIMIT: usize = MOST_VERTICES / 2;
+
+    /// Makes a plan of walls, numbered from 0 in the order given. The rectangle around the plan leaves a
+    /// margin of a quarter of the larger extent of all walls, at least 1.
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] for a coordinate that is NaN, infinite or above 1e60,
+    /// [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls or 2^24 vertices.
+    pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
+        let [low, high] = bounds_of(walls)?;
+        Self::with_margin(walls, (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0))
+    }
+
+    /// Makes a plan like [`new`](Self::new), with the rectangle at a distance of `margin` world units around
+    /// all walls. A margin that is not positive, is NaN, or vanishes beside the coordinates counts as the
+    /// least one that keeps all walls strictly inside.
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new).
+    pub fn with_margin(walls: &[Wall], margin: f64) -> Result<Self, PlanError> {
+        if walls.len() > Self::LIMIT {
+            return Err(PlanError::TooMany { count: walls.len() });
+        }
+        let [low, high] = bounds_of(walls)?;
+        // 4 units in the last place of the greatest coordinate, so that rectangle and walls differ; at least
+        // the least coordinate, and at most the greatest.
+        let size = low.iter().chain(&high).fold(LEAST, |size, x| size.max(x.abs()));
+        let margin = margin.max(4.0 * f64::EPSILON * size).clamp(LEAST, GREATEST);
+        let (low, high) = (low.map(|x| x - margin), high.map(|x| x + margin));
+        let curve = Curve::new(low, high);
+        let mut ends = Vec::with_capacity(2 * walls.len());
+        for (index, wall) in walls.iter().enumerate() {
+            for end in wall.ends {
+                ends.push(checked(end, index)?);
+            }
+        }
+        let mut triangulation = Triangulation::new(low, high);
+        let vertices = triangulation.insert_all(&ends, &curve);
+        let mut constrainer = Constrainer::default();
+        for (wall, ends) in (0u32..).zip(vertices.chunks_exact(2)) {
+            constrainer.insert(&mut triangulation, ends[0], ends[1], wall)?;
+        }
+        Ok(Self::packed(triangulation, walls, curve, [low, high]))
+    }
+
+    /// Renumbers vertices and triangles along the curve and sorts walls into pieces.
+    fn packed(from: Triangulation, walls: &[Wall], curve: Curve, bounds: [Point; 2]) -> Self {
+        let order = |points: &mut dyn Iterator<Item = Point>| {
+            let mut order: Vec<_> =
+                points.zip(0u32..).map(|(point, i)| ((curve.place::<16>(point) >> 32) as u32, i)).collect();
+            order.sort_unstable();
+            order
+        };
+        let vertices = order(&mut from.points.iter().copied());
+        let triangles = order(&mut from.edges.chunks_exact(3).map(|t| {
+            let [a, b, c] = [0, 1, 2].map(|k| from.points[t[k].origin as usize]);
+            [0, 1].map(|axis| (a[axis] + b[axis] + c[axis]) / 3.0)
+        }));
+        let new_number = |order: &[(u32, u32)]| {
+            let mut new = alloc::vec![0u32; order.len()];
+            order.iter().zip(0u32..).for_each(|(&(_, old), i)| new[old as usize] = i);
+            new
+        };
+        let (new_vertex, new_triangle) = (new_number(&vertices), new_number(&triangles));
+        let new_edge = |h: u32| 3 * new_triangle[h as usize / 3] + h % 3;
+
+        let mut plan = Self {
+            stamp: Stamp::new(),
+            points: vertices.iter().map(|&(_, old)| from.points[old as usize]).collect(),
+            edges: Vec::with_capacity(from.edges.len()),
+            out: vertices.iter().map(|&(_, old)| new_edge(from.out[old as usize])).collect(),
+            curve,
+            places: vertices.iter().map(|&(place, _)| place).collect(),
+            piece: Vec::with_capacity(from.edges.len()),
+            first_wall: alloc::vec![0],
+            walls_of_pieces: Vec::new(),
+            piece_edge: Vec::new(),
+            first_piece: alloc::vec![0; walls.len() + 1],
+            pieces_of_walls: Vec::new(),
+            walls: walls.to_vec(),
+            bounds,
+            outer: [0; 4],
+        };
+        for &(_, old) in &triangles {
+            for h in 3 * old..3 * old + 3 {
+                let edge = from.edges[h as usize];
+                let here = plan.edges.len() as u32;
+                let twin = if edge.twin == NONE { TWIN | BLOCKS } else { new_edge(edge.twin) };
+                if edge.twin == NONE {
+                    // The corners are the first four vertices of the triangulation.
+                    plan.outer[edge.origin as usize & 3] = here;
+                }
+                plan.edges.push(HalfEdge { origin: new_vertex[edge.origin as usize], twin });
+                let mut piece = NONE;
+                if edge.walls != NONE && twin < here {
+                    piece = plan.piece[twin as usize];
+                } else if edge.walls != NONE {
+                    piece = plan.piece_edge.len() as u32;
+                    plan.push_piece(here, &from.lists, edge.walls);
+                }
+                plan.piece.push(piece);
+            }
+        }
+        plan.list_pieces_of_walls();
+        for piece in 0..plan.piece_edge.len() as u32 {
+            plan.set_flags(piece);
+        }
+        plan
+    }
+
+    /// Appends a piece with the walls of a list, sorted and without repetition.
+    fn push_piece(&mut self, h: u32, lists: &[(u32, u32)], mut item: u32) {
+        let first = self.walls_of_pieces.len();
+        while item != NONE {
+            let (wall, rest) = lists[item as usize];
+            self.walls_of_pieces.push(wall);
+            item = rest;
+        }
+        let added = &mut self.walls_of_pieces[first..];
+        added.sort_unstable();
+        let mut kept = first;
+        for index in first..self.walls_of_pieces.len() {
+            let wall = self.walls_of_pieces[index];
+            if kept == first || self.walls_of_pieces[kept - 1] != wall {
+                self.walls_of_pieces[kept] = wall;
+                kept += 1;
+            }
+        }
+        self.walls_of_pieces.truncate(kept);
+        self.first_wall.push(kept as u32);
+        self.piece_edge.push(h);
+    }
+
+    fn list_pieces_of_walls(&mut self) {
+        for &wall in &self.walls_of_pieces {
+            self.first_piece[wall as usize + 1] += 1;
+        }
+        for wall in 0..self.walls.len() {
+            self.first_piece[wall + 1] += self.first_piece[wall];
+        }
+        let mut place = self.first_piece.clone();
+        self.pieces_of_walls = alloc::vec![0; self.walls_of_pieces.len()];
+        for piece in 0..self.piece_edge.len() {
+            for index in self.first_wall[piece]..self.first_wall[piece + 1] {
+                let place = &mut place[self.walls_of_pieces[index as usize] as usize];
+                self.pieces_of_walls[*place as usize] = piece as u32;
+                *place += 1;
+            }
+        }
+    }
+
+    /// Sets the flags of the two halves of a piece by the opacity of its walls.
+    fn set_flags(&mut self, piece: u32) {
+        let h = self.piece_edge[piece as usize];
+        let (mut out, mut back) = (WALL, WALL);
+        let ends = self.ends(h);
+        for &wall in self.walls_of(piece) {
+            let Wall { ends: wall_ends, opacity } = self.walls[wall as usize];
+            // The triangle of a half-edge is on its left. Lines of sight out of it come from there.
+            let along = is_along(wall_ends, ends);
+            if opacity == Opacity::Opaque || opacity == Opacity::OneWay && !along {
+                out |= BLOCKS;
+            }
+            if opacity == Opacity::Opaque || opacity == Opacity::OneWay && along {
+                back |= BLOCKS;
+            }
+        }
+        let twin = self.edges[h as usize].twin & TWIN;
+        self.edges[h as usize].twin = twin | out;
+        if let Some(twin) = self.edges.get_mut(twin as usize) {
+            twin.twin = twin.twin & TWIN | back;
+        }
+    }
+
+    /// Changes the opacity of a wall, for instance of a door that opens. Time is in proportion to the pieces
+    /// that crossings split the wall into: one for a door that crosses nothing.
+    ///
+    /// # Errors
+    /// [`PlanError::UnknownWall`] if the plan has no wall of that number.
+    pub fn set_opacity(&mut self, wall: u32, opacity: Opacity) -> Result<(), PlanError> {
+        let walls = self.walls.len();
+        let of = self.walls.get_mut(wall as usize).ok_or(PlanError::UnknownWall { wall, walls })?;
+        if core::mem::replace(&mut of.opacity, opacity) != opacity {
+            self.stamp = Stamp::new();
+            for index in self.first_piece[wall as usize]..self.first_piece[wall as usize + 1] {
+                self.set_flags(self.pieces_of_walls[index as usize]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the stamp that identifies the walls of the plan and their opacities. A clone has the same
+    /// stamp until one of the two changes.
+    pub fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+
+    /// Returns the walls as given, with their opacities of now.
+    pub fn walls(&self) -> &[Wall] {
+        &self.walls
+    }
+
+    /// Returns the least and the greatest corner of the rectangle that bounds the plan, in world units.
+    pub fn bounds(&self) -> [[f64; 2]; 2] {
+        self.bounds
+    }
+
+    /// Returns the number of triangles.
+    pub fn triangle_count(&self) -> usize {
+        self.edges.len() / 3
+    }
+
+    /// Returns the corners of a triangle in counter-clockwise order, in world units. `None` for an unknown
+    /// triangle; triangles are numbered from 0.
+    pub fn triangle(&self, triangle: u32) -> Option<[[f64; 2]; 3]> {
+        (triangle < self.triangle_count() as u32)
+            .then(|| core::array::from_fn(|k| self.start(3 * triangle + k as u32)))
+    }
+
+    /// Returns the pieces that walls were split into at crossings and contacts: the two ends of each piece,
+    /// with the numbers of the walls along it, ascending.
+    pub fn pieces(&self) -> impl ExactSizeIterator<Item = ([[f64; 2]; 2], &[u32])> {
+        self.piece_edge.iter().enumerate().map(|(piece, &h)| (self.ends(h), self.walls_of(piece as u32)))
+    }
+
+    /// Returns the memory of the plan's lists in bytes.
+    pub fn memory(&self) -> usize {
+        16 * self.points.len()
+            + 12 * self.edges.len()
+            + 8 * self.points.len()
+            + 4 * (self.first_wall.len() + self.piece_edge.len() + self.first_piece.len())
+            + 8 * self.walls_of_pieces.len()
+            + size_of::<Wall>() * self.walls.len()
+    }
+
+    /// Returns the half-edges on the outer rectangle, counter-clockwise from the least corner.
+    pub(crate) fn outer(&self) -> [u32; 4] {
+        self.outer
+    }
+
+    /// Returns the walls along a piece.
+    pub(crate) fn walls_of(&self, piece: u32) -> &[u32] {
+        let piece = piece as usize;
+        &self.walls_of_pieces[self.first_wall[piece] as usize..self.first_wall[piece + 1] as usize]
+    }
+
+    /// Returns the point at which a half-edge begins.
+    #[inline]
+    pub(crate) fn start(&self, h: u32) -> Point {
+        self.points[self.edges[h as usize].origin as usize]
+    }
+
+    /// Returns both ends of a half-edge.
+    #[inline]
+    pub(crate) fn ends(&self, h: u32) -> [Point; 2] {
+        [self.start(h), self.start(next(h))]
+    }
+
+    /// Returns the next half-edge that begins at the same vertex, counter-clockwise. `None` at the outer
+    /// rectangle.
+    pub(crate) fn turned(&self, h: u32) -> Option<u32> {
+        self.edges[previous(h) as usize].twin()
+    }
+
+    /// Returns a half-edge near a point: one that begins at a neighbour of the point on the curve.
+    pub(crate) fn near(&self, point: Point) -> u32 {
+        let place = (self.curve.place::<16>(point) >> 32) as u32;
+        let after = self.places.partition_point(|&p| p < place).min(self.points.len() - 1);
+        let before = after.saturating_sub(1);
+        let distance = |v: usize| {
+            let [x, y] = [0, 1].map(|axis| self.points[v][axis] - point[axis]);
+            x * x + y * y
+        };
+        self.out[if distance(before) < distance(after) { before } else { after }]
+    }
+}
+
+/// Returns the least and greatest coordinates of all walls; a point at the origin without walls.
+fn bounds_of(walls: &[Wall]) -> Result<[Point; 2], PlanError> {
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for (index, wall) in walls.iter().enumerate() {
+        for end in wall.ends {
+            let end = checked(end, index)?;
+            for axis in 0..2 {
+                (low[axis], high[axis]) = (low[axis].min(end[axis]), high[axis].max(end[axis]));
+            }
+        }
+    }
+    Ok(if walls.is_empty() { [[0.0; 2]; 2] } else { [low, high] })
+}

@@ -1,0 +1,70 @@
+//! Exact predicates of points: on which side of a line a point lies, and whether it lies in a circle.
+//!
+//! This work is based on: Jonathan Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
+//! Geometric Predicates", 1997, as implemented by the crate `robust`. The first filter of the orientation is
+//! repeated here, so that it is compiled into the loops.
+
+use super::error::PlanError;
+use robust::Coord;
+
+/// A point of the plan: x and y in world units.
+pub(crate) type Point = [f64; 2];
+
+/// Greatest magnitude of a coordinate. The in-circle test multiplies four differences of coordinates: below
+/// 1e242, far from overflow.
+pub(crate) const GREATEST: f64 = 1e60;
+
+/// Least magnitude of a coordinate; what is smaller becomes 0. The last bit of a coordinate is then at least
+/// 1e-56, and the product of four such bits at least 1e-224: no product of the predicates underflows.
+pub(crate) const LEAST: f64 = 1e-40;
+
+/// Shewchuk's bound `(3 + 16 u) u` on the error of the orientation, relative to the sum of the magnitudes of
+/// its two products; `u` is 2^-53.
+pub(crate) const ORIENTATION_ERROR: f64 = 3.330_669_073_875_471_6e-16;
+
+fn coord([x, y]: Point) -> Coord<f64> {
+    Coord { x, y }
+}
+
+/// Returns a positive number if `c` lies to the left of the line from `a` to `b`, a negative one if to the
+/// right, and 0 if the three points are collinear. The sign is exact for coordinates of [`checked`].
+#[inline(always)]
+pub(crate) fn orient(a: Point, b: Point, c: Point) -> f64 {
+    let left = (a[0] - c[0]) * (b[1] - c[1]);
+    let right = (a[1] - c[1]) * (b[0] - c[0]);
+    let difference = left - right;
+    if difference.abs() > ORIENTATION_ERROR * (left.abs() + right.abs()) {
+        return difference;
+    }
+    orient_slow(a, b, c)
+}
+
+#[cold]
+#[inline(never)]
+pub(crate) fn orient_slow(a: Point, b: Point, c: Point) -> f64 {
+    robust::orient2d(coord(a), coord(b), coord(c))
+}
+
+/// Returns whether `d` lies strictly inside the circle through `a`, `b` and `c`, which turn left. Exact.
+pub(crate) fn in_circle(a: Point, b: Point, c: Point, d: Point) -> bool {
+    robust::incircle(coord(a), coord(b), coord(c), coord(d)) > 0.0
+}
+
+/// Returns whether `a` and `b` lie on the same side of `origin`, for three collinear points, `a` and `b`
+/// different from `origin`.
+pub(crate) fn is_same_way(origin: Point, a: Point, b: Point) -> bool {
+    let axis = usize::from(a[0] == origin[0]);
+    (a[axis] > origin[axis]) == (b[axis] > origin[axis])
+}
+
+/// Returns the point with magnitudes below [`LEAST`] replaced by 0, and -0 by 0.
+///
+/// # Errors
+/// [`PlanError::Coordinate`] with the given index if a coordinate is NaN or its magnitude exceeds
+/// [`GREATEST`].
+pub(crate) fn checked(point: Point, index: usize) -> Result<Point, PlanError> {
+    if !point.iter().all(|x| x.abs() <= GREATEST) {
+        return Err(PlanError::Coordinate { index, point });
+    }
+    Ok(point.map(|x| if x.abs() < LEAST { 0.0 } else { x }))
+}

@@ -1,0 +1,293 @@
+//! Lines of sight between two points, and the first wall on a ray.
+//!
+//! Both walk from triangle to triangle along the segment, by exact orientations of three given points.
+//!
+//! A segment through a vertex passes if it could be pushed aside there to the left or to the right without
+//! crossing a wall. A segment that runs along walls must not change sides until it leaves them.
+
+use super::error::PlanError;
+use super::plan::{BLOCKS, Plan};
+use super::predicates::{Point, checked, is_same_way, orient};
+use super::triangulation::{NONE, Place, next, previous};
+
+/// End of a ray: the first point that it does not pass.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct RayHit {
+    /// Point in world units where the ray ends, rounded.
+    pub point: [f64; 2],
+    /// Number of the wall at which the ray ends, the least of several. `None` at the rectangle around the
+    /// plan.
+    pub wall: Option<u32>,
+}
+
+/// Bits of the sides on which a segment may pass a vertex.
+const LEFT: u8 = 1;
+const RIGHT: u8 = 2;
+
+/// Where a walk along a segment is.
+#[derive(Clone, Copy, Debug)]
+enum At {
+    /// Before a half-edge, in its triangle.
+    Edge(u32),
+    /// At the vertex of a half-edge, come on some of the two sides.
+    Vertex(u32, u8),
+}
+
+/// How a walk along a segment ends.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Stop {
+    /// The second point is reached, or nothing more is in the way.
+    Reached,
+    /// The segment ends at a half-edge, between its ends.
+    Edge(u32),
+    /// The segment ends at the vertex of a half-edge.
+    Vertex(u32),
+}
+
+impl Plan {
+    /// Returns whether two points see each other: whether no wall stops the segment between them. Exact, and
+    /// symmetric unless one-way walls are in the way; then, whether `a` sees `b`. A point on a wall sees both
+    /// sides of the wall. A segment passes the end of a wall, and along a wall. Points outside the rectangle
+    /// around the plan count. Time is in proportion to the triangles crossed.
+    ///
+    /// ```
+    /// use visibility_2d::cdt::{Plan, Wall};
+    /// let plan = Plan::new(&[Wall::new([0.0, -1.0], [0.0, 1.0])])?;
+    /// assert!(!plan.sees([-1.0, 0.0], [1.0, 0.0])?);
+    /// assert!(plan.sees([-1.0, 0.0], [0.0, 0.0])?); // the wall itself is seen
+    /// assert!(plan.sees([-1.0, 1.0], [1.0, 1.0])?); // past the end of the wall
+    /// # Ok::<(), visibility_2d::cdt::PlanError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] if a point, with index 0 or 1, is not finite or above 1e60.
+    pub fn sees(&self, a: impl Into<[f64; 2]>, b: impl Into<[f64; 2]>) -> Result<bool, PlanError> {
+        let (a, b) = (checked(a.into(), 0)?, checked(b.into(), 1)?);
+        Ok(a == b || Walk { plan: self, a, b, is_ray: false }.run() == Stop::Reached)
+    }
+
+    /// Follows a ray from an eye through a point, to the first wall that stops the ray or to the rectangle
+    /// around the plan. `None` if the two points are equal, or if the ray does not enter the rectangle; a ray
+    /// along a side of the rectangle may end anywhere on the side. What stops a ray is exact, and defined as
+    /// for [`sees`](Self::sees).
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] if a point, with index 0 or 1, is not finite or above 1e60.
+    pub fn ray(
+        &self,
+        eye: impl Into<[f64; 2]>,
+        through: impl Into<[f64; 2]>,
+    ) -> Result<Option<RayHit>, PlanError> {
+        let (a, b) = (checked(eye.into(), 0)?, checked(through.into(), 1)?);
+        if a == b {
+            return Ok(None);
+        }
+        let wall_of = |h: u32| {
+            let piece = self.piece[h as usize];
+            if piece == NONE { None } else { self.walls_of(piece).first().copied() }
+        };
+        Ok(match (Walk { plan: self, a, b, is_ray: true }).run() {
+            Stop::Reached => None,
+            Stop::Edge(h) => {
+                let [p, q] = self.ends(h);
+                let (of_p, of_q) = (orient(a, b, p), orient(a, b, q));
+                let share = of_p / (of_p - of_q);
+                let point = [0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis]));
+                Some(RayHit { point, wall: wall_of(h) })
+            }
+            Stop::Vertex(h) => {
+                Some(RayHit { point: self.start(h), wall: self.fan(h).filter_map(wall_of).min() })
+            }
+        })
+    }
+}
+
+/// A walk along the segment from `a` to `b`, which differ, or along the ray from `a` through `b`.
+struct Walk<'a> {
+    plan: &'a Plan,
+    a: Point,
+    b: Point,
+    is_ray: bool,
+}
+
+impl Walk<'_> {
+    fn run(&self) -> Stop {
+        let plan = self.plan;
+        let Some(mut at) = self.begin() else { return Stop::Reached };
+        loop {
+            at = match at {
+                At::Edge(h) => {
+                    let [p, q] = plan.ends(h);
+                    let edge = plan.edges[h as usize];
+                    if !self.is_ray && (edge.twin().is_none() || orient(p, q, self.b) >= 0.0) {
+                        return Stop::Reached;
+                    }
+                    match edge.twin() {
+                        Some(twin) if edge.twin & BLOCKS == 0 => match self.cross(twin) {
+                            Some(at) => at,
+                            None => return Stop::Reached,
+                        },
+                        _ => return Stop::Edge(h),
+                    }
+                }
+                At::Vertex(h, came) => {
+                    let is_start = plan.start(h) == self.a;
+                    if !self.is_ray && plan.start(h) == self.b {
+                        return Stop::Reached;
+                    }
+                    let sides = if is_start { came } else { came & self.open_sides(h) };
+                    if sides == 0 {
+                        return Stop::Vertex(h);
+                    }
+                    match self.leave(h, sides) {
+                        Some(at) => at,
+                        // The walk leaves the rectangle at a corner, or ends on an edge.
+                        None if self.is_ray => return Stop::Vertex(h),
+                        None => return Stop::Reached,
+                    }
+                }
+            };
+        }
+    }
+
+    /// Returns the side of the segment's line on which a point lies: positive to the left.
+    fn side(&self, point: Point) -> f64 {
+        orient(self.a, self.b, point)
+    }
+
+    fn is_ahead(&self, point: Point) -> bool {
+        is_same_way(self.a, self.b, point)
+    }
+
+    /// Returns the first step, `None` if the segment does not meet the rectangle or ends before a step.
+    fn begin(&self) -> Option<At> {
+        let plan = self.plan;
+        match plan.locate(self.a, plan.near(self.a)) {
+            Place::Triangle(t) => self.leave_triangle(3 * t),
+            Place::Edge(h) => {
+                let [p, q] = plan.ends(h);
+                let side = orient(p, q, self.b);
+                if side > 0.0 {
+                    return self.leave_triangle(h);
+                }
+                if side < 0.0 {
+                    // Without a twin, a ray ends at once and a segment leaves the rectangle.
+                    return match plan.edges[h as usize].twin() {
+                        Some(twin) => self.leave_triangle(twin),
+                        None if self.is_ray => Some(At::Edge(h)),
+                        None => None,
+                    };
+                }
+                let end = if self.is_ahead(p) { h } else { next(h) };
+                self.runs_to(end).then_some(At::Vertex(end, LEFT | RIGHT))
+            }
+            Place::Vertex(h) => Some(At::Vertex(h, LEFT | RIGHT)),
+            Place::Outside => self.enter(),
+        }
+    }
+
+    /// Returns whether the walk, on its way along an edge to the vertex of a half-edge, gets there.
+    fn runs_to(&self, h: u32) -> bool {
+        let axis = usize::from(self.a[0] == self.b[0]);
+        let (from, to, end) = (self.a[axis], self.b[axis], self.plan.start(h)[axis]);
+        self.is_ray || if to > from { to >= end } else { to <= end }
+    }
+
+    /// Returns the step out of the triangle of `h`, in which the walk is or on whose boundary it begins.
+    fn leave_triangle(&self, h: u32) -> Option<At> {
+        [h, next(h), previous(h)].into_iter().find_map(|h| {
+            let [p, q] = self.plan.ends(h);
+            let side = self.side(p);
+            if side == 0.0 && self.is_ahead(p) {
+                return Some(At::Vertex(h, LEFT | RIGHT)).filter(|_| self.runs_to(h));
+            }
+            (side < 0.0 && self.side(q) > 0.0).then_some(At::Edge(h))
+        })
+    }
+
+    /// Returns the step after entering the triangle of `h` across `h`, whose first end is to the left. `None`
+    /// if the walk ends before the vertex that it would get to.
+    fn cross(&self, h: u32) -> Option<At> {
+        let apex = previous(h);
+        let side = self.side(self.plan.start(apex));
+        if side == 0.0 {
+            return self.runs_to(apex).then_some(At::Vertex(apex, LEFT | RIGHT));
+        }
+        Some(At::Edge(if side > 0.0 { next(h) } else { apex }))
+    }
+
+    /// Returns the first step of a segment that begins outside the rectangle, `None` if it stays outside.
+    fn enter(&self) -> Option<At> {
+        let plan = self.plan;
+        for h in plan.outer() {
+            let [p, q] = plan.ends(h);
+            // The sides are parallel to the axes: comparing coordinates is exact.
+            let axis = usize::from(p[1] == q[1]);
+            let inwards = if axis == 1 { q[0] > p[0] } else { q[1] < p[1] };
+            let forward = if inwards { self.b[axis] > self.a[axis] } else { self.b[axis] < self.a[axis] };
+            let before = orient(p, q, self.a) < 0.0;
+            if before && forward && self.side(p) > 0.0 && self.side(q) < 0.0 {
+                let reaches = self.is_ray || orient(p, q, self.b) > 0.0;
+                return if reaches { self.cross(h) } else { None };
+            }
+        }
+        // A line through two corners enters at the nearer one.
+        let axis = usize::from(self.a[0] == self.b[0]);
+        let distance = |h: &u32| (plan.start(*h)[axis] - self.a[axis]).abs();
+        let is_met = |h: &u32| {
+            let corner = plan.start(*h);
+            self.side(corner) == 0.0 && self.is_ahead(corner) && self.runs_to(*h)
+        };
+        let corners = plan.outer().into_iter().filter(is_met);
+        let corner = corners.min_by(|g, h| distance(g).total_cmp(&distance(h)));
+        corner.map(|h| At::Vertex(h, LEFT | RIGHT))
+    }
+
+    /// Returns the sides on which a segment may pass a vertex, of which no wall keeps it.
+    fn open_sides(&self, h: u32) -> u8 {
+        let plan = self.plan;
+        let mut sides = LEFT | RIGHT;
+        for h in plan.fan(h) {
+            let edge = plan.edges[h as usize];
+            let Some(twin) = edge.twin() else { continue };
+            let side = self.side(plan.start(next(h)));
+            // On the left, the segment passes clockwise, out of the triangle of the half-edge.
+            if side > 0.0 && edge.twin & BLOCKS != 0 {
+                sides &= !LEFT;
+            } else if side < 0.0 && plan.edges[twin as usize].twin & BLOCKS != 0 {
+                sides &= !RIGHT;
+            }
+        }
+        sides
+    }
+
+    /// Returns the step from a vertex in the direction of `b`, passed on some sides. `None` if no triangle
+    /// lies there, or if `b` is on the edge along which the segment runs.
+    fn leave(&self, h: u32, sides: u8) -> Option<At> {
+        let plan = self.plan;
+        let from = plan.start(h);
+        let ahead = |point: Point| {
+            let axis = usize::from(self.a[0] == self.b[0]);
+            (self.b[axis] > self.a[axis]) == (point[axis] > from[axis])
+        };
+        plan.fan(h)
+            .find_map(|h| {
+                let side = self.side(plan.start(next(h)));
+                if side == 0.0 && ahead(plan.start(next(h))) {
+                    return Some((h, true));
+                }
+                let is_through = side < 0.0 && self.side(plan.start(previous(h))) > 0.0;
+                is_through.then_some((h, false))
+            })
+            .and_then(|(h, along)| {
+                if !along {
+                    return Some(At::Edge(next(h)));
+                }
+                let edge = plan.edges[h as usize];
+                let back = edge.twin().map_or(0, |twin| plan.edges[twin as usize].twin);
+                let is_wall = (edge.twin | back) & BLOCKS != 0 && edge.twin().is_some();
+                self.runs_to(next(h))
+                    .then_some(At::Vertex(next(h), if is_wall { sides } else { LEFT | RIGHT }))
+            })
+    }
+}

@@ -1,0 +1,189 @@
+//! Tests of the triangulation itself: its structure, and walls that cross, repeat or come from hostile bits.
+
+use super::plan::{BLOCKS, WALL};
+use super::predicates::{in_circle, orient};
+use super::triangulation::{NONE, next, previous};
+use super::{Plan, PlanError, PlanView, Visibility, Wall};
+use alloc::vec::Vec;
+use visibility_testing::Random;
+
+/// Asserts that triangles turn left, that twins agree, and that every wall is a chain of pieces.
+fn check(plan: &Plan) {
+    let mut area = 0.0;
+    for t in 0..plan.triangle_count() as u32 {
+        let [a, b, c] = plan.triangle(t).unwrap();
+        assert!(orient(a, b, c) > 0.0, "triangle {a:?} {b:?} {c:?}");
+        area += orient(a, b, c);
+        for h in 3 * t..3 * t + 3 {
+            let edge = plan.edges[h as usize];
+            assert_eq!(edge.twin & WALL != 0, plan.piece[h as usize] != NONE);
+            match edge.twin() {
+                None => assert!(edge.twin & BLOCKS != 0),
+                Some(twin) => {
+                    assert_eq!(plan.edges[twin as usize].twin(), Some(h));
+                    assert_eq!(plan.edges[twin as usize].origin, plan.edges[next(h) as usize].origin);
+                    assert_eq!(plan.piece[twin as usize], plan.piece[h as usize]);
+                }
+            }
+        }
+    }
+    for (vertex, &h) in plan.out.iter().enumerate() {
+        assert_eq!(plan.edges[h as usize].origin as usize, vertex);
+    }
+    let [low, high] = plan.bounds();
+    let whole = 2.0 * (high[0] - low[0]) * (high[1] - low[1]);
+    assert!((area - whole).abs() <= 1e-9 * whole, "area {area} of {whole}");
+    // Each end of a wall is the end of one of its pieces, every other point of the chain of two.
+    let mut ends: Vec<Vec<[u64; 2]>> = alloc::vec![Vec::new(); plan.walls().len()];
+    for (piece, walls) in plan.pieces() {
+        assert!(!walls.is_empty() && walls.windows(2).all(|pair| pair[0] < pair[1]));
+        for &wall in walls {
+            ends[wall as usize].extend(piece.map(|end| end.map(f64::to_bits)));
+        }
+    }
+    for (mut ends, wall) in ends.into_iter().zip(plan.walls()) {
+        ends.sort_unstable();
+        let mut single: Vec<_> =
+            ends.chunk_by(|a, b| a == b).filter(|group| group.len() % 2 == 1).map(|group| group[0]).collect();
+        let flushed = |x: f64| if x.abs() < 1e-40 { 0.0f64 } else { x }.to_bits();
+        let mut expected = wall.ends.map(|end| end.map(flushed)).to_vec();
+        expected.sort_unstable();
+        if expected[0] == expected[1] {
+            expected.clear();
+        }
+        single.dedup();
+        assert_eq!(single, expected, "pieces of {wall:?}");
+    }
+}
+
+/// Counts the edges that could be flipped to make the triangulation more Delaunay.
+fn flippable(plan: &Plan) -> usize {
+    (0..plan.edges.len() as u32)
+        .filter(|&h| {
+            let edge = plan.edges[h as usize];
+            edge.twin & (WALL | BLOCKS) == 0
+                && edge.twin().is_some_and(|twin| {
+                    let [a, b] = plan.ends(h);
+                    in_circle(a, b, plan.start(previous(h)), plan.start(previous(twin)))
+                })
+        })
+        .count()
+}
+
+fn random_walls(random: &mut Random, count: usize, point: impl Fn(&mut Random) -> [f64; 2]) -> Vec<Wall> {
+    (0..count).map(|_| Wall::new(point(random), point(random))).collect()
+}
+
+#[test]
+fn walls_that_cross_become_chains() {
+    for seed in 0..150 {
+        let mut random = Random(seed);
+        let count = random.below(50);
+        // Grids make many walls collinear and concurrent; thirds of them make every crossing inexact.
+        let scale = random.pick(&[1.0, 1.0 / 3.0, 1e-9]);
+        let size = random.between(1, 12);
+        let offset = random.pick(&[0.0, 1e6]);
+        let walls = random_walls(&mut random, count, |random| {
+            [0, 1].map(|_| offset + f64::from(random.between(0, size)) * scale)
+        });
+        check(&Plan::new(&walls).unwrap());
+    }
+}
+
+#[test]
+fn without_crossings_the_triangulation_is_delaunay() {
+    for seed in 0..20 {
+        let mut random = Random(seed);
+        let walls: Vec<_> = (0..300)
+            .map(|_| {
+                let [x, y] = [0, 1].map(|_| random.range(0.0, 100.0));
+                Wall::new([x, y], [x + random.range(-0.5, 0.5), y + random.range(-0.5, 0.5)])
+            })
+            .collect();
+        let plan = Plan::new(&walls).unwrap();
+        check(&plan);
+        if plan.pieces().len() == 300 {
+            assert_eq!(flippable(&plan), 0, "seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn a_wall_past_many_others_takes_no_quadratic_time() {
+    // 20,000 short walls in two jagged rows, and a wall between the rows that crosses edges of all of them.
+    let mut walls = Vec::new();
+    let mut random = Random(3);
+    for i in 0..10_000 {
+        let x = f64::from(i);
+        for side in [-1.0, 1.0] {
+            let y = side * random.range(0.1, 3.0);
+            walls.push(Wall::new([x, y], [x + 0.2, 1.01 * y]));
+        }
+    }
+    walls.push(Wall::new([-1.0, 0.0], [10_001.0, 0.01]));
+    let plan = Plan::new(&walls).unwrap();
+    assert_eq!(plan.pieces().len(), walls.len());
+    check(&plan);
+}
+
+#[test]
+fn hostile_bits_are_errors_or_plans() {
+    let (mut plans, mut errors) = (0, 0);
+    let mut answer = Visibility::new();
+    for seed in 0..2000 {
+        let mut random = Random(seed);
+        let count = random.below(12);
+        let kind = random.below(4);
+        let walls = random_walls(&mut random, count, |random| {
+            [0, 1].map(|_| match kind {
+                0 => random.bits64(),
+                1 => f64::from(random.bits32()),
+                // Neighbouring numbers: hardly any crossing can be represented.
+                2 => f64::from_bits(1.0f64.to_bits() + random.below(5) as u64),
+                _ => random.pick(&[0.0, -0.0, 1e-300, 1e-40, 1e-39, 1.0, 1e17, -1e59, 1e60, 3e-5]),
+            })
+        });
+        let plan = match Plan::with_margin(&walls, random.bits64()) {
+            Ok(plan) => plan,
+            Err(error) => {
+                assert!(matches!(error, PlanError::Coordinate { .. }), "{error}");
+                errors += 1;
+                continue;
+            }
+        };
+        check_structure(&plan);
+        plans += 1;
+        for _ in 0..8 {
+            let eye = match random.below(3) {
+                0 if count > 0 => random.pick(&walls).ends[0],
+                1 => [random.bits64(), random.bits64()],
+                _ => [0, 1].map(|axis| {
+                    let [low, high] = plan.bounds();
+                    low[axis] + random.unit() * (high[axis] - low[axis])
+                }),
+            };
+            let mut view = PlanView::new(eye);
+            if random.one_in(2) {
+                view = view.with_range(random.bits64());
+            }
+            if random.one_in(2) {
+                view = view.with_sector([random.bits64(), 1.0], [random.unit(), random.bits64()]);
+            }
+            let view = view.with_through(random.pick(&[0, 1, u32::MAX]));
+            let valid = eye.iter().all(|x| x.abs() <= 1e60);
+            if plan.look(&view, &mut answer).is_ok() {
+                assert!(valid);
+                assert!(answer.polygon().iter().flatten().all(|x| !x.is_nan()), "{view:?}");
+            }
+        }
+    }
+    assert!(plans > 500 && errors > 300, "{plans} plans, {errors} errors");
+}
+
+/// Asserts the parts of [`check`] that hold without rounding at any magnitude.
+fn check_structure(plan: &Plan) {
+    for t in 0..plan.triangle_count() as u32 {
+        let [a, b, c] = plan.triangle(t).unwrap();
+        assert!(orient(a, b, c) > 0.0, "triangle {a:?} {b:?} {c:?}");
+    }
+}

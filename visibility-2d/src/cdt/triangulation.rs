@@ -1,0 +1,276 @@
+//! A Delaunay triangulation while it is made: half-edges, insertion of points by flips.
+//!
+//! This work is based on: C. L. Lawson, "Software for C1 Surface Interpolation", 1977 (insertion by flips);
+//! Nina Amenta, Sunghee Choi and Guenter Rote, "Incremental Constructions con BRIO", 2003 (points in random
+//! rounds, each along a space-filling curve, so that no input takes quadratic time).
+//!
+//! Triangle `t` has the half-edges `3 t`, `3 t + 1` and `3 t + 2`, counter-clockwise. All points lie strictly
+//! inside the rectangle of the first four, so every insertion splits a triangle or an inner edge.
+
+use super::hilbert::Curve;
+use super::predicates::{Point, in_circle, orient};
+use alloc::vec::Vec;
+
+/// No half-edge, no vertex, no list.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// Returns the half-edge that follows `h` in its triangle.
+#[inline(always)]
+pub(crate) fn next(h: u32) -> u32 {
+    if h % 3 == 2 { h - 2 } else { h + 1 }
+}
+
+/// Returns the half-edge that precedes `h` in its triangle.
+#[inline(always)]
+pub(crate) fn previous(h: u32) -> u32 {
+    if h.is_multiple_of(3) { h + 2 } else { h - 1 }
+}
+
+/// Where a point lies in a triangulation.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Place {
+    /// Strictly inside the triangle with this number.
+    Triangle(u32),
+    /// On a half-edge, between its ends.
+    Edge(u32),
+    /// At the origin of a half-edge.
+    Vertex(u32),
+    /// Outside all triangles.
+    Outside,
+}
+
+/// A half-edge while the triangulation is made.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BuildEdge {
+    /// Vertex at which the half-edge begins.
+    pub(crate) origin: u32,
+    /// Half-edge of the neighbouring triangle between the same vertices. [`NONE`] on the outer rectangle.
+    pub(crate) twin: u32,
+    /// Head of the list of walls along the edge, in `Triangulation::lists`. [`NONE`]: no wall.
+    pub(crate) walls: u32,
+}
+
+/// A triangulation of points, with walls along some edges.
+#[derive(Debug)]
+pub(crate) struct Triangulation {
+    pub(crate) points: Vec<Point>,
+    pub(crate) edges: Vec<BuildEdge>,
+    /// A half-edge that begins at each vertex.
+    pub(crate) out: Vec<u32>,
+    /// Lists of walls: number of a wall, and the next item or [`NONE`]. Items never change.
+    pub(crate) lists: Vec<(u32, u32)>,
+    /// Half-edge at which the next location begins.
+    last: u32,
+    stack: Vec<u32>,
+}
+
+impl Triangulation {
+    /// Makes the two triangles of a rectangle, given by its least and greatest corner.
+    pub(crate) fn new(low: Point, high: Point) -> Self {
+        let edge = |origin, twin| BuildEdge { origin, twin, walls: NONE };
+        let edges =
+            [edge(0, NONE), edge(1, NONE), edge(2, 3), edge(0, 2), edge(2, NONE), edge(3, NONE)].to_vec();
+        Self {
+            points: [low, [high[0], low[1]], high, [low[0], high[1]]].to_vec(),
+            edges,
+            out: [0, 1, 2, 5].to_vec(),
+            lists: Vec::new(),
+            last: 0,
+            stack: Vec::new(),
+        }
+    }
+
+    /// Returns the point at which a half-edge begins.
+    pub(crate) fn start(&self, h: u32) -> Point {
+        self.points[self.edges[h as usize].origin as usize]
+    }
+
+    /// Returns the vertex of the triangle of `h` that is not on `h`.
+    pub(crate) fn apex(&self, h: u32) -> u32 {
+        self.edges[previous(h) as usize].origin
+    }
+
+    /// Inserts points, in an order that makes the expected time `n log n`, and returns the vertex of each.
+    /// Equal points share a vertex.
+    pub(crate) fn insert_all(&mut self, points: &[Point], curve: &Curve) -> Vec<u32> {
+        let mut order: Vec<_> = (0u32..)
+            .zip(points)
+            .map(|(index, &point)| {
+                // A multiplicative hash of the index: a point is in a later round with probability 7 / 8.
+                let hash = (u64::from(index) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+                let round = 10 - (hash >> 32 | 1 << 30).trailing_zeros() / 3;
+                (round, curve.place::<32>(point), index)
+            })
+            .collect();
+        order.sort_unstable();
+        self.points.reserve(points.len());
+        self.out.reserve(points.len());
+        self.edges.reserve(6 * points.len());
+        let mut vertices = alloc::vec![NONE; points.len()];
+        for (_, _, index) in order {
+            vertices[index as usize] = self.insert(points[index as usize]);
+        }
+        vertices
+    }
+
+    /// Inserts a point strictly inside the outer rectangle, and returns its vertex: an existing one if a
+    /// vertex is there already. A wall through the point is split there.
+    pub(crate) fn insert(&mut self, point: Point) -> u32 {
+        let place = self.locate(point);
+        if let Place::Vertex(h) = place {
+            self.last = h;
+            return self.edges[h as usize].origin;
+        }
+        let vertex = self.points.len() as u32;
+        self.points.push(point);
+        self.out.push(NONE);
+        match place {
+            Place::Triangle(t) => self.split_triangle(t, vertex),
+            Place::Edge(h) => self.split_edge(h, vertex),
+            Place::Vertex(_) | Place::Outside => {}
+        }
+        self.restore_delaunay(usize::MAX);
+        self.last = self.out[vertex as usize];
+        vertex
+    }
+
+    /// Finds a point by walking from the last place. The walk turns to another edge at each step, so it
+    /// hardly ever runs in a circle; when it has taken too long, all triangles are searched.
+    fn locate(&self, point: Point) -> Place {
+        let mut t = self.last / 3;
+        'walk: for step in 0..self.edges.len() as u32 + 16 {
+            for turn in 0..3 {
+                let h = 3 * t + (turn + step) % 3;
+                if orient(self.start(h), self.start(next(h)), point) < 0.0 {
+                    let twin = self.edges[h as usize].twin;
+                    if twin == NONE {
+                        return Place::Outside;
+                    }
+                    t = twin / 3;
+                    continue 'walk;
+                }
+            }
+            return self.place_in(t, point).unwrap_or(Place::Outside);
+        }
+        (0..self.edges.len() as u32 / 3).find_map(|t| self.place_in(t, point)).unwrap_or(Place::Outside)
+    }
+
+    /// Returns where a point lies in a triangle or on its boundary, `None` if outside.
+    fn place_in(&self, t: u32, point: Point) -> Option<Place> {
+        place_in(core::array::from_fn(|k| self.start(3 * t + k as u32)), t, point)
+    }
+
+    fn set(&mut self, h: u32, origin: u32, (twin, walls): (u32, u32)) {
+        self.edges[h as usize] = BuildEdge { origin, twin, walls };
+        self.out[origin as usize] = h;
+        if twin != NONE {
+            self.edges[twin as usize].twin = h;
+        }
+    }
+
+    /// Returns what lies across a half-edge: its twin and its walls.
+    fn across(&self, h: u32) -> (u32, u32) {
+        let edge = self.edges[h as usize];
+        (edge.twin, edge.walls)
+    }
+
+    /// Appends a triangle whose half-edges are set afterwards, and returns its first half-edge.
+    fn push_triangle(&mut self) -> u32 {
+        let first = self.edges.len() as u32;
+        self.edges.extend([BuildEdge { origin: 0, twin: NONE, walls: NONE }; 3]);
+        first
+    }
+
+    fn split_triangle(&mut self, t: u32, v: u32) {
+        let h = 3 * t;
+        let [a, b, c] = [h, h + 1, h + 2].map(|h| self.edges[h as usize].origin);
+        let (of_b, of_c) = (self.across(h + 1), self.across(h + 2));
+        let (f, g) = (self.push_triangle(), self.push_triangle());
+        self.set(h, a, self.across(h));
+        self.set(h + 1, b, (f + 2, NONE));
+        self.set(h + 2, v, (g + 1, NONE));
+        self.set(f, b, of_b);
+        self.set(f + 1, c, (g + 2, NONE));
+        self.set(f + 2, v, (h + 1, NONE));
+        self.set(g, c, of_c);
+        self.set(g + 1, a, (h + 2, NONE));
+        self.set(g + 2, v, (f + 1, NONE));
+        self.stack.extend([h, f, g]);
+    }
+
+    fn split_edge(&mut self, h: u32, v: u32) {
+        let g = self.edges[h as usize].twin;
+        let [hn, hp, gn, gp] = [next(h), previous(h), next(g), previous(g)];
+        let [a, b, c, d] = [h, hn, hp, gp].map(|h| self.edges[h as usize].origin);
+        let walls = self.edges[h as usize].walls;
+        let (of_bc, of_ad) = (self.across(hn), self.across(gn));
+        let (e, f) = (self.push_triangle(), self.push_triangle());
+        // Triangle of h: a v c; new: v b c. Triangle of g: b v d; new: v a d.
+        self.set(h, a, (f, walls));
+        self.set(hn, v, (e + 2, NONE));
+        self.set(e, v, (g, walls));
+        self.set(e + 1, b, of_bc);
+        self.set(e + 2, c, (hn, NONE));
+        self.set(g, b, (e, walls));
+        self.set(gn, v, (f + 2, NONE));
+        self.set(f, v, (h, walls));
+        self.set(f + 1, a, of_ad);
+        self.set(f + 2, d, (gn, NONE));
+        self.stack.extend([hp, e + 1, gp, f + 1]);
+    }
+
+    /// Flips the edges on the stack, and those that they make suspect, until all are Delaunay or walls, or
+    /// until `limit` edges have been looked at. The rest stay as they are, which costs only speed.
+    pub(crate) fn restore_delaunay(&mut self, limit: usize) {
+        for _ in 0..limit {
+            let Some(h) = self.stack.pop() else { return };
+            let BuildEdge { origin, twin, walls } = self.edges[h as usize];
+            if walls != NONE || twin == NONE {
+                continue;
+            }
+            let [a, v, d] = [origin, self.apex(h), self.apex(twin)].map(|v| self.points[v as usize]);
+            if in_circle(a, self.start(twin), v, d) {
+                self.flip(h);
+                self.stack.extend([h, previous(twin)]);
+            }
+        }
+        self.stack.clear();
+    }
+
+    /// Lets the next location begin at a half-edge.
+    pub(crate) fn begin_at(&mut self, h: u32) {
+        self.last = h;
+    }
+
+    /// Puts an edge on the stack of [`restore_delaunay`](Self::restore_delaunay).
+    pub(crate) fn suspect(&mut self, h: u32) {
+        self.stack.push(h);
+    }
+
+    /// Replaces the edge `a b` of `h` by the other diagonal of the two triangles at it, which form a convex
+    /// quadrilateral. Then `h` begins at `a`, the twin at `b`, and the new edge is at `next(h)`.
+    pub(crate) fn flip(&mut self, h: u32) {
+        let g = self.edges[h as usize].twin;
+        let (hn, gn) = (next(h), next(g));
+        let [a, b, v, d] = [h, g, previous(h), previous(g)].map(|h| self.edges[h as usize].origin);
+        let (of_h, of_g) = (self.across(gn), self.across(hn));
+        self.set(h, a, of_h);
+        self.set(g, b, of_g);
+        self.set(hn, d, (gn, NONE));
+        self.set(gn, v, (hn, NONE));
+    }
+}
+
+/// Returns where a point lies in triangle `t` with the given corners, or on its boundary. `None` if outside.
+pub(crate) fn place_in(corners: [Point; 3], t: u32, point: Point) -> Option<Place> {
+    let sides = [0, 1, 2].map(|k| orient(corners[k], corners[(k + 1) % 3], point));
+    if sides.iter().any(|side| *side < 0.0) {
+        return None;
+    }
+    let on = |k: usize| sides[k] == 0.0;
+    // The corner k is on the sides k and k - 1.
+    Some(match (0..3).find(|&k| on(k) && on((k + 2) % 3)) {
+        Some(k) => Place::Vertex(3 * t + k as u32),
+        None => (0..3).find(|&k| on(k)).map_or(Place::Triangle(t), |k| Place::Edge(3 * t + k as u32)),
+    })
+}

@@ -1,0 +1,88 @@
+//! A question to a plan: the eye, and limits on what it sees.
+
+use super::error::PlanError;
+use super::predicates::{Point, checked, is_same_way, orient};
+use alloc::vec::Vec;
+
+/// An eye on a plan, with limits on what it sees: a range, a sector, and walls to see through.
+///
+/// ```
+/// use visibility_2d::cdt::PlanView;
+/// // A guard at the origin sees 20 units far, a quarter turn from the direction +x to the direction +y.
+/// let guard = PlanView::new([0.0, 0.0]).with_range(20.0).with_sector([1.0, 0.0], [0.0, 1.0]);
+/// assert_eq!(guard.range, 20.0);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct PlanView {
+    /// Eye in world units. An eye on a wall sees both sides of the wall.
+    pub eye: [f64; 2],
+    /// Greatest distance that the eye sees, in world units. Infinite by default; NaN counts as infinite, a
+    /// negative number as 0.
+    pub range: f64,
+    /// Two points in world units. The eye sees the directions from the first point counter-clockwise to the
+    /// second: nothing if both have the same direction. `None` by default: all directions. A point equal to
+    /// the eye has no direction, and the limit is ignored.
+    pub sector: Option<[[f64; 2]; 2]>,
+    /// Number of opaque walls that a line of sight passes through before it ends at the next one. 0 by
+    /// default. Walls along the same piece count once.
+    pub through: u32,
+}
+
+impl PlanView {
+    /// Makes a view from an eye in world units, without limits.
+    pub fn new(eye: impl Into<[f64; 2]>) -> Self {
+        Self { eye: eye.into(), range: f64::INFINITY, sector: None, through: 0 }
+    }
+
+    /// Returns the view with a greatest distance, in world units.
+    pub fn with_range(self, range: f64) -> Self {
+        Self { range, ..self }
+    }
+
+    /// Returns the view limited to the directions from the point `right` counter-clockwise to the point
+    /// `left`, in world units. The directions are exact, since points are given and not angles.
+    pub fn with_sector(self, right: impl Into<[f64; 2]>, left: impl Into<[f64; 2]>) -> Self {
+        Self { sector: Some([right.into(), left.into()]), ..self }
+    }
+
+    /// Returns the view with a number of opaque walls that lines of sight pass through.
+    pub fn with_through(self, through: u32) -> Self {
+        Self { through, ..self }
+    }
+
+    /// Returns the eye, as exact predicates take it.
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] if the eye (index 0) or a point of the sector (index 1 or 2) is not finite
+    /// or above 1e60.
+    pub(crate) fn checked_eye(&self) -> Result<Point, PlanError> {
+        checked(self.eye, 0)
+    }
+
+    /// Writes the points that divide the sector into parts of less than half a turn each, from right to left.
+    /// Returns false without limit. One point or none: the sector is empty.
+    pub(crate) fn sector_points(&self, eye: Point, out: &mut Vec<Point>) -> Result<bool, PlanError> {
+        out.clear();
+        let Some([right, left]) = self.sector else { return Ok(false) };
+        let (right, left) = (checked(right, 1)?, checked(left, 2)?);
+        if right == eye || left == eye {
+            return Ok(false);
+        }
+        let mut at = right;
+        out.push(at);
+        if orient(eye, right, left) == 0.0 && is_same_way(eye, right, left) {
+            return Ok(true);
+        }
+        // A quarter turn at a time leaves more than nothing as long as half a turn or more is left. The step
+        // is as long as the coordinates, so that its rounding turns it by some 2^-51 only.
+        while orient(eye, at, left) <= 0.0 && out.len() < 5 {
+            let [x, y] = [at[0] - eye[0], at[1] - eye[1]];
+            let length = x.abs() + y.abs();
+            let scale = (eye[0].abs() + eye[1].abs() + length) / length;
+            at = [eye[0] - y * scale, eye[1] + x * scale];
+            out.push(at);
+        }
+        out.push(left);
+        Ok(true)
+    }
+}

@@ -1,0 +1,211 @@
+//! What an eye on a plan sees: the visibility polygon and the walls.
+
+use super::error::PlanError;
+use super::expand::{Cone, Expansion, Met};
+use super::plan::Plan;
+use super::predicates::Point;
+use super::range::{Disc, chord};
+use super::triangulation::{NONE, Place};
+use super::view::PlanView;
+use alloc::vec::Vec;
+use visibility_core::stamp::Stamp;
+
+/// The answer of [`Plan::look`]: visibility polygon, its area and the walls seen. Keeps its memory, so that a
+/// warm query does not allocate, and the place of the last eye, from which the next one is found.
+#[derive(Clone, Debug)]
+pub struct Visibility {
+    polygon: Vec<Point>,
+    walls: Vec<u32>,
+    twice_area: f64,
+    cones: Vec<Cone>,
+    sector: Vec<Point>,
+    /// For each wall the number of the query that has seen it last.
+    marks: Vec<u32>,
+    query: u32,
+    /// Plan, half-edge near the last eye, and the last eye.
+    last: (Stamp, u32, Point),
+}
+
+impl Default for Visibility {
+    fn default() -> Self {
+        Self {
+            polygon: Vec::new(),
+            walls: Vec::new(),
+            twice_area: 0.0,
+            cones: Vec::new(),
+            sector: Vec::new(),
+            marks: Vec::new(),
+            query: 0,
+            last: (Stamp::NONE, 0, [0.0; 2]),
+        }
+    }
+}
+
+impl Visibility {
+    /// Makes an empty answer: no polygon, no walls.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Returns the corners of the visibility polygon in world units, counter-clockwise. Corners at ends of
+    /// walls are exact, those where a line of sight past an end of a wall ends are rounded. A range makes
+    /// arcs, of which the polygon has chords of at most a 64th of a turn. The eye is a corner if it does not
+    /// see all around. Empty if nothing is seen.
+    pub fn polygon(&self) -> &[[f64; 2]] {
+        &self.polygon
+    }
+
+    /// Returns the area of the polygon in square world units, rounded.
+    pub fn area(&self) -> f64 {
+        0.5 * self.twice_area
+    }
+
+    /// Returns the numbers of the walls seen, each once, in the order in which sight meets them first,
+    /// counter-clockwise. A wall is seen if lines of sight meet more than one point of it, or if the eye is
+    /// on it. A wall seen only along itself is not. With a range, walls are listed whose piece comes within
+    /// the range, even if the part of the piece that is seen does not.
+    pub fn walls(&self) -> &[u32] {
+        &self.walls
+    }
+
+    fn begin(&mut self, walls: usize) {
+        self.polygon.clear();
+        self.walls.clear();
+        self.twice_area = 0.0;
+        self.query = self.query.wrapping_add(1);
+        if self.query == 0 || self.marks.len() != walls {
+            self.marks.clear();
+            self.marks.resize(walls, 0);
+            self.query = 1;
+        }
+    }
+}
+
+/// Adds walls that no earlier piece has.
+fn add_walls(to: &mut Vec<u32>, marks: &mut [u32], query: u32, walls: &[u32]) {
+    for &wall in walls {
+        let mark = &mut marks[wall as usize];
+        if *mark != query {
+            *mark = query;
+            to.push(wall);
+        }
+    }
+}
+
+impl Plan {
+    /// Finds what a view sees. Time is in proportion to the triangles seen, and a search to find the eye.
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] if the eye or a point of the sector is not finite or above 1e60. The answer
+    /// is then empty.
+    pub fn look(&self, view: &PlanView, answer: &mut Visibility) -> Result<(), PlanError> {
+        answer.begin(self.walls().len());
+        let eye = view.checked_eye()?;
+        let mut sector = core::mem::take(&mut answer.sector);
+        let limited = view.sector_points(eye, &mut sector);
+        if let Ok(limited) = limited {
+            self.look_from(&Expansion { plan: self, eye, sector: &sector }, view, limited, answer);
+        }
+        answer.sector = sector;
+        limited.map(|_| ())
+    }
+
+    fn look_from(&self, from: &Expansion<'_>, view: &PlanView, limited: bool, answer: &mut Visibility) {
+        let eye = from.eye;
+        let place = self.place_of(eye, &mut answer.last);
+        let Visibility { polygon, walls, twice_area, cones, marks, query, .. } = answer;
+        match place {
+            Place::Edge(h) if self.piece[h as usize] != NONE => {
+                add_walls(walls, marks, *query, self.walls_of(self.piece[h as usize]));
+            }
+            Place::Vertex(h) => {
+                for piece in self.fan(h).map(|h| self.piece[h as usize]).filter(|piece| *piece != NONE) {
+                    add_walls(walls, marks, *query, self.walls_of(piece));
+                }
+            }
+            _ => {}
+        }
+        from.start(place, view.through, cones);
+        if limited {
+            from.limit(cones);
+        }
+        cones.reverse();
+        let around = !limited && !self.is_on_boundary(place);
+        let mut last = [f64::NAN; 2];
+        let mut push = |point: Point| {
+            if point != last {
+                polygon.push(point);
+                last = point;
+            }
+        };
+        let mut wall = |edge: u32, met: Met| {
+            let piece = self.piece[edge as usize];
+            if met != Met::Far && piece != NONE {
+                add_walls(walls, marks, *query, self.walls_of(piece));
+            }
+        };
+        if view.range < f64::INFINITY {
+            let disc = Disc::new(eye, view.range);
+            from.run(
+                cones,
+                |edge| disc.is_near(self.ends(edge)),
+                |edge, right, left, met| {
+                    wall(edge, met);
+                    if met != Met::Passed {
+                        let ends = [from.meet(right, edge), from.meet(left, edge)];
+                        disc.clip(ends, [right.offset, left.offset], &mut push);
+                    }
+                },
+            );
+            if !around && !polygon.is_empty() {
+                polygon.push(eye);
+            }
+            *twice_area = doubled_area(polygon, eye);
+        } else {
+            from.run(
+                cones,
+                |_| true,
+                |edge, right, left, met| {
+                    wall(edge, met);
+                    if met == Met::Ended {
+                        let (a, b) = (from.meet(right, edge), from.meet(left, edge));
+                        *twice_area += chord(eye, a, b);
+                        push(a);
+                        push(b);
+                    }
+                },
+            );
+            if !around && !polygon.is_empty() {
+                polygon.push(eye);
+            }
+        }
+        if polygon.len() > 1 && polygon.first() == polygon.last() {
+            polygon.pop();
+        }
+    }
+
+    /// Finds the place of an eye, starting at the last one if it was near.
+    fn place_of(&self, eye: Point, last: &mut (Stamp, u32, Point)) -> Place {
+        let near = self.near(eye);
+        let place = self.locate(eye, near);
+        *last = (self.stamp(), near, eye);
+        place
+    }
+
+    /// Returns whether the outer rectangle does not surround a place.
+    fn is_on_boundary(&self, place: Place) -> bool {
+        let is_outer = |h: u32| self.edges[h as usize].twin().is_none();
+        match place {
+            Place::Triangle(_) => false,
+            Place::Edge(h) => is_outer(h),
+            Place::Vertex(h) => self.fan(h).any(is_outer),
+            Place::Outside => true,
+        }
+    }
+}
+
+/// Returns twice the area of a polygon that is star-shaped around the eye.
+fn doubled_area(polygon: &[Point], eye: Point) -> f64 {
+    let after = polygon.iter().cycle().skip(1);
+    polygon.iter().zip(after).map(|(&a, &b)| chord(eye, a, b)).sum()
+}

@@ -1,0 +1,59 @@
+//! Walls of a plan, as given.
+
+use super::predicates::Point;
+use visibility_core::glam::DVec2;
+
+/// How a wall acts on lines of sight that cross it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+pub enum Opacity {
+    /// Lines of sight end at the wall: a wall, a closed door.
+    #[default]
+    Opaque,
+    /// Lines of sight pass, and the wall is seen by them: glass, an open door, a line that only marks a
+    /// place.
+    Clear,
+    /// Lines of sight pass from the left side of the wall to its right side, and end when they come from the
+    /// right. Left is as seen along the wall from its first end to its second.
+    OneWay,
+}
+
+/// A wall: a segment of the plan between two ends, in world units.
+///
+/// ```
+/// use visibility_2d::cdt::{Opacity, Wall};
+/// let window = Wall::new([0.0, 0.0], [4.0, 0.0]).with_opacity(Opacity::Clear);
+/// assert_eq!(window.opacity, Opacity::Clear);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Wall {
+    /// The two ends of the wall in world units. Equal ends make a wall that is never seen and hides nothing.
+    pub ends: [[f64; 2]; 2],
+    /// How the wall acts on lines of sight.
+    pub opacity: Opacity,
+}
+
+impl Wall {
+    /// Makes an opaque wall between two points in world units, given as arrays or as `DVec2`.
+    pub fn new(from: impl Into<[f64; 2]>, to: impl Into<[f64; 2]>) -> Self {
+        Self { ends: [from.into(), to.into()], opacity: Opacity::Opaque }
+    }
+
+    /// Returns the wall with another opacity.
+    pub fn with_opacity(self, opacity: Opacity) -> Self {
+        Self { opacity, ..self }
+    }
+}
+
+impl From<[DVec2; 2]> for Wall {
+    /// Makes an opaque wall.
+    fn from([from, to]: [DVec2; 2]) -> Self {
+        Self::new(from, to)
+    }
+}
+
+/// Returns whether a piece of a wall runs from the wall's first end towards its second. Both coordinates are
+/// monotonic along the pieces of a wall, so one of them decides.
+pub(crate) fn is_along(wall: [Point; 2], piece: [Point; 2]) -> bool {
+    let axis = usize::from(piece[0][0] == piece[1][0]);
+    (wall[0][axis] < wall[1][axis]) == (piece[0][axis] < piece[1][axis])
+}

@@ -1,0 +1,135 @@
+//! Plans against exact arithmetic: integers and fractions of `i128`, sharing no code with the plan.
+
+mod oracle;
+
+use oracle::Oracle;
+use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
+use visibility_testing::Random;
+
+/// Number of integer units of the oracle in a world unit.
+pub(crate) const UNIT: f64 = 4.0;
+
+/// Makes walls between points of a grid. Walls are parallel to an axis or a diagonal, so that all crossings
+/// have coordinates that `f64` represents. Many touch, overlap, repeat or have no length.
+fn grid_walls(random: &mut Random, count: usize, size: i32) -> Vec<[[i32; 2]; 2]> {
+    let mut walls: Vec<[[i32; 2]; 2]> = Vec::new();
+    for _ in 0..count {
+        let (x, y) = (random.between(0, size), random.between(0, size));
+        let (dx, dy) = random.pick(&[(1, 0), (0, 1), (1, 1), (1, -1)]);
+        let length = random.between(-3, 3);
+        let wall = match random.below(12) {
+            0 if !walls.is_empty() => random.pick(&walls),
+            1 if !walls.is_empty() => {
+                let [a, b] = random.pick(&walls);
+                [b, a]
+            }
+            _ => [[x, y], [x + length * dx, y + length * dy]],
+        };
+        walls.push(wall);
+    }
+    walls
+}
+
+fn plan_of(walls: &[[[i32; 2]; 2]]) -> Plan {
+    let walls: Vec<_> = walls.iter().map(|ends| ends.map(|end| end.map(f64::from))).collect();
+    let walls: Vec<_> = walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
+    Plan::with_margin(&walls, 2.0).unwrap()
+}
+
+/// Holds what a plan sees from an eye, in quarters of the grid's unit, against the oracle.
+fn compare(plan: &Plan, oracle: &Oracle, eye: [i32; 2], answer: &mut Visibility) {
+    let point = eye.map(|x| f64::from(x) / UNIT);
+    plan.look(&PlanView::new(point), answer).unwrap();
+    let mut seen = answer.walls().to_vec();
+    seen.sort_unstable();
+    let (expected, area) = oracle.look(eye);
+    assert_eq!(seen, expected, "walls seen from {point:?}");
+    assert!((answer.area() - area).abs() <= 1e-9 * area, "{} against {area} from {point:?}", answer.area());
+    let corners = answer.polygon();
+    let shoelace: f64 = (0..corners.len())
+        .map(|i| {
+            let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+            0.5 * (a[0] * b[1] - a[1] * b[0])
+        })
+        .sum();
+    assert!((shoelace - area).abs() <= 1e-9 * area, "polygon {shoelace} against {area} from {point:?}");
+}
+
+fn compare_grids(seeds: std::ops::Range<u64>, eyes: usize) {
+    let mut answer = Visibility::new();
+    for seed in seeds {
+        let mut random = Random(seed);
+        let size = random.between(2, 9);
+        let count = random.below(24);
+        let walls = grid_walls(&mut random, count, size);
+        let plan = plan_of(&walls);
+        let [low, high] = plan.bounds().map(|corner| corner.map(|x| (x * UNIT) as i32));
+        let oracle = Oracle::new(&walls, [low, high]);
+        for _ in 0..eyes {
+            // On vertices, on walls, on other edges of the triangulation, and anywhere.
+            let step = random.pick(&[1, 2, 4]);
+            let eye = [0, 1].map(|axis| {
+                let x = random.between(low[axis] + 4, high[axis] - 4);
+                x / step * step
+            });
+            compare(&plan, &oracle, eye, &mut answer);
+        }
+    }
+}
+
+#[test]
+fn eyes_anywhere_see_what_exact_arithmetic_says() {
+    compare_grids(0..400, 12);
+}
+
+/// Compares lines of sight between points of the grid, vertices and points of walls among them.
+fn compare_sight(seeds: std::ops::Range<u64>, pairs: usize) {
+    let (mut seen, mut hidden) = (0, 0);
+    for seed in seeds {
+        let mut random = Random(seed);
+        let size = random.between(2, 9);
+        let count = random.below(16);
+        let walls = grid_walls(&mut random, count, size);
+        let plan = plan_of(&walls);
+        let [low, high] = plan.bounds().map(|corner| corner.map(|x| (x * UNIT) as i32));
+        let oracle = Oracle::new(&walls, [low, high]);
+        for _ in 0..pairs {
+            // Also outside the rectangle.
+            let step = random.pick(&[1, 2, 4, 4]);
+            let [a, b] =
+                [0, 1].map(|_| [0, 1].map(|k| random.between(low[k] - 6, high[k] + 6) / step * step));
+            let [p, q] = [a, b].map(|point| point.map(|x| f64::from(x) / UNIT));
+            let expected = oracle.sees(a, b);
+            *(if expected { &mut seen } else { &mut hidden }) += 1;
+            assert_eq!(plan.sees(p, q).unwrap(), expected, "seed {seed}: from {p:?} to {q:?}");
+            assert_eq!(plan.sees(q, p).unwrap(), expected, "seed {seed}: back from {q:?} to {p:?}");
+            // The ray through a point that is seen goes at least as far, and otherwise ends before.
+            if let Some(hit) = plan.ray(p, q).unwrap() {
+                let length = |to: [f64; 2]| (to[0] - p[0]).hypot(to[1] - p[1]);
+                let (far, near) = (length(hit.point), length(q));
+                let inside = [a, b].iter().all(|p| (0..2).all(|k| low[k] < p[k] && p[k] < high[k]));
+                let right = if expected { !inside || far >= near - 1e-9 } else { far <= near + 1e-9 };
+                assert!(right, "seed {seed}: from {p:?} through {q:?}: {hit:?}");
+                assert!(expected || hit.wall.is_some());
+            }
+        }
+    }
+    assert!(seen > 1000 && hidden > 1000, "{seen} seen, {hidden} hidden");
+}
+
+#[test]
+fn two_points_see_each_other_as_exact_arithmetic_says() {
+    compare_sight(0..600, 30);
+}
+
+#[test]
+#[ignore = "long form: 30 times as many"]
+fn two_points_see_each_other_as_exact_arithmetic_says_at_length() {
+    compare_sight(600..20_000, 30);
+}
+
+#[test]
+#[ignore = "long form: 50 times as many"]
+fn eyes_anywhere_see_what_exact_arithmetic_says_at_length() {
+    compare_grids(400..20_000, 12);
+}
