@@ -1,6 +1,45 @@
-//! Finds for a viewcell and an object an unblocked line of sight, or proves that there is none.
+//! Visibility from a region, proven: finds for a viewcell and an object an unblocked line of sight, or proves
+//! that there is none.
+//!
+//! - [`SceneTriangles`] are the triangles of a scene, prepared once.
+//! - [`ExactCuller`] decides the objects of a scene from a viewcell: seen, along a line of sight that
+//!   certainly misses all triangles; hidden, with a [`Proof`]; or open, which counts as visible. An
+//!   [`Effort`] chooses between rays alone, which miss what is hardly visible, and proofs.
+//!
+//! Based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility Culling", 2002. Its
+//! question and its query architecture are kept. Instead of subtracting occluded lines in Pluecker space, a
+//! search for an unblocked line ends as soon as it has found one, and divides the lines only where no proof
+//! for all of them is found.
 #![no_std]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
+
+mod cell_query;
+mod chain;
+mod check;
+mod corner_proof;
+mod culler;
+mod line_side;
+mod matrix_game;
+mod polygon;
+mod proof;
+mod rays;
+mod rows;
+mod search;
+mod shaft;
+mod sight;
+mod triangle_tree;
+mod triangles;
+mod verdict;
+
+pub use check::ProofError;
+pub use culler::{Effort, ExactCuller, Settings};
+pub use proof::Proof;
+pub use triangles::SceneTriangles;
+pub use verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

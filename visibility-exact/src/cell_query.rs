@@ -1,0 +1,309 @@
+//! All objects of a scene from one viewcell: rays first, then proofs for groups of objects that no ray has
+//! found, for single objects, and for their triangles.
+//!
+//! This work is based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility
+//! Culling", 2002: its query architecture, which samples first, tests groups before their members and ends
+//! early.
+
+use crate::chain::ChainScratch;
+use crate::culler::Settings;
+use crate::polygon::Polygon;
+use crate::proof::Proof;
+use crate::rays::Random;
+use crate::search::{Answer, Budget, Search, Segment};
+use crate::sight::{CellBox, Target};
+use crate::triangles::SceneTriangles;
+use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
+use alloc::{vec, vec::Vec};
+use visibility_core::glam::DVec3;
+
+/// Nodes for a group of objects, a single object's box, one triangle, and all triangles of an object.
+const GROUP: Budget = Budget { nodes: 300, divided: 200 };
+const OBJECT: Budget = Budget { nodes: 2000, divided: 200 };
+const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200 };
+const ALL_TRIANGLES: u32 = 8000;
+
+/// A query at work.
+pub(crate) struct CellQuery<'a> {
+    search: Search<'a>,
+    settings: &'a Settings,
+    random: Random,
+    verdicts: Vec<Verdict>,
+    proofs: Vec<ProvenHidden>,
+    rays: u64,
+}
+
+impl<'a> CellQuery<'a> {
+    /// Decides the objects that `is_asked` names by their places among the objects of `triangles`; the others
+    /// stay [`Verdict::Open`]. `scratch` is memory that is used and given back.
+    pub(crate) fn run(
+        triangles: &'a SceneTriangles,
+        cell: CellBox,
+        settings: &'a Settings,
+        is_asked: &dyn Fn(usize) -> bool,
+        scratch: &mut Option<ChainScratch>,
+    ) -> CellVerdicts {
+        // A clearance within the error of positions would not part touching surfaces. What is hidden without
+        // clearance is hidden with any.
+        let mut search = Search::new(triangles, cell, settings.clearance);
+        if settings.clearance < 64.0 * search.delta {
+            search = Search::new(triangles, cell, 0.0);
+        }
+        if let Some(scratch) = scratch.take() {
+            search.chain = scratch;
+        }
+        let seed = cell.min.to_array().into_iter().chain(cell.max.to_array());
+        let seed = seed.fold(1, |seed, x| Random(seed ^ x.to_bits()).bits());
+        let verdicts = vec![Verdict::Open; triangles.objects.len()];
+        let mut query =
+            Self { search, settings, random: Random(seed), verdicts, proofs: Vec::new(), rays: 0 };
+        let mut open: Vec<u32> = (0..triangles.objects.len() as u32)
+            .filter(|&o| is_asked(o as usize) && !triangles.objects[o as usize].is_open)
+            .collect();
+        open.retain(|&o| !query.find_inside(o as usize));
+        if !open.is_empty() {
+            query.uniform_rays();
+            query.aimed_rays(&open);
+        }
+        if settings.proves {
+            open.retain(|&o| query.verdicts[o as usize] == Verdict::Open);
+            let single = query.groups(open);
+            query.triangles(&single);
+        }
+        *scratch = Some(query.search.chain);
+        CellVerdicts {
+            verdicts: query.verdicts,
+            proofs: query.proofs,
+            rays: query.rays,
+            nodes: query.search.stats.nodes + query.search.stats.divided_nodes,
+        }
+    }
+
+    fn is_open(&self, object: u32) -> bool {
+        self.verdicts[object as usize] == Verdict::Open
+    }
+
+    /// Finds a point of an object in the viewcell.
+    fn find_inside(&mut self, object: usize) -> bool {
+        let entry = &self.search.triangles.objects[object];
+        if !self.search.cell.meets(entry.min, entry.max) {
+            return false;
+        }
+        for t in entry.first..entry.end {
+            if let Some(point) = point_inside(&self.search.cell, &self.search.triangles.corners(t)) {
+                self.verdicts[object] = Verdict::Seen(Witness { from: point, to: point, triangle: t });
+                return true;
+            }
+        }
+        false
+    }
+
+    fn uniform_rays(&mut self) {
+        for _ in 0..self.settings.rays {
+            self.rays += 1;
+            let (p, d) = self.search.cell.uniform_ray(&mut self.random);
+            self.see_first(p, d);
+        }
+    }
+
+    /// Looks along a ray and records what it meets first.
+    fn see_first(&mut self, p: DVec3, d: DVec3) {
+        if let Some((distance, t)) = self.search.triangles.tree.nearest(p, d) {
+            self.see(p, p + d * distance, t);
+        }
+    }
+
+    /// Records that a segment sees a point of a triangle, if its object was not seen and the segment
+    /// certainly misses all other triangles.
+    fn see(&mut self, from: DVec3, to: DVec3, t: u32) -> bool {
+        let object = self.search.triangles.object_of(t);
+        if self.verdicts[object] != Verdict::Open {
+            return false;
+        }
+        let mut hits = core::mem::take(&mut self.search.hits);
+        let unsure = self.search.triangles.tree.crossed(from, to, t, 1, &mut hits);
+        let is_clear = !unsure && hits.is_empty();
+        self.search.hits = hits;
+        if is_clear {
+            self.verdicts[object] = Verdict::Seen(Witness { from, to, triangle: t });
+        }
+        is_clear
+    }
+
+    fn aimed_rays(&mut self, open: &[u32]) {
+        for &object in open {
+            let entry = &self.search.triangles.objects[object as usize];
+            let (first, count) = (entry.first, (entry.end - entry.first) as usize);
+            for _ in 0..self.settings.aimed_rays {
+                if count == 0 || !self.is_open(object) {
+                    break;
+                }
+                self.rays += 1;
+                let t = first + self.random.below(count) as u32;
+                let to = self.random.in_triangle(&self.search.triangles.corners(t));
+                let from = self.search.cell.towards(to, &mut self.random);
+                self.see(from, to, t);
+            }
+        }
+    }
+
+    /// Proves groups of objects hidden, halving those that it cannot prove. Returns the single objects left.
+    fn groups(&mut self, mut list: Vec<u32>) -> Vec<u32> {
+        let mut left = Vec::new();
+        let mut stack = vec![(0, list.len())];
+        while let Some((start, end)) = stack.pop() {
+            let group = &mut list[start..end];
+            group.sort_by_key(|&o| !self.is_open(o));
+            let count = group.partition_point(|&o| self.is_open(o));
+            let group = &mut group[..count];
+            let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            for &o in group.iter() {
+                let object = &self.search.triangles.objects[o as usize];
+                (min, max) = (min.min(object.min), max.max(object.max));
+            }
+            if count == 0 || self.prove_box(group, min, max) {
+                continue;
+            }
+            if let &mut [single] = group {
+                left.extend(self.is_open(single).then_some(single));
+                continue;
+            }
+            let extent = max - min;
+            let axis = extent.max_position();
+            let objects = &self.search.triangles.objects;
+            let key = |o: u32| objects[o as usize].min[axis] + objects[o as usize].max[axis];
+            group.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+            stack.push((start, start + count / 2));
+            stack.push((start + count / 2, start + count));
+        }
+        left
+    }
+
+    /// Proves a box with all objects of a group hidden. On failure, records the object that was seen instead.
+    fn prove_box(&mut self, group: &[u32], min: DVec3, max: DVec3) -> bool {
+        let pad = DVec3::splat(8.0 * self.search.delta + 2.0 * self.search.clearance);
+        if self.search.cell.meets(min - pad, max + pad) {
+            return false;
+        }
+        let target = Target::Box { min, max };
+        let budget = if group.len() == 1 { OBJECT } else { GROUP };
+        match self.search.solve_target(target, budget).0 {
+            Answer::Hidden => {
+                self.hide(group, &[target]);
+                true
+            }
+            Answer::Visible(line) => {
+                self.see_first(line.p, line.q - line.p);
+                false
+            }
+            Answer::Undecided => false,
+        }
+    }
+
+    /// Records objects as hidden. The proof of the last of `targets` is that of the last search.
+    fn hide(&mut self, group: &[u32], targets: &[Target]) {
+        if self.settings.keep_proofs {
+            let proofs = targets.iter().map(|&target| self.proof(target)).collect();
+            self.proofs.push(ProvenHidden { objects: group.into(), proofs });
+        }
+        for &o in group {
+            self.verdicts[o as usize] = Verdict::Hidden;
+        }
+    }
+
+    fn proof(&mut self, target: Target) -> Proof {
+        let steps = core::mem::take(&mut self.search.steps);
+        Proof { cell: self.search.cell, target, clearance: self.search.clearance, steps }
+    }
+
+    /// Decides single objects by their triangles, largest first.
+    fn triangles(&mut self, objects: &[u32]) {
+        for &object in objects {
+            if self.is_open(object) {
+                self.object_by_triangles(object);
+            }
+        }
+    }
+
+    fn object_by_triangles(&mut self, object: u32) {
+        let entry = &self.search.triangles.objects[object as usize];
+        let triangles = self.search.triangles;
+        let mut order: Vec<u32> = (entry.first..entry.end).collect();
+        order.sort_unstable_by(|&a, &b| triangles.area(b).total_cmp(&triangles.area(a)).then(a.cmp(&b)));
+        // A box without triangles was not proven hidden.
+        let (mut all_hidden, mut spent) = (!order.is_empty(), 0);
+        let mut proofs = Vec::new();
+        for t in order {
+            let corners = triangles.corners(t);
+            if !is_apart(&self.search.cell, &corners, self.search.delta) {
+                all_hidden = false;
+                break;
+            }
+            // A triangle without area is a segment, which is the side of no other triangle: it stays open.
+            let (answer, used) = self.search.solve_target(Target::Triangle(t), TRIANGLE);
+            spent += used;
+            match answer {
+                Answer::Hidden if triangles.area(t) > 0.0 => {
+                    if self.settings.keep_proofs {
+                        proofs.push(self.proof(Target::Triangle(t)));
+                    }
+                }
+                Answer::Visible(Segment { p, q }) => {
+                    self.verdicts[object as usize] = Verdict::Seen(Witness { from: p, to: q, triangle: t });
+                    return;
+                }
+                _ => all_hidden = false,
+            }
+            if spent > ALL_TRIANGLES {
+                all_hidden = false;
+                break;
+            }
+        }
+        if all_hidden {
+            self.verdicts[object as usize] = Verdict::Hidden;
+            if self.settings.keep_proofs {
+                self.proofs.push(ProvenHidden { objects: [object].into(), proofs });
+            }
+        }
+    }
+}
+
+/// Returns a point of a triangle, up to rounding, in the viewcell.
+fn point_inside(cell: &CellBox, t: &[DVec3; 3]) -> Option<DVec3> {
+    let inside = |p: &DVec3| p.cmpge(cell.min).all() && p.cmple(cell.max).all();
+    if let Some(corner) = t.iter().find(|p| inside(p)) {
+        return Some(*corner);
+    }
+    let mut polygon = Polygon::new(t);
+    for axis in 0..3 {
+        polygon = polygon.clip(DVec3::AXES[axis], -cell.min[axis])?;
+        polygon = polygon.clip(-DVec3::AXES[axis], cell.max[axis])?;
+    }
+    let center = polygon.center();
+    inside(&center).then_some(center)
+}
+
+/// Returns whether a triangle certainly does not touch the viewcell.
+fn is_apart(cell: &CellBox, t: &[DVec3; 3], delta: f64) -> bool {
+    let pad = 4.0 * delta;
+    let (min, max) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
+    if !cell.meets(min - pad, max + pad) {
+        return true;
+    }
+    let corners: [DVec3; 8] = core::array::from_fn(|i| {
+        let at = |axis: usize| if i >> axis & 1 == 1 { cell.max[axis] } else { cell.min[axis] };
+        DVec3::new(at(0), at(1), at(2))
+    });
+    // The box's own axes were tried above.
+    let normal = (t[1] - t[0]).cross(t[2] - t[0]);
+    let sides = [t[1] - t[0], t[2] - t[1], t[0] - t[2]];
+    let crosses = sides.iter().flat_map(|side| DVec3::AXES.map(|axis| axis.cross(*side)));
+    crosses.chain([normal]).any(|normal| {
+        let normal = normal.normalize_or_zero();
+        let range = |points: &[DVec3]| {
+            points.iter().map(|x| normal.dot(*x)).fold((f64::MAX, f64::MIN), |(a, b), h| (a.min(h), b.max(h)))
+        };
+        let ((a, b), (c, d)) = (range(&corners), range(t));
+        a > d + pad || b < c - pad
+    })
+}

@@ -1,0 +1,426 @@
+//! Surfaces that block all segments between two polygons: chains of triangles grown from one that a segment
+//! crosses, over edges that segments meet, until no edge of the boundary is met.
+//!
+//! Over the pairs of points of P and Q the number of crossings of a segment and a surface can only change,
+//! modulo 2, where a segment meets the surface's boundary or an end of a segment touches the surface. Where
+//! neither happens and one segment has an odd number of crossings, all segments are blocked. Edges shared by
+//! triangles, silhouettes and the fusion of welded meshes need no extraction: they are what the boundary is
+//! not.
+//!
+//! With a clearance c, corners of the boundary move outwards by c, mitred, and by 3 c at most. The surface
+//! grows by the strips between the old boundary and the new, all of whose points are within 3 c of the
+//! chain.
+
+use crate::line_side::{Crossing, Edge, NEGATIVE, NO_CORNER, POSITIVE, segment_triangle, signs};
+use crate::polygon::Polygon;
+use crate::proof::Step;
+use crate::search::{Search, Segment};
+use crate::shaft::Shaft;
+use crate::sight::{Half, Sight};
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// Most triangles of a chain.
+const MOST: usize = 3000;
+
+/// Bits of the state of an edge in the chain at work: whether an odd number of its triangles is in the chain,
+/// and whether it is known that no segment meets it.
+const ODD: u8 = 1;
+const MISSED: u8 = 2;
+const KNOWN: u8 = 4;
+
+/// Edge at which a chain could not be closed: where to divide.
+pub(crate) type Obstacle = [DVec3; 2];
+
+/// Scratch of chains. Entries are valid if their epoch is the present one.
+#[derive(Default)]
+pub(crate) struct ChainScratch {
+    epoch: u32,
+    triangles: Vec<u32>,
+    edges: Vec<(u32, u8)>,
+    chain: Vec<u32>,
+    /// Directed boundary edges that segments meet: triangle and number of the edge in it.
+    open: Vec<(u32, usize)>,
+    moved: Vec<(u32, DVec3)>,
+}
+
+impl ChainScratch {
+    pub(crate) fn new(triangles: usize, edges: usize) -> Self {
+        Self { triangles: alloc::vec![0; triangles], edges: alloc::vec![(0, 0); edges], ..Self::default() }
+    }
+
+    fn begin(&mut self) {
+        self.epoch = self.epoch.wrapping_add(1);
+        if self.epoch == 0 {
+            self.triangles.fill(0);
+            self.edges.fill((0, 0));
+            self.epoch = 1;
+        }
+        self.chain.clear();
+        self.open.clear();
+        self.moved.clear();
+    }
+
+    fn state(&self, edge: u32) -> u8 {
+        let (epoch, state) = self.edges[edge as usize];
+        if epoch == self.epoch { state } else { 0 }
+    }
+
+    fn set_state(&mut self, edge: u32, state: u8) {
+        self.edges[edge as usize] = (self.epoch, state);
+    }
+
+    fn holds(&self, triangle: u32) -> bool {
+        self.triangles[triangle as usize] == self.epoch
+    }
+
+    fn push(&mut self, triangle: u32, edges: [u32; 3]) {
+        self.triangles[triangle as usize] = self.epoch;
+        self.chain.push(triangle);
+        for edge in edges {
+            self.set_state(edge, self.state(edge) ^ ODD);
+        }
+    }
+}
+
+impl Search<'_> {
+    /// Tries to find a surface with the triangle `start` that blocks all segments of a node. `line` is a
+    /// segment of the node.
+    pub(crate) fn close(
+        &mut self,
+        sight: &Sight,
+        shaft: &Shaft,
+        start: u32,
+        line: Segment,
+    ) -> Result<Step, Obstacle> {
+        let mut scratch = core::mem::take(&mut self.chain);
+        let found = self.close_with(&mut scratch, sight, shaft, start, line);
+        self.chain = scratch;
+        found
+    }
+
+    fn close_with(
+        &mut self,
+        scratch: &mut ChainScratch,
+        sight: &Sight,
+        shaft: &Shaft,
+        start: u32,
+        line: Segment,
+    ) -> Result<Step, Obstacle> {
+        let all = self.triangles;
+        scratch.begin();
+        scratch.push(start, all.edges(start));
+        let mut at = 0;
+        while let Some(&t) = scratch.chain.get(at) {
+            at += 1;
+            let corners = all.corners(t);
+            if shaft.misses(&corners) {
+                // None of its edges is met.
+                for edge in all.edges(t) {
+                    scratch.set_state(edge, scratch.state(edge) | KNOWN | MISSED);
+                }
+                continue;
+            }
+            let tags = self.tags(t);
+            if !self.apart(&corners, tags, sight) {
+                return Err([corners[0], corners[1]]);
+            }
+            for k in 0..3 {
+                let edge = all.edges(t)[k];
+                let state = scratch.state(edge);
+                let (a, b) = (corners[k], corners[(k + 1) % 3]);
+                if state & ODD == 0 || self.misses(scratch, edge, &edge_of(&corners, &tags, k), sight, shaft)
+                {
+                    continue;
+                }
+                if let Some(next) = self.next_across(scratch, t, k, line) {
+                    scratch.push(next, all.edges(next));
+                    if scratch.chain.len() > MOST {
+                        return Err([a, b]);
+                    }
+                } else if self.is_hopeless(&corners, k, sight) {
+                    return Err([a, b]);
+                }
+            }
+        }
+        self.find_open(scratch, sight, shaft);
+        if !scratch.open.is_empty() {
+            self.move_boundary(scratch, sight, shaft)?;
+        }
+        if !self.crosses_oddly(scratch, line) {
+            let t = all.corners(start);
+            return Err([t[0], t[1]]);
+        }
+        Ok(Step::Surface {
+            triangles: scratch.chain.as_slice().into(),
+            moved: scratch.moved.as_slice().into(),
+            line: [line.p, line.q],
+        })
+    }
+
+    /// Returns for each corner of a triangle the corner of the target triangle that it is.
+    pub(crate) fn tags(&self, t: u32) -> [u8; 3] {
+        self.triangles.vertices(t).map(|vertex| self.tag(vertex))
+    }
+
+    pub(crate) fn tag(&self, vertex: u32) -> u8 {
+        self.target_vertices.iter().position(|&v| v == vertex).map_or(NO_CORNER, |k| k as u8)
+    }
+
+    /// Returns whether no segment of the node meets an edge of the scene; remembers the answer.
+    fn misses(
+        &self,
+        scratch: &mut ChainScratch,
+        number: u32,
+        edge: &Edge,
+        sight: &Sight,
+        shaft: &Shaft,
+    ) -> bool {
+        let state = scratch.state(number);
+        if state & KNOWN != 0 {
+            return state & MISSED != 0;
+        }
+        let missed = self.edge_misses(edge, sight, shaft);
+        scratch.set_state(number, state | KNOWN | if missed { MISSED } else { 0 });
+        missed
+    }
+
+    /// Returns whether certainly no segment from a point inside P to a point inside Q meets an edge.
+    pub(crate) fn edge_misses(&self, edge: &Edge, sight: &Sight, shaft: &Shaft) -> bool {
+        if shaft.misses(&edge.ends) {
+            return true;
+        }
+        // Behind Q, but for corners of the target triangle, which are on the boundary of Q.
+        let behind = |k: usize| edge.tags[k] < 3 || sight.before_q.height(edge.ends[k]) < -shaft.pad;
+        if (edge.tags[0] < 3 || edge.tags[1] < 3) && behind(0) && behind(1) {
+            return true;
+        }
+        matches!(signs(&sight.p, &sight.q, edge, self.delta), 0 | POSITIVE | NEGATIVE)
+    }
+
+    /// Returns whether a triangle certainly touches neither P nor Q, but for the boundary of Q at corners of
+    /// the target triangle.
+    fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
+        let pad = 4.0 * self.delta;
+        apart(corners, &sight.p, &sight.before_p, pad)
+            && (touches_from_one_side(corners, tags, &sight.before_q, pad)
+                || apart(corners, &sight.q, &sight.before_q, pad))
+    }
+
+    /// Returns the triangle at the other side of an edge of the chain that folds back least: of those that
+    /// continue the surface as seen along the line.
+    fn next_across(&self, scratch: &ChainScratch, t: u32, k: usize, line: Segment) -> Option<u32> {
+        let all = self.triangles;
+        let corners = all.corners(t);
+        let (a, b, apex) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        let across = (b - a).cross(line.q - line.p);
+        let here = across.dot(apex - a);
+        let normal = (b - a).cross(apex - a).normalize_or_zero();
+        let mut best: Option<(f64, u32)> = None;
+        for &next in all.triangles_at(all.edges(t)[k]) {
+            if scratch.holds(next) || next == self.skip {
+                continue;
+            }
+            let Some(m) = (0..3).find(|&m| all.edges(next)[m] == all.edges(t)[k]) else { continue };
+            let other = all.corners(next)[(m + 2) % 3];
+            if across.dot(other - a) * here < 0.0 {
+                let flatness = normal.dot((other - a).cross(b - a).normalize_or_zero());
+                if best.is_none_or(|(most, _)| flatness > most) {
+                    best = Some((flatness, next));
+                }
+            }
+        }
+        best.map(|(_, next)| next)
+    }
+
+    /// Returns whether segments meet an edge even after it has moved outwards by the clearance.
+    fn is_hopeless(&self, corners: &[DVec3; 3], k: usize, sight: &Sight) -> bool {
+        let (a, b, apex) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        let out = outwards(a, b, apex) * self.clearance;
+        self.clearance == 0.0
+            || !matches!(
+                signs(&sight.p, &sight.q, &Edge::new(a + out, b + out), self.delta),
+                POSITIVE | NEGATIVE
+            )
+    }
+
+    /// Lists the edges of the boundary that segments meet.
+    fn find_open(&self, scratch: &mut ChainScratch, sight: &Sight, shaft: &Shaft) {
+        for at in 0..scratch.chain.len() {
+            let t = scratch.chain[at];
+            let (corners, tags) = (self.triangles.corners(t), self.tags(t));
+            for k in 0..3 {
+                let number = self.triangles.edges(t)[k];
+                if scratch.state(number) & ODD != 0
+                    && !self.misses(scratch, number, &edge_of(&corners, &tags, k), sight, shaft)
+                {
+                    scratch.open.push((t, k));
+                }
+            }
+        }
+    }
+
+    /// Moves the corners of open edges outwards, and tests the moved boundary.
+    fn move_boundary(
+        &self,
+        scratch: &mut ChainScratch,
+        sight: &Sight,
+        shaft: &Shaft,
+    ) -> Result<(), Obstacle> {
+        let all = self.triangles;
+        let mut vertices: Vec<u32> = scratch
+            .open
+            .iter()
+            .flat_map(|&(t, k)| [all.vertices(t)[k], all.vertices(t)[(k + 1) % 3]])
+            .collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        // By vertex: its position, and the sum and the product's parts of the directions of its edges.
+        let mut sums: Vec<(DVec3, DVec3, u32)> = alloc::vec![(DVec3::ZERO, DVec3::ZERO, 0); vertices.len()];
+        let boundary = |scratch: &ChainScratch, t: u32, k: usize| scratch.state(all.edges(t)[k]) & ODD != 0;
+        for &t in &scratch.chain {
+            for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
+                let (corners, numbers) = (all.corners(t), all.vertices(t));
+                let out = outwards(corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
+                for end in [k, (k + 1) % 3] {
+                    if let Ok(at) = vertices.binary_search(&numbers[end]) {
+                        let (position, sum, count) = &mut sums[at];
+                        (*position, *sum, *count) = (corners[end], *sum + out, *count + 1);
+                    }
+                }
+            }
+        }
+        for (&vertex, &(position, sum, count)) in vertices.iter().zip(&sums) {
+            let shift = mitre(sum, count, self.clearance);
+            if self.clearance == 0.0 || self.tag(vertex) < 3 {
+                let (t, k) = scratch.open[0];
+                let corners = all.corners(t);
+                return Err([corners[k], corners[(k + 1) % 3]]);
+            }
+            scratch.moved.push((vertex, position + shift));
+        }
+        let pad = 4.0 * self.delta;
+        for &t in &scratch.chain {
+            for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
+                let (corners, numbers) = (all.corners(t), all.vertices(t));
+                let ends = [k, (k + 1) % 3];
+                let [a, b] = ends.map(|end| moved_to(&scratch.moved, numbers[end], corners[end]));
+                let [old_a, old_b] = ends.map(|end| corners[end]);
+                if a == old_a && b == old_b {
+                    continue;
+                }
+                let mut edge = Edge::new(a, b);
+                edge.tags = ends.map(|end| self.tag(numbers[end]));
+                let strip = [old_a, old_b, b, a];
+                let is_apart = shaft.misses(&strip)
+                    || (apart(&strip, &sight.p, &sight.before_p, pad)
+                        && apart(&strip, &sight.q, &sight.before_q, pad));
+                if !is_apart || !self.edge_misses(&edge, sight, shaft) {
+                    return Err([a, b]);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns whether the line certainly crosses the surface, with its strips, an odd number of times.
+    fn crosses_oddly(&self, scratch: &ChainScratch, line: Segment) -> bool {
+        let all = self.triangles;
+        let mut odd = false;
+        let mut count = |t: &[DVec3; 3]| match segment_triangle(line.p, line.q, t) {
+            Crossing::Yes => {
+                odd = !odd;
+                true
+            }
+            Crossing::No => true,
+            Crossing::Unsure => false,
+        };
+        for &t in &scratch.chain {
+            let (corners, numbers) = (all.corners(t), all.vertices(t));
+            if !count(&corners) {
+                return false;
+            }
+            if scratch.moved.is_empty() {
+                continue;
+            }
+            for k in (0..3).filter(|&k| scratch.state(all.edges(t)[k]) & ODD != 0) {
+                let [a, b] = [k, (k + 1) % 3].map(|end| (numbers[end], corners[end]));
+                for triangle in strip(a, b, &scratch.moved) {
+                    if !count(&triangle) {
+                        return false;
+                    }
+                }
+            }
+        }
+        odd
+    }
+}
+
+fn edge_of(corners: &[DVec3; 3], tags: &[u8; 3], k: usize) -> Edge {
+    let j = (k + 1) % 3;
+    Edge { ends: [corners[k], corners[j]], tags: [tags[k], tags[j]] }
+}
+
+/// Returns the unit vector from an edge of a triangle outwards, in the triangle's plane.
+fn outwards(a: DVec3, b: DVec3, apex: DVec3) -> DVec3 {
+    let along = (b - a).normalize_or_zero();
+    let inwards = (apex - a) - along * along.dot(apex - a);
+    -inwards.normalize_or_zero()
+}
+
+/// Returns by how much a corner moves so that its two edges move outwards by `c`, or by as much as a length
+/// of 2.5 c allows. `sum` is the sum of the outward unit vectors of its `count` edges.
+pub(crate) fn mitre(sum: DVec3, count: u32, c: f64) -> DVec3 {
+    // For two unit vectors o1 and o2, c (o1 + o2) / (1 + o1 . o2), and 1 + o1 . o2 = |o1 + o2|^2 / 2.
+    let length = sum.length();
+    if length < 1e-3 {
+        return DVec3::ZERO;
+    }
+    sum / length * (f64::from(count) / length).min(2.5) * c
+}
+
+fn moved_to(moved: &[(u32, DVec3)], vertex: u32, position: DVec3) -> DVec3 {
+    moved.binary_search_by_key(&vertex, |entry| entry.0).map_or(position, |at| moved[at].1)
+}
+
+/// Returns the triangles between an edge and where it was moved, leaving out those without area because an
+/// end did not move.
+fn strip(a: (u32, DVec3), b: (u32, DVec3), moved: &[(u32, DVec3)]) -> impl Iterator<Item = [DVec3; 3]> {
+    let (a2, b2) = (moved_to(moved, a.0, a.1), moved_to(moved, b.0, b.1));
+    // Both triangles of a strip share the diagonal from the end of the lower number, for either direction.
+    let (first, second) =
+        if a.0 < b.0 { ([a.1, b.1, b2], [a.1, b2, a2]) } else { ([b.1, a.1, a2], [b.1, a2, b2]) };
+    [first, second].into_iter().filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0])
+}
+
+/// Returns whether a triangle has one or two corners of the target triangle, and its others certainly on one
+/// side of Q's plane: it touches no point inside Q.
+fn touches_from_one_side(corners: &[DVec3; 3], tags: [u8; 3], plane: &Half, pad: f64) -> bool {
+    let others = || (0..3).filter(|&k| tags[k] == NO_CORNER).map(|k| plane.height(corners[k]));
+    (1..3).contains(&others().count()) && (others().all(|h| h > pad) || others().all(|h| h < -pad))
+}
+
+/// Returns whether the convex hull of some points certainly does not touch a polygon: whether a plane
+/// separates them, one of: the polygon's own, one along a side of it, the points' own, one along a side of
+/// either.
+pub(crate) fn apart(points: &[DVec3], polygon: &Polygon, plane: &Half, pad: f64) -> bool {
+    let separates = |normal: DVec3| {
+        let range = |points: &[DVec3]| {
+            points.iter().map(|x| normal.dot(*x)).fold((f64::MAX, f64::MIN), |(a, b), h| (a.min(h), b.max(h)))
+        };
+        let ((a, b), (c, d)) = (range(points), range(polygon.corners()));
+        a > d + pad || b < c - pad
+    };
+    let n = points.len();
+    let side = |k: usize| points[(k + 1) % n] - points[k];
+    let own = side(0).cross(side(1)).normalize_or_zero();
+    if separates(plane.normal) || separates(own) {
+        return true;
+    }
+    let corners = polygon.corners();
+    (0..corners.len()).any(|i| {
+        let along = corners[(i + 1) % corners.len()] - corners[i];
+        separates(plane.normal.cross(along).normalize_or_zero())
+            || (0..n).any(|k| separates(along.cross(side(k)).normalize_or_zero()))
+    })
+}

@@ -1,0 +1,98 @@
+//! Proofs of degree two: that no line passes three edges around a corner on given sides.
+//!
+//! With d = q - p, an edge of direction t_k through a_k is passed on the side h_k = t_k . (d x (a_k - p)).
+//! Where d = sum_k l_k s_k t_k for three edges with signs s_k, the sum of l_k s_k h_k does not depend on p,
+//! since d . (d x p) = 0: it is a quadratic form of d alone. If for all directions of the node all l_k > 0
+//! and the form is negative, no line has all s_k h_k > 0. Likewise if all l_k < 0 and the form is positive.
+//! Linear programs over the corners cannot see this, since they do not know that d . (d x p) = 0.
+
+use crate::line_side::U;
+use crate::rows::Row;
+use crate::sight::Sight;
+use visibility_core::glam::DVec3;
+
+/// Most rows of which triples are tried.
+const MOST: usize = 14;
+
+/// Returns three rows that no line of a node satisfies together, if such a proof is found.
+pub(crate) fn find(sight: &Sight, rows: &[Row], delta: f64) -> Option<[u32; 3]> {
+    if rows.len() > MOST {
+        return None;
+    }
+    for a in 0..rows.len() {
+        for b in a + 1..rows.len() {
+            for c in b + 1..rows.len() {
+                if excludes(sight, [&rows[a], &rows[b], &rows[c]], delta) {
+                    return Some([a as u32, b as u32, c as u32]);
+                }
+            }
+        }
+    }
+    None
+}
+
+/// Returns whether three rows exclude all lines of a node.
+///
+/// With g_k the computed rows of the inverse of the matrix with columns s_k t_k, and l_k = g_k . d, the sum
+/// of l_k s_k t_k is R d with R close to the identity: computed anew, each entry of R - I is wrong by at most
+/// 8 U K, with K the sum of |s_k t_k| |g_k|. The term d . (d x (v - p)) then does not vanish, but is at most
+/// e |d|^2 |v - p|, where e = 3 max |R - I| + 24 U K. The form itself is a sum of products of at most 9
+/// roundings each. All this is covered by (e + 64 U K) |d_i| |d_j| D, with D the greatest distance involved.
+/// Corners are known up to delta, directions up to 4 delta in length, which changes the doubled polar form by
+/// at most 16 delta K D (|d_i| + |d_j|).
+fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
+    let t = rows.map(|row| (row.edge.ends[1] - row.edge.ends[0]).normalize_or_zero() * row.side);
+    let cross = [t[1].cross(t[2]), t[2].cross(t[0]), t[0].cross(t[1])];
+    let determinant = t[0].dot(cross[0]);
+    if determinant.abs() < 1e-6 {
+        return false;
+    }
+    let middle = sight.q.center() - sight.p.center();
+    let flip = if cross[0].dot(middle) / determinant < 0.0 { -1.0 } else { 1.0 };
+    let g = cross.map(|cross| cross * (flip / determinant));
+    let k: f64 = g.iter().map(|g| g.length()).sum();
+    let positive = |d: DVec3| g.iter().all(|g| g.dot(d) > (16.0 * U * d.length() + 4.0 * delta) * k);
+    if !positive(middle) {
+        return false;
+    }
+    let mut directions = [DVec3::ZERO; 64];
+    let mut count = 0;
+    for &p in sight.p.corners() {
+        for &q in sight.q.corners() {
+            directions[count] = q - p;
+            count += 1;
+        }
+    }
+    let directions = &directions[..count];
+    if !directions.iter().all(|&d| positive(d)) {
+        return false;
+    }
+    let v = rows[0].edge.ends[0];
+    let e = [0, 1, 2].map(|m| {
+        let x = rows[m].edge.ends[0] - v;
+        x - t[m] * x.dot(t[m])
+    });
+    let residual = DVec3::AXES.into_iter().fold(0.0f64, |most, axis| {
+        let column: DVec3 = (0..3).map(|m| t[m] * (g[m].dot(axis) * flip)).sum();
+        most.max((column - axis).abs().max_element())
+    });
+    let corners = sight.p.corners().iter().map(|p| v.distance(*p));
+    let far = corners.chain(e.iter().map(|e| e.length())).fold(0.0, f64::max);
+    let bound = (3.0 * residual + 128.0 * U * k) * far;
+    let moved = 16.0 * delta * k * far;
+    // The polar form at two directions, doubled.
+    let form = |x: DVec3, y: DVec3| -> f64 {
+        (0..3)
+            .map(|m| {
+                let w = e[m].cross(t[m]);
+                g[m].dot(x) * w.dot(y) + g[m].dot(y) * w.dot(x)
+            })
+            .sum()
+    };
+    (0..count).all(|i| {
+        (i..count).all(|j| {
+            let (x, y) = (directions[i], directions[j]);
+            form(x, y) < -2.0 * bound * x.length() * y.length() - moved * (x.length() + y.length())
+        })
+    })
+}

@@ -1,0 +1,154 @@
+//! The region culler: how much work is done for which guarantee.
+
+use crate::cell_query::CellQuery;
+use crate::chain::ChainScratch;
+use crate::sight::CellBox;
+use crate::triangles::SceneTriangles;
+use crate::verdict::{CellVerdicts, Verdict};
+use alloc::{sync::Arc, vec, vec::Vec};
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
+
+/// How much an [`ExactCuller`] finds out.
+///
+/// ```
+/// use visibility_exact::{Effort, Settings};
+/// let settings = Settings::new(Effort::Exact(1e-4));
+/// assert_eq!(settings.clearance, 1e-4);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Effort {
+    /// Rays alone, this many aimed at each object, and 64 times as many in all directions. Aggressive:
+    /// objects that no ray finds are removed. If n random segments to an object were all blocked, the
+    /// unblocked share of all segments to it is below 3 / n, with a confidence of 95 %.
+    Rays(u32),
+    /// Rays, then proofs. What is neither seen nor proven hidden stays. The number is the clearance in
+    /// metres: an object is removed if no segment to it keeps a distance of six times the clearance from all
+    /// occluders. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
+    /// every segment to the inside of one of its triangles touches an occluder on the way.
+    Exact(f64),
+}
+
+/// Settings of an [`ExactCuller`], made from an [`Effort`].
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Settings {
+    /// Number of rays in all directions.
+    pub rays: u32,
+    /// Most rays aimed at each object that no ray has found.
+    pub aimed_rays: u32,
+    /// Whether objects that no ray found are proven hidden, or else removed without proof.
+    pub proves: bool,
+    /// Clearance in metres, see [`Effort::Exact`].
+    pub clearance: f64,
+    /// Whether proofs are kept in the [`CellVerdicts`]. False by default.
+    pub keep_proofs: bool,
+}
+
+impl Settings {
+    /// Returns the settings for an effort. A clearance that is negative, NaN or infinite counts as 0.
+    pub fn new(effort: Effort) -> Self {
+        let (rays, aimed_rays, proves, clearance) = match effort {
+            Effort::Rays(n) => (n.saturating_mul(64), n, false, 0.0),
+            Effort::Exact(c) => (100_000, 200, true, c),
+        };
+        let clearance = if clearance.is_finite() && clearance > 0.0 { clearance } else { 0.0 };
+        Self { rays, aimed_rays, proves, clearance, keep_proofs: false }
+    }
+}
+
+/// Finds for each object of a scene a line of sight from a viewcell, or a proof that there is none.
+///
+/// Works on the [`SceneTriangles`] collected from a scene. If the scene has changed since, or for another
+/// scene, nothing is removed. Never-culled objects stay. The same viewcell, triangles and settings give the
+/// same answer on every machine.
+///
+/// A viewcell with [planes](Viewcell::planes) counts as its whole box: what is seen from the box may be kept
+/// though the planes cut off the part that sees it. The accuracy is then conservative instead of exact.
+///
+/// ```
+/// use std::sync::Arc;
+/// use visibility_core::{glam::{DVec3, Vec3}, pvs::Viewcell, Aabb, Object, Scene};
+/// use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings};
+/// // A wall, and a plate behind it.
+/// let square = |x: f32, r: f32| {
+///     let [a, b, c, d] = [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(y, z)| Vec3::new(x, y, z));
+///     [[a, b, c], [a, c, d]]
+/// };
+/// let mut scene = Scene::new();
+/// for triangles in [square(5.0, 10.0), square(9.0, 1.0)] {
+///     let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+///     let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+///     scene.set_triangles(id, triangles)?;
+/// }
+/// let triangles = Arc::new(SceneTriangles::new(&scene));
+/// let mut culler = ExactCuller::new(triangles, Settings::new(Effort::Exact(1e-4)));
+/// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+/// assert_eq!(culler.verdicts(&cell).counts(), [1, 1, 0]);
+/// # Ok::<(), visibility_core::scene::SceneError>(())
+/// ```
+pub struct ExactCuller {
+    triangles: Arc<SceneTriangles>,
+    settings: Settings,
+    scratch: Option<ChainScratch>,
+}
+
+impl ExactCuller {
+    /// Makes a culler for the triangles of a scene.
+    pub fn new(triangles: Arc<SceneTriangles>, settings: Settings) -> Self {
+        Self { triangles, settings, scratch: None }
+    }
+
+    /// Decides all objects from a viewcell. All are open for a viewcell that is empty, not finite, or beyond
+    /// 1e30 metres from the scene's origin.
+    pub fn verdicts(&mut self, cell: &Viewcell) -> CellVerdicts {
+        self.decide(cell, &|_| true)
+    }
+
+    fn decide(&mut self, cell: &Viewcell, is_asked: &dyn Fn(usize) -> bool) -> CellVerdicts {
+        let triangles = &self.triangles;
+        match CellBox::new(cell, triangles.origin) {
+            Some(cell) => CellQuery::run(triangles, cell, &self.settings, is_asked, &mut self.scratch),
+            None => CellVerdicts {
+                verdicts: vec![Verdict::Open; triangles.objects.len()],
+                proofs: Vec::new(),
+                rays: 0,
+                nodes: 0,
+            },
+        }
+    }
+}
+
+impl RegionCuller for ExactCuller {
+    fn accuracy(&self) -> Accuracy {
+        match (self.settings.proves, self.settings.clearance > 0.0) {
+            (false, _) => Accuracy::Aggressive,
+            (true, false) => Accuracy::Conservative,
+            (true, true) => Accuracy::Exact,
+        }
+    }
+
+    fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
+        if !self.triangles.is_current(scene) {
+            return visible.retain(scene, |_, _| true);
+        }
+        let mut marks = vec![false; scene.index_limit()];
+        visible.retain(scene, |id, _| {
+            marks[id.index()] = true;
+            true
+        });
+        let triangles = self.triangles.clone();
+        let found = self.decide(cell, &|place| marks[triangles.objects[place].id.index()]);
+        for (object, verdict) in triangles.objects.iter().zip(&found.verdicts) {
+            marks[object.id.index()] = match verdict {
+                Verdict::Seen(_) => true,
+                Verdict::Hidden => false,
+                // Where nothing can be said of an object, it is not removed.
+                Verdict::Open => self.settings.proves || object.is_open || object.first == object.end,
+            };
+        }
+        let mut stats = visible.retain(scene, |id, _| marks[id.index()]);
+        stats.nodes += found.nodes;
+        stats.tests += found.rays;
+        stats
+    }
+}

@@ -1,0 +1,150 @@
+//! Sides on which lines of sight pass edges, with bounds on their rounding errors.
+//!
+//! A line through p and q passes an edge a-b on the side of the sign of det(q - p, a - p, b - p). This
+//! determinant is affine in p, in q, in a and in b. Over all pairs of a point p of a convex polygon P and a
+//! point q of a convex polygon Q it is therefore a weighted mean, with positive weights, of its values at the
+//! pairs of corners: if these have one sign, all lines pass the edge on one side.
+
+use crate::polygon::Polygon;
+use visibility_core::glam::DVec3;
+
+/// Unit round-off of `f64`, 2^-53.
+pub(crate) const U: f64 = f64::EPSILON / 2.0;
+
+/// Corner of an edge that is no corner of the target triangle.
+pub(crate) const NO_CORNER: u8 = 3;
+
+/// Signs that occur at pairs of corners, as bits of a set.
+pub(crate) const POSITIVE: u8 = 1;
+/// See [`POSITIVE`].
+pub(crate) const NEGATIVE: u8 = 2;
+/// A value that rounding leaves undecided. See [`POSITIVE`].
+pub(crate) const UNSURE: u8 = 4;
+
+/// An edge in scene coordinates. `tags` tell for each end which corner of the target triangle it is: 0, 1 or
+/// 2, or [`NO_CORNER`].
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Edge {
+    pub(crate) ends: [DVec3; 2],
+    pub(crate) tags: [u8; 2],
+}
+
+impl Edge {
+    pub(crate) fn new(a: DVec3, b: DVec3) -> Self {
+        Self { ends: [a, b], tags: [NO_CORNER; 2] }
+    }
+}
+
+/// Side function of one edge, prepared for one point p of the lines of sight.
+struct SideFrom {
+    p: DVec3,
+    normal: DVec3,
+    bound: DVec3,
+    slack: f64,
+}
+
+/// Positions are given with an absolute error of at most `delta` on each axis. With u = a - p, w = b - p and
+/// r = q - p, of absolute errors 2 delta + U |x|, the parts of the bound are, with S = |u|_1 + |w|_1:
+/// - The cross product n = u x w: each component is a difference of two products of rounded differences, 5 U
+///   of the sum m of the products' magnitudes, and at most 2 delta S + 8 delta^2 from the positions.
+/// - The product r . n rounds 3 times and r once: 4 U |r| . m. The positions in r give 2 delta |n|_1.
+///
+/// The sum is at most |r| . (9 U m + 2 delta S) + 2 delta |n|_1 and terms of second order. The bound takes
+/// 16 U, 4 delta S and 4 delta |n|_1, which covers those terms if S >= 4 delta, and 16 delta^2 S for r of
+/// the size of delta. If S < 4 delta, then |r . n| <= |r|_1 S^2 is below the bound, and the side is unsure.
+/// The coordinates are f32 and cells of their magnitude, so no product overflows or underflows.
+impl SideFrom {
+    #[inline]
+    fn new(p: DVec3, a: DVec3, b: DVec3, delta: f64) -> Self {
+        let (u, w) = (a - p, b - p);
+        let (x, y) = (u.abs(), w.abs());
+        let normal = u.cross(w);
+        let products = DVec3::new(x.y * y.z + x.z * y.y, x.z * y.x + x.x * y.z, x.x * y.y + x.y * y.x);
+        let sum = x.element_sum() + y.element_sum();
+        let bound = products * (16.0 * U) + DVec3::splat(4.0 * delta * sum);
+        let slack = 4.0 * delta * normal.abs().element_sum() + 16.0 * delta * delta * sum;
+        Self { p, normal, bound, slack }
+    }
+
+    /// Returns the side of the line to q, and the bound on its error.
+    #[inline]
+    fn to(&self, q: DVec3) -> (f64, f64) {
+        let r = q - self.p;
+        (r.dot(self.normal), r.abs().dot(self.bound) + self.slack)
+    }
+}
+
+/// Returns det(q - p, a - p, b - p) and a bound on its absolute error, where the positions have errors of at
+/// most `delta` on each axis.
+#[inline]
+pub(crate) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, f64) {
+    SideFrom::new(p, a, b, delta).to(q)
+}
+
+/// Returns 1 or -1 for a value certainly positive or negative, and 0 if its error leaves that open or if it
+/// is NaN.
+#[inline]
+pub(crate) fn sign((value, error): (f64, f64)) -> i32 {
+    i32::from(value > error) - i32::from(value < -error)
+}
+
+/// Returns whether the side of an edge is exactly 0 for all lines to a corner of Q, by what the corner is of
+/// the target triangle. `zero` has the bits of the corner's barycentric coordinates that are exactly 0.
+#[inline]
+pub(crate) fn is_zero([a, b]: [u8; 2], zero: u8) -> bool {
+    let at = |tag: u8| tag < 3 && zero == 0b111 ^ (1 << tag);
+    zero != 0 && (at(a) || at(b) || (a < 3 && b < 3 && a != b && zero & (1 << (3 - a - b)) != 0))
+}
+
+/// Returns the set of signs that the side of an edge has over the pairs of corners of `p` and `q`. Exact
+/// zeros are left out: they lie on the boundary of Q, and with one sign at the other corners the side has
+/// that sign for all points q inside. Stops once no single sign is possible.
+#[inline]
+pub(crate) fn signs(p: &Polygon, q: &Polygon, edge: &Edge, delta: f64) -> u8 {
+    let mut found = 0;
+    for &from in p.corners() {
+        let side = SideFrom::new(from, edge.ends[0], edge.ends[1], delta);
+        for (&to, &zero) in q.corners().iter().zip(&q.zero) {
+            if is_zero(edge.tags, zero) {
+                continue;
+            }
+            found |= match sign(side.to(to)) {
+                1 => POSITIVE,
+                -1 => NEGATIVE,
+                _ => UNSURE,
+            };
+            if found >= UNSURE || found == POSITIVE | NEGATIVE {
+                return found;
+            }
+        }
+    }
+    found
+}
+
+/// How a segment and a triangle lie.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Crossing {
+    /// The segment certainly crosses the inside of the triangle.
+    Yes,
+    /// The segment certainly does not touch the triangle.
+    No,
+    /// Rounding, or touching, leaves it open.
+    Unsure,
+}
+
+/// Tells whether the segment from p to q crosses a triangle. The four points are taken as exact.
+#[inline]
+pub(crate) fn segment_triangle(p: DVec3, q: DVec3, t: &[DVec3; 3]) -> Crossing {
+    let s = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| sign(side(p, q, t[i], t[j], 0.0)));
+    let (least, greatest) = (s[0].min(s[1]).min(s[2]), s[0].max(s[1]).max(s[2]));
+    if least * greatest < 0 {
+        return Crossing::No;
+    }
+    // Twice the triangle's area times the heights of p and q over the triangle's plane, negated.
+    let heights = [p, q].map(|x| sign(side(x, t[0], t[1], t[2], 0.0)));
+    match heights[0] * heights[1] {
+        1 => Crossing::No,
+        -1 if !s.contains(&0) => Crossing::Yes,
+        _ => Crossing::Unsure,
+    }
+}

@@ -1,0 +1,194 @@
+//! Linear programs over the corners of P and Q: is there a line on the given sides of given edges?
+//!
+//! Each edge gives a row, each pair of corners a column, each entry is the side on which the line between the
+//! corners passes the edge. The entries are affine in either corner, so a line inside P x Q has a weighted
+//! mean of each row. If weights of the rows make all columns negative, no line is positive in all rows (the
+//! lemma of Farkas). Finding such weights is a matrix game, solved by the simplex method in a condensed
+//! tableau; its weights are then evaluated anew with error bounds, so that nothing rests on the method.
+
+use alloc::vec::Vec;
+
+/// Answer of a [`MatrixGame`].
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Value {
+    /// Certainly no weights of columns are positive in all rows; `row_weights` prove that.
+    Negative,
+    /// `column_weights` are positive in all rows, up to rounding.
+    Positive,
+    /// Neither, within rounding.
+    Open,
+}
+
+/// Most steps of the simplex method. From half of them on, the first improving column is taken instead of the
+/// steepest, against cycles.
+const STEPS: usize = 120;
+
+/// A matrix being filled, and its solution.
+#[derive(Default)]
+pub(crate) struct MatrixGame {
+    columns: usize,
+    entries: Vec<f64>,
+    /// For each row, its scale (entries are divided by it) and the greatest error of a scaled entry.
+    rows: Vec<(f64, f64)>,
+    tableau: Vec<f64>,
+    labels: Vec<usize>,
+    /// Weights of the rows as they were given, unscaled.
+    pub(crate) row_weights: Vec<f64>,
+    pub(crate) column_weights: Vec<f64>,
+}
+
+impl MatrixGame {
+    pub(crate) fn start(&mut self, columns: usize) {
+        self.columns = columns;
+        self.entries.clear();
+        self.rows.clear();
+    }
+
+    /// Adds a row of entries, each with a bound on its error.
+    pub(crate) fn row(&mut self, entries: impl Iterator<Item = (f64, f64)>) {
+        let start = self.entries.len();
+        let mut error = 0.0f64;
+        for (entry, bound) in entries {
+            self.entries.push(entry);
+            error = error.max(bound);
+        }
+        let row = &mut self.entries[start..];
+        let scale = row.iter().fold(0.0f64, |most, x| most.max(x.abs())).max(1e-200);
+        row.iter_mut().for_each(|x| *x /= scale);
+        self.rows.push((scale, error / scale + 1e-15));
+    }
+
+    /// Solves the game. A matrix without rows is [`Value::Open`].
+    pub(crate) fn solve(&mut self) -> Value {
+        let (m, n) = (self.rows.len(), self.columns);
+        self.row_weights.clear();
+        self.row_weights.resize(m, 0.0);
+        self.column_weights.clear();
+        self.column_weights.resize(n, 0.0);
+        if m == 0 || n == 0 || !self.optimize(m, n) {
+            return Value::Open;
+        }
+        let width = m + 1;
+        let total = self.tableau[n * width + m];
+        if !(total > 0.0 && total.is_finite()) {
+            return Value::Open;
+        }
+        let (beside, below) = self.labels.split_at(m);
+        for (k, &label) in beside.iter().enumerate() {
+            if label >= m {
+                self.column_weights[label - m] = (self.tableau[n * width + k] / total).max(0.0);
+            }
+        }
+        for (j, &label) in below.iter().enumerate() {
+            if label < m {
+                self.row_weights[label] = (self.tableau[j * width + m] / total).max(0.0);
+            }
+        }
+        // The weights evaluated from the entries: m products and sums round to at most 2 m U of the weights'
+        // sum, for entries of at most 1.
+        let slack: f64 = self.row_weights.iter().zip(&self.rows).map(|(w, (_, error))| w * error).sum();
+        let weights: f64 = self.row_weights.iter().sum();
+        let slack = slack * 1.001 + weights * m as f64 * 4.0 * f64::EPSILON;
+        let column = |j: usize| (0..m).map(|k| self.row_weights[k] * self.entries[k * n + j]).sum::<f64>();
+        let greatest = (0..n).map(column).fold(f64::NEG_INFINITY, f64::max);
+        if greatest < -slack {
+            for (weight, (scale, _)) in self.row_weights.iter_mut().zip(&self.rows) {
+                *weight /= scale;
+            }
+            return Value::Negative;
+        }
+        if 1.0 / total - SHIFT > 1e-10 { Value::Positive } else { Value::Open }
+    }
+
+    /// Maximizes the sum of y with sum_k y_k (entry_kj + [`SHIFT`]) <= 1 for each column j. Returns whether
+    /// the optimum was reached.
+    fn optimize(&mut self, m: usize, n: usize) -> bool {
+        let width = m + 1;
+        self.tableau.clear();
+        for j in 0..n {
+            self.tableau.extend((0..m).map(|k| self.entries[k * n + j] + SHIFT));
+            self.tableau.push(1.0);
+        }
+        self.tableau.extend((0..m).map(|_| -1.0));
+        self.tableau.push(0.0);
+        self.labels.clear();
+        self.labels.extend(0..m + n);
+        for step in 0..STEPS {
+            let costs = &self.tableau[n * width..n * width + m];
+            let improving = costs.iter().enumerate().filter(|(_, cost)| **cost < -1e-12);
+            let entering = if step < STEPS / 2 {
+                improving.min_by(|a, b| a.1.total_cmp(b.1))
+            } else {
+                improving.min_by_key(|(k, _)| self.labels[*k])
+            };
+            let Some((c, _)) = entering else { return true };
+            let mut leaving: Option<(f64, usize)> = None;
+            for j in 0..n {
+                let by = self.tableau[j * width + c];
+                if by > 1e-11 {
+                    let ratio = self.tableau[j * width + m] / by;
+                    let label = |j: usize| self.labels[m + j];
+                    let is_less = leaving
+                        .is_none_or(|(least, at)| ratio < least || (ratio == least && label(j) < label(at)));
+                    if is_less {
+                        leaving = Some((ratio, j));
+                    }
+                }
+            }
+            let Some((_, r)) = leaving else { return false };
+            self.pivot(r, c, width);
+            self.labels.swap(c, m + r);
+        }
+        false
+    }
+
+    fn pivot(&mut self, r: usize, c: usize, width: usize) {
+        let inverse = 1.0 / self.tableau[r * width + c];
+        let (before, rest) = self.tableau.split_at_mut(r * width);
+        let (row, after) = rest.split_at_mut(width);
+        for x in row.iter_mut() {
+            *x *= inverse;
+        }
+        row[c] = inverse;
+        for other in before.chunks_exact_mut(width).chain(after.chunks_exact_mut(width)) {
+            let factor = other[c];
+            if factor != 0.0 {
+                other[c] = 0.0;
+                for (x, y) in other.iter_mut().zip(row.iter()) {
+                    *x -= factor * y;
+                }
+            }
+        }
+    }
+}
+
+/// Added to all entries, which are at least -1, so that the value of the game is positive.
+const SHIFT: f64 = 2.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_games_have_their_values() {
+        let mut game = MatrixGame::default();
+        let mut solve = |rows: &[[f64; 3]]| {
+            game.start(3);
+            for row in rows {
+                game.row(row.iter().map(|&x| (x, 0.0)));
+            }
+            (game.solve(), game.row_weights.clone(), game.column_weights.clone())
+        };
+        let (value, _, columns) = solve(&[[4.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 5.0]]);
+        assert_eq!(value, Value::Positive);
+        assert!((columns.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        let rows = [[1.0, -3.0, -1.0], [-2.0, 1.0, -1.0]];
+        let (value, weights, _) = solve(&rows);
+        assert_eq!(value, Value::Negative);
+        assert!((0..3).all(|j| weights[0] * rows[0][j] + weights[1] * rows[1][j] < 0.0));
+        let (value, ..) = solve(&[[1.0, 0.0, -1.0], [-1.0, 0.0, 1.0]]);
+        assert_eq!(value, Value::Open);
+        assert_eq!(solve(&[[f64::NAN; 3]]).0, Value::Open);
+        assert_eq!(solve(&[[0.0; 3]]).0, Value::Open);
+    }
+}

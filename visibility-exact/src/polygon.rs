@@ -1,0 +1,153 @@
+//! Small convex polygons: where lines of sight begin (a part of a face of the viewcell) and where they end (a
+//! part of a face of the target).
+
+use visibility_core::glam::DVec3;
+
+/// Greatest number of corners.
+pub(crate) const MOST: usize = 8;
+
+/// A convex polygon with at most [`MOST`] corners.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Polygon {
+    v: [DVec3; MOST],
+    /// For each corner the barycentric coordinates in the target triangle that are exactly 0, as bits. 0 for
+    /// polygons that are no part of a target triangle, or of one that was moved.
+    pub(crate) zero: [u8; MOST],
+    n: usize,
+}
+
+impl Polygon {
+    /// Makes a polygon of at most [`MOST`] corners; further corners are ignored.
+    pub(crate) fn new(corners: &[DVec3]) -> Self {
+        let mut polygon = Self { v: [DVec3::ZERO; MOST], zero: [0; MOST], n: 0 };
+        for &corner in corners {
+            polygon.push(corner, 0);
+        }
+        polygon
+    }
+
+    /// Makes a polygon of a target triangle.
+    pub(crate) fn target(triangle: &[DVec3; 3]) -> Self {
+        let mut polygon = Self::new(triangle);
+        polygon.zero[..3].copy_from_slice(&[0b110, 0b101, 0b011]);
+        polygon
+    }
+
+    pub(crate) fn corners(&self) -> &[DVec3] {
+        &self.v[..self.n]
+    }
+
+    pub(crate) fn center(&self) -> DVec3 {
+        self.corners().iter().sum::<DVec3>() / self.n as f64
+    }
+
+    /// Returns the normal, twice as long as the area.
+    pub(crate) fn normal(&self) -> DVec3 {
+        let pairs = self.corners().windows(2).skip(1);
+        pairs.map(|pair| (pair[0] - self.v[0]).cross(pair[1] - self.v[0])).sum()
+    }
+
+    /// Returns the length of the longest side.
+    pub(crate) fn size(&self) -> f64 {
+        (0..self.n).map(|i| self.v[i].distance(self.v[(i + 1) % self.n])).fold(0.0, f64::max)
+    }
+
+    fn push(&mut self, corner: DVec3, zero: u8) -> bool {
+        let fits = self.n < MOST;
+        if fits {
+            (self.v[self.n], self.zero[self.n]) = (corner, zero);
+            self.n += 1;
+        }
+        fits
+    }
+
+    /// Returns the part where `normal . x + offset >= 0`, or all of the polygon if the part has too many
+    /// corners. `None` if the part has no area: if no corner is in front of the plane.
+    pub(crate) fn clip(&self, normal: DVec3, offset: f64) -> Option<Self> {
+        let height = |i: usize| normal.dot(self.v[i % self.n]) + offset;
+        let mut out = Self::new(&[]);
+        let mut inside = false;
+        for i in 0..self.n {
+            let (here, next) = (height(i), height(i + 1));
+            inside |= here > 0.0;
+            if here >= 0.0 && !out.push(self.v[i], self.zero[i]) {
+                return Some(*self);
+            }
+            if (here > 0.0 && next < 0.0) || (here < 0.0 && next > 0.0) {
+                let j = (i + 1) % self.n;
+                let cut = self.v[i] + (self.v[j] - self.v[i]) * (here / (here - next));
+                if !out.push(cut, self.zero[i] & self.zero[j]) {
+                    return Some(*self);
+                }
+            }
+        }
+        (inside && out.n >= 3).then_some(out)
+    }
+
+    /// Returns two halves. `across` chooses, of a quadrilateral, the halving that does not shorten the longer
+    /// sides; other polygons have one halving only.
+    pub(crate) fn halves(&self, across: bool) -> [Self; 2] {
+        let length = |i: usize| self.v[i % self.n].distance(self.v[(i + 1) % self.n]);
+        let corner = |i: usize| (self.v[i % self.n], self.zero[i % self.n]);
+        let middle = |i: usize| {
+            let ((a, x), (b, y)) = (corner(i), corner(i + 1));
+            ((a + b) * 0.5, x & y)
+        };
+        let make = |corners: &[(DVec3, u8)]| {
+            let mut polygon = Self::new(&[]);
+            for &(corner, zero) in corners {
+                polygon.push(corner, zero);
+            }
+            polygon
+        };
+        match self.n {
+            3 => {
+                let longest = (0..3).fold(0, |best, i| if length(i) > length(best) { i } else { best });
+                let [i, j, k] = [longest, longest + 1, longest + 2];
+                let m = middle(i);
+                [make(&[corner(i), m, corner(k)]), make(&[m, corner(j), corner(k)])]
+            }
+            4 => {
+                let first = length(0) + length(2) >= length(1) + length(3);
+                let i = usize::from(first == across);
+                let (m, n) = (middle(i), middle(i + 2));
+                [make(&[corner(i), m, n, corner(i + 3)]), make(&[m, corner(i + 1), corner(i + 2), n])]
+            }
+            n => {
+                let half = n / 2;
+                let first: [_; MOST] = core::array::from_fn(|i| corner(i.min(half)));
+                let second: [_; MOST] = core::array::from_fn(|i| corner((half + i).min(n)));
+                [make(&first[..=half]), make(&second[..=n - half])]
+            }
+        }
+    }
+
+    /// Returns whether [`halves`](Self::halves) has two ways to halve.
+    pub(crate) fn has_two_ways(&self) -> bool {
+        self.n == 4
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_cover_the_polygon() {
+        let angle = |k: usize, n: usize| core::f64::consts::TAU * k as f64 / n as f64;
+        for n in 3..=MOST {
+            let corners: std::vec::Vec<DVec3> =
+                (0..n).map(|k| DVec3::new(angle(k, n).cos() * 2.0, angle(k, n).sin(), 1.0)).collect();
+            let polygon = Polygon::new(&corners);
+            for across in [false, true] {
+                let halves = polygon.halves(across);
+                let area = |polygon: &Polygon| polygon.normal().z;
+                assert!(halves.iter().all(|half| area(half) > 0.2 * area(&polygon)), "{n}");
+                assert!((area(&halves[0]) + area(&halves[1]) - area(&polygon)).abs() < 1e-12);
+            }
+            let [a, b] = [DVec3::X, -DVec3::X].map(|normal| polygon.clip(normal, 0.1).unwrap());
+            assert!(a.normal().z + b.normal().z > polygon.normal().z);
+            assert_eq!(polygon.clip(DVec3::Z, -2.0), None);
+        }
+    }
+}

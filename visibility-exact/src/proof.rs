@@ -1,0 +1,83 @@
+//! Proofs that a target cannot be seen from a viewcell, as values.
+
+use crate::sight::{CellBox, Target};
+use alloc::{boxed::Box, vec::Vec};
+use visibility_core::glam::DVec3;
+
+/// A proof that no segment from a viewcell to a target is unblocked, or none with a clearance beyond the
+/// tolerance, made by [`ExactCuller`](crate::ExactCuller). Checked by [`check`](Self::check) with code and
+/// arithmetic that the search does not use.
+///
+/// The segments from P, a face of the viewcell, to Q, a face of the target, are divided into nodes: P or Q is
+/// halved, or the node is divided by the sides on which lines pass the edges of an occluder. Each node
+/// without further division has one of four reasons:
+/// - A surface of occluding triangles whose boundary no segment of the node meets, and which one of the
+///   segments crosses an odd number of times: all segments cross it.
+/// - A closed loop on an occluder that all segments of the node have on one side: it winds around them.
+/// - Weights of the node's dividing edges for which the weighted sum of sides is negative at all pairs of
+///   corners: no segment is in the node (the lemma of Farkas).
+/// - Three dividing edges around a corner, of which a certain weighted sum of sides is negative for all
+///   directions: no segment is in the node.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Proof {
+    pub(crate) cell: CellBox,
+    pub(crate) target: Target,
+    pub(crate) clearance: f64,
+    /// Nodes in depth-first order, those of one pair of polygons after those of another.
+    pub(crate) steps: Vec<Step>,
+}
+
+impl Proof {
+    /// Returns the number of nodes, a measure of how hard the proof was.
+    pub fn len(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Returns whether there are no nodes: the target has no area that faces the viewcell.
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+}
+
+/// A node of a proof.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) enum Step {
+    /// A polygon is halved; the two nodes of the halves follow.
+    Halves { of_p: bool, across: bool },
+    /// All segments cross a surface.
+    Surface {
+        triangles: Box<[u32]>,
+        /// Vertices of the boundary that were moved outwards, with their new positions, ascending.
+        moved: Box<[(u32, DVec3)]>,
+        /// A segment of the node that crosses the surface an odd number of times.
+        line: [DVec3; 2],
+    },
+    /// No segment is in the node, by weights of its dividing edges.
+    Empty { weights: Box<[f64]> },
+    /// No segment is in the node, by three of its dividing edges.
+    Corner { edges: [u32; 3] },
+    /// The node is divided by the edges of a loop. For each [`LoopEdge::Divides`] the node of the segments
+    /// that pass outside of the edge, and inside of all dividing edges before it, follows. The rest is
+    /// blocked.
+    Loop {
+        /// Number of a convex polygon of triangles.
+        piece: u32,
+        /// The loop, and for each corner the corner of the target triangle that it is.
+        ring: Box<[(DVec3, u8)]>,
+        /// Side on which blocked segments have all edges, 1 or -1.
+        side: f64,
+        /// By edge, from each corner to the next.
+        edges: Box<[LoopEdge]>,
+    },
+}
+
+/// What becomes of the segments that pass outside of an edge of a loop.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) enum LoopEdge {
+    /// All segments between the polygons pass inside.
+    Inside,
+    /// No segment of the node passes outside, by weights of its dividing edges and, last, of this edge.
+    Never { weights: Box<[f64]> },
+    /// A node of its own.
+    Divides,
+}

@@ -1,0 +1,371 @@
+//! Nodes divided by the edges of occluders: the segments of P x Q that pass some edges on given sides.
+//!
+//! A line of the node that is blocked crosses an occluder, whose boundary is a closed loop. The segments that
+//! pass all edges of the loop on one side are blocked too: the loop winds around them, so that every surface
+//! that it bounds is crossed. The others pass outside of some edge, each edge a node of its own. Linear
+//! programs tell which of those have no segments.
+
+use crate::corner_proof;
+use crate::line_side::{Edge, NEGATIVE, NO_CORNER, POSITIVE, is_zero, side, sign, signs};
+use crate::matrix_game::Value;
+use crate::proof::{LoopEdge, Step};
+use crate::search::{Answer, Search, Segment};
+use crate::sight::{Half, Sight};
+use alloc::{boxed::Box, vec::Vec};
+use visibility_core::glam::DVec3;
+
+/// The lines that pass an edge on one side.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Row {
+    pub(crate) edge: Edge,
+    /// 1 or -1: the sign of the side.
+    pub(crate) side: f64,
+}
+
+/// Corner of a loop: its position, and which corner of the target triangle it is.
+type RingCorner = (DVec3, u8);
+
+/// A loop that a line passes inside of.
+struct Loop {
+    piece: u32,
+    ring: Vec<RingCorner>,
+    side: f64,
+    /// Whether the node may have lines outside of each edge.
+    divides: Vec<bool>,
+}
+
+impl Loop {
+    fn edge(&self, k: usize) -> Edge {
+        let (a, b) = (self.ring[k], self.ring[(k + 1) % self.ring.len()]);
+        Edge { ends: [a.0, b.0], tags: [a.1, b.1] }
+    }
+
+    fn row(&self, k: usize, side: f64) -> Row {
+        Row { edge: self.edge(k), side }
+    }
+
+    fn dividing(&self) -> usize {
+        self.divides.iter().filter(|&&divides| divides).count()
+    }
+}
+
+/// Most halvings of a node that is divided by rows.
+const HALVINGS: u32 = 12;
+/// Most occluders on a line of which the loop is tried.
+const LOOPS: usize = 6;
+
+impl Search<'_> {
+    /// Searches the lines of a node that satisfy all rows. `left` is the number of nodes still allowed,
+    /// `halvings` the number of halvings so far.
+    pub(crate) fn divide(
+        &mut self,
+        sight: &Sight,
+        rows: &mut Vec<Row>,
+        left: &mut u32,
+        halvings: u32,
+    ) -> Answer {
+        if *left == 0 {
+            return Answer::Undecided;
+        }
+        *left -= 1;
+        self.stats.divided_nodes += 1;
+        let mut line = Some(self.middle(sight));
+        if !rows.is_empty() {
+            match self.solve(sight, rows) {
+                Value::Negative => {
+                    self.steps.push(Step::Empty { weights: self.game.row_weights.as_slice().into() });
+                    return Answer::Hidden;
+                }
+                Value::Open => return Answer::Undecided,
+                Value::Positive => line = self.line_inside(sight, rows),
+            }
+        }
+        let Some(line) = line else {
+            // No point of the polytope of the program is a line, or none was found.
+            if let Some(edges) = corner_proof::find(sight, rows, self.delta) {
+                self.steps.push(Step::Corner { edges });
+                return Answer::Hidden;
+            }
+            return self.halve_divided(sight, rows, left, halvings);
+        };
+        let mut hits = core::mem::take(&mut self.hits);
+        let unsure = self.probe(line, 8, &mut hits);
+        let best = if hits.is_empty() { None } else { self.best_loop(sight, rows.len(), line, &hits) };
+        let is_clear = hits.is_empty() && !unsure;
+        self.hits = hits;
+        if is_clear {
+            return Answer::Visible(line);
+        }
+        let Some(best) = best else { return self.halve_divided(sight, rows, left, halvings) };
+        self.divide_by(sight, &best, rows, left, halvings)
+    }
+
+    /// Divides a node by the edges of a loop.
+    fn divide_by(
+        &mut self,
+        sight: &Sight,
+        by: &Loop,
+        rows: &mut Vec<Row>,
+        left: &mut u32,
+        halvings: u32,
+    ) -> Answer {
+        let base = rows.len();
+        let mut edges = Vec::with_capacity(by.ring.len());
+        for (k, &divides) in by.divides.iter().enumerate() {
+            let mut found = if divides { LoopEdge::Divides } else { LoopEdge::Inside };
+            if divides && base > 0 {
+                rows.push(by.row(k, -by.side));
+                if self.solve(sight, rows) == Value::Negative {
+                    found = LoopEdge::Never { weights: self.game.row_weights.as_slice().into() };
+                }
+                rows.truncate(base);
+            }
+            edges.push(found);
+        }
+        let mark = self.steps.len();
+        let dividing: Vec<usize> = (0..edges.len()).filter(|&k| edges[k] == LoopEdge::Divides).collect();
+        self.steps.push(Step::Loop {
+            piece: by.piece,
+            ring: by.ring.as_slice().into(),
+            side: by.side,
+            edges: edges.into_boxed_slice(),
+        });
+        let mut answer = Answer::Hidden;
+        for (count, &k) in dividing.iter().enumerate() {
+            rows.truncate(base);
+            rows.extend(dividing[..count].iter().map(|&k| by.row(k, by.side)));
+            rows.push(by.row(k, -by.side));
+            answer = self.divide(sight, rows, left, halvings);
+            if !matches!(answer, Answer::Hidden) {
+                break;
+            }
+        }
+        rows.truncate(base);
+        if !matches!(answer, Answer::Hidden) {
+            self.steps.truncate(mark);
+        }
+        answer
+    }
+
+    /// Halves P or Q of a node with rows: the way that leaves a half without lines, if there is one.
+    fn halve_divided(&mut self, sight: &Sight, rows: &mut Vec<Row>, left: &mut u32, halvings: u32) -> Answer {
+        if halvings >= HALVINGS {
+            return Answer::Undecided;
+        }
+        let p_is_larger = sight.p.size() >= sight.q.size();
+        let mut best: Option<(u32, bool, bool)> = None;
+        for (of_p, across) in [(true, false), (false, false), (true, true), (false, true)] {
+            let polygon = if of_p { &sight.p } else { &sight.q };
+            if across && !polygon.has_two_ways() {
+                continue;
+            }
+            let mut score = u32::from(of_p == p_is_larger);
+            if !rows.is_empty() {
+                for half in sight.halves(of_p, across) {
+                    score += if self.solve(&half, rows) == Value::Negative { 4 } else { 0 };
+                }
+            }
+            if best.is_none_or(|(most, ..)| score > most) {
+                best = Some((score, of_p, across));
+            }
+            if score >= 4 {
+                break;
+            }
+        }
+        let Some((_, of_p, across)) = best else { return Answer::Undecided };
+        let mark = self.steps.len();
+        self.steps.push(Step::Halves { of_p, across });
+        for half in sight.halves(of_p, across) {
+            let answer = self.divide(&half, rows, left, halvings + 1);
+            if !matches!(answer, Answer::Hidden) {
+                self.steps.truncate(mark);
+                return answer;
+            }
+        }
+        Answer::Hidden
+    }
+
+    /// Solves the program of the rows over the corners of P and Q.
+    fn solve(&mut self, sight: &Sight, rows: &[Row]) -> Value {
+        self.stats.programs += 1;
+        let (p, q, delta) = (sight.p.corners(), sight.q.corners(), self.delta);
+        self.game.start(p.len() * q.len());
+        for row in rows {
+            let Row { edge, side: s } = row;
+            self.game.row(p.iter().flat_map(|&from| {
+                q.iter().zip(&sight.q.zero).map(move |(&to, &zero)| {
+                    if is_zero(edge.tags, zero) {
+                        return (0.0, 0.0);
+                    }
+                    let (value, error) = side(from, to, edge.ends[0], edge.ends[1], delta);
+                    (value * s, error)
+                })
+            }));
+        }
+        self.game.solve()
+    }
+
+    /// Returns a segment of the node that satisfies all rows, starting from the weights of the last program,
+    /// by programs in p and in q in turn.
+    fn line_inside(&mut self, sight: &Sight, rows: &[Row]) -> Option<Segment> {
+        let (p, q) = (sight.p.corners(), sight.q.corners());
+        let (mut from, mut to, mut total) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for (k, weight) in self.game.column_weights.iter().enumerate() {
+            from += p[k / q.len()] * *weight;
+            to += q[k % q.len()] * *weight;
+            total += weight;
+        }
+        if total.is_nan() || total <= 0.5 {
+            return None;
+        }
+        let mut line = self.segment(from / total, to / total);
+        let delta = self.delta;
+        let satisfies = |line: Segment| {
+            rows.iter().all(|row| {
+                let (value, error) = side(line.p, line.q, row.edge.ends[0], row.edge.ends[1], delta);
+                value * row.side > error
+            })
+        };
+        for round in 0..5 {
+            if satisfies(line) {
+                // Programs end at corners; further inside is better.
+                let (p, q) = (sight.p.center(), sight.q.center());
+                let towards =
+                    |part: f64| self.segment(line.p + (p - line.p) * part, line.q + (q - line.q) * part);
+                let inner = [0.5, 0.2, 0.05, 0.01, 0.001].into_iter().map(towards).find(|&l| satisfies(l));
+                return Some(inner.unwrap_or(line));
+            }
+            let of_q = round % 2 == 0;
+            let corners = if of_q { q } else { p };
+            self.game.start(corners.len());
+            for row in rows {
+                let [a, b] = row.edge.ends;
+                self.game.row(corners.iter().map(|&x| {
+                    let (from, to) = if of_q { (line.p, x) } else { (x, line.q) };
+                    let (value, error) = side(from, to, a, b, delta);
+                    (value * row.side, error)
+                }));
+            }
+            self.game.solve();
+            let weights = &self.game.column_weights;
+            let total: f64 = weights.iter().sum();
+            if total.is_nan() || total <= 0.5 {
+                return None;
+            }
+            let x = corners.iter().zip(weights).map(|(x, w)| *x * *w).sum::<DVec3>() / total;
+            line = if of_q { self.segment(line.p, x) } else { self.segment(x, line.q) };
+        }
+        satisfies(line).then_some(line)
+    }
+
+    /// Of the occluders that a line crosses, returns the loop with the fewest dividing edges.
+    fn best_loop(&self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
+        // The growth shrinks with every row, so that a line outside of one edge is surely not inside of
+        // another edge on the same line.
+        let part = (0..depth.min(60)).fold(1.0, |part, _| part * 0.9);
+        let grow = self.clearance * (0.5 + 0.5 * part);
+        let mut best: Option<Loop> = None;
+        for (k, &hit) in hits.iter().take(LOOPS).enumerate() {
+            let piece = self.triangles.piece_of(hit);
+            if hits[..k].iter().any(|&other| self.triangles.piece_of(other) == piece) {
+                continue;
+            }
+            let Some(found) = self.loop_around(sight, piece, line, grow) else { continue };
+            if best.as_ref().is_none_or(|best| found.dividing() < best.dividing()) {
+                best = Some(found);
+            }
+            if best.as_ref().is_some_and(|best| best.dividing() == 0) {
+                break;
+            }
+        }
+        best
+    }
+
+    /// Returns the loop of a piece, moved outwards by `grow` and cut to between the planes of P and Q. `None`
+    /// if the line does not surely pass inside.
+    fn loop_around(&self, sight: &Sight, piece: u32, line: Segment, grow: f64) -> Option<Loop> {
+        let around = self.triangles.piece(piece);
+        let corners = around.ring.iter().zip(&around.positions);
+        let mut ring: Vec<RingCorner> = corners.map(|(&v, &position)| (position, self.tag(v))).collect();
+        if grow > 0.0 {
+            ring = grown(&ring, grow);
+        }
+        for plane in [&sight.before_p, &sight.before_q] {
+            ring = cut(ring, plane);
+        }
+        drop_straight(&mut ring);
+        if ring.len() < 3 {
+            return None;
+        }
+        let mut found = Loop { piece, side: 1.0, divides: Vec::with_capacity(ring.len()), ring };
+        let mut sides = 0;
+        for k in 0..found.ring.len() {
+            let [a, b] = found.edge(k).ends;
+            sides |= match sign(side(line.p, line.q, a, b, self.delta)) {
+                1 => POSITIVE,
+                -1 => NEGATIVE,
+                _ => return None,
+            };
+        }
+        found.side = match sides {
+            POSITIVE => 1.0,
+            NEGATIVE => -1.0,
+            _ => return None,
+        };
+        for k in 0..found.ring.len() {
+            let occurring = signs(&sight.p, &sight.q, &found.edge(k), self.delta);
+            found.divides.push(occurring != 0 && occurring != sides);
+        }
+        Some(found)
+    }
+}
+
+/// Moves the corners of a planar convex ring outwards so that its sides move by `grow`, or by less at sharp
+/// corners.
+fn grown(ring: &[RingCorner], grow: f64) -> Vec<RingCorner> {
+    let n = ring.len();
+    let normal: DVec3 = (1..n - 1).map(|k| (ring[k].0 - ring[0].0).cross(ring[k + 1].0 - ring[0].0)).sum();
+    let out = |k: usize| {
+        let (a, b) = (ring[k % n].0, ring[(k + 1) % n].0);
+        (b - a).cross(normal).normalize_or_zero()
+    };
+    let moved = |k: usize| ring[k].0 + crate::chain::mitre(out(k + n - 1) + out(k), 2, grow);
+    (0..n).map(|k| (moved(k), NO_CORNER)).collect()
+}
+
+/// Returns the part of a ring in front of a plane.
+fn cut(ring: Vec<RingCorner>, plane: &Half) -> Vec<RingCorner> {
+    let heights: Box<[f64]> = ring.iter().map(|corner| plane.height(corner.0)).collect();
+    if heights.iter().all(|h| *h >= 0.0) {
+        return ring;
+    }
+    let mut out = Vec::with_capacity(ring.len() + 1);
+    for k in 0..ring.len() {
+        let next = (k + 1) % ring.len();
+        let (here, there) = (heights[k], heights[next]);
+        if here >= 0.0 {
+            out.push(ring[k]);
+        }
+        if (here > 0.0 && there < 0.0) || (here < 0.0 && there > 0.0) {
+            let (a, b) = (ring[k].0, ring[next].0);
+            out.push((a + (b - a) * (here / (here - there)), NO_CORNER));
+        }
+    }
+    out
+}
+
+/// Removes corners between two sides on one line, which would give two rows for one line, and corners that
+/// coincide with the one before.
+fn drop_straight(ring: &mut Vec<RingCorner>) {
+    let mut k = 0;
+    while ring.len() >= 3 && k < ring.len() {
+        let n = ring.len();
+        let (u, v) = (ring[k].0 - ring[(k + n - 1) % n].0, ring[(k + 1) % n].0 - ring[k].0);
+        if ring[k].1 == NO_CORNER && u.cross(v).length() <= 1e-12 * u.length() * v.length() {
+            ring.remove(k);
+            k = k.saturating_sub(1);
+        } else {
+            k += 1;
+        }
+    }
+}

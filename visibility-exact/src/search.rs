@@ -1,0 +1,252 @@
+//! The search: is there an unblocked segment from P to Q? Depth first over halves of P and Q, lazily: only
+//! where a surface through the middle segment does not block the whole node.
+
+use crate::chain::{ChainScratch, Obstacle};
+use crate::matrix_game::MatrixGame;
+use crate::proof::Step;
+use crate::shaft::Shaft;
+use crate::sight::{CellBox, Sight, Target, sights};
+use crate::triangles::SceneTriangles;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// A segment from a point of the viewcell, in scene coordinates.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Segment {
+    pub(crate) p: DVec3,
+    pub(crate) q: DVec3,
+}
+
+/// Answer for a target or a node.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) enum Answer {
+    /// Proven: [`Search::steps`] has the proof.
+    Hidden,
+    /// A segment that certainly misses all occluders.
+    Visible(Segment),
+    /// Neither within the budget.
+    Undecided,
+}
+
+/// Work done by a [`Search`].
+#[derive(Clone, Copy, Default, Debug)]
+pub(crate) struct SearchStats {
+    pub(crate) nodes: u64,
+    pub(crate) divided_nodes: u64,
+    pub(crate) surfaces: u64,
+    pub(crate) programs: u64,
+}
+
+/// Bounds on the work for one target.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Budget {
+    /// Most nodes by halving.
+    pub(crate) nodes: u32,
+    /// Most nodes of each attempt to divide a node by occluder edges.
+    pub(crate) divided: u32,
+}
+
+/// Depth of halvings below which a node stays undecided.
+const DEPTH: u32 = 28;
+/// Depth from which nodes are divided by occluder edges, on every third level.
+const DIVIDE_FROM: u32 = 3;
+/// Number of triangles on a line from which surfaces are grown.
+const STARTS: usize = 4;
+
+/// Number of no triangle, and of no vertex.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// State of queries from one viewcell.
+pub(crate) struct Search<'a> {
+    pub(crate) triangles: &'a SceneTriangles,
+    pub(crate) cell: CellBox,
+    pub(crate) clearance: f64,
+    /// Bound on the errors of positions.
+    pub(crate) delta: f64,
+    /// The target triangle if it must not occlude: without clearance.
+    pub(crate) skip: u32,
+    pub(crate) target_vertices: [u32; 3],
+    pub(crate) budget: Budget,
+    used: u32,
+    pub(crate) chain: ChainScratch,
+    pub(crate) game: MatrixGame,
+    pub(crate) hits: Vec<u32>,
+    pub(crate) steps: Vec<Step>,
+    pub(crate) stats: SearchStats,
+    /// The start of the last surface that blocked a node, tried first for the next.
+    hint: u32,
+}
+
+impl<'a> Search<'a> {
+    pub(crate) fn new(triangles: &'a SceneTriangles, cell: CellBox, clearance: f64) -> Self {
+        Self {
+            triangles,
+            cell,
+            clearance,
+            delta: triangles.position_error(cell.magnitude() + 3.0 * clearance),
+            skip: NONE,
+            target_vertices: [NONE; 3],
+            budget: Budget { nodes: 0, divided: 0 },
+            used: 0,
+            chain: ChainScratch::new(triangles.len(), triangles.edge_count()),
+            game: MatrixGame::default(),
+            hits: Vec::new(),
+            steps: Vec::new(),
+            stats: SearchStats::default(),
+            hint: NONE,
+        }
+    }
+
+    /// Answers for a target. Returns the answer and the number of nodes used. After [`Answer::Hidden`] the
+    /// proof is in [`steps`](Self::steps).
+    pub(crate) fn solve_target(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
+        (self.skip, self.target_vertices) = (NONE, [NONE; 3]);
+        if let Target::Triangle(t) = target
+            && self.clearance == 0.0
+        {
+            (self.skip, self.target_vertices) = (t, self.triangles.vertices(t));
+        }
+        (self.budget, self.used) = (budget, 0);
+        self.steps.clear();
+        let mut answer = Answer::Hidden;
+        for sight in sights(self.triangles, &self.cell, target, self.clearance, 4.0 * self.delta) {
+            match self.node(&sight, 0) {
+                Answer::Hidden => {}
+                Answer::Visible(line) => return (Answer::Visible(line), self.used),
+                Answer::Undecided => {
+                    answer = Answer::Undecided;
+                    if self.used >= budget.nodes {
+                        break;
+                    }
+                }
+            }
+        }
+        (answer, self.used)
+    }
+
+    fn node(&mut self, sight: &Sight, depth: u32) -> Answer {
+        if self.used >= self.budget.nodes {
+            return Answer::Undecided;
+        }
+        self.used += 1;
+        self.stats.nodes += 1;
+        let mut hits = core::mem::take(&mut self.hits);
+        let line = self.crossed_line(sight, &mut hits);
+        let mut obstacle = None;
+        let mut answer = None;
+        match line {
+            Err(clear) => answer = Some(Answer::Visible(clear)),
+            Ok(line) if !hits.is_empty() => {
+                hits.sort_unstable_by(|&a, &b| {
+                    self.triangles.area(b).total_cmp(&self.triangles.area(a)).then(a.cmp(&b))
+                });
+                if let Some(at) = hits.iter().position(|&hit| hit == self.hint) {
+                    hits.swap(0, at);
+                }
+                let shaft = Shaft::new(&sight.p, &sight.q, self.delta);
+                for &start in hits.iter().take(STARTS) {
+                    self.stats.surfaces += 1;
+                    match self.close(sight, &shaft, start, line) {
+                        Ok(step) => {
+                            self.hint = start;
+                            self.steps.push(step);
+                            answer = Some(Answer::Hidden);
+                            break;
+                        }
+                        Err(edge) => obstacle = obstacle.or(Some((edge, line))),
+                    }
+                }
+            }
+            Ok(_) => {}
+        }
+        self.hits = hits;
+        if let Some(answer) = answer {
+            return answer;
+        }
+        if depth >= DIVIDE_FROM && (depth - DIVIDE_FROM).is_multiple_of(3) {
+            let mut left = self.budget.divided;
+            match self.divide(sight, &mut Vec::new(), &mut left, 0) {
+                Answer::Undecided => {}
+                answer => return answer,
+            }
+        }
+        if depth >= DEPTH {
+            return Answer::Undecided;
+        }
+        self.halve(sight, depth, obstacle)
+    }
+
+    /// Halves the polygon that the obstacle is farther from, seen along the line: there it moves most.
+    fn halve(&mut self, sight: &Sight, depth: u32, obstacle: Option<(Obstacle, Segment)>) -> Answer {
+        let at = obstacle.map_or(0.5, |([a, b], line)| {
+            let along = line.q - line.p;
+            let place = |x: DVec3| ((x - line.p).dot(along) / along.length_squared()).clamp(0.02, 0.98);
+            let at = (place(a) + place(b) + place((a + b) * 0.5)) / 3.0;
+            if at.is_nan() { 0.5 } else { at }
+        });
+        let of_p = sight.p.size() * (1.0 - at) >= sight.q.size() * at;
+        let mark = self.steps.len();
+        self.steps.push(Step::Halves { of_p, across: false });
+        let mut all = Answer::Hidden;
+        for half in sight.halves(of_p, false) {
+            match self.node(&half, depth + 1) {
+                Answer::Hidden => {}
+                Answer::Visible(line) => return Answer::Visible(line),
+                Answer::Undecided => {
+                    all = Answer::Undecided;
+                    if self.used >= self.budget.nodes {
+                        break;
+                    }
+                }
+            }
+        }
+        if all != Answer::Hidden {
+            self.steps.truncate(mark);
+        }
+        all
+    }
+
+    /// Returns a segment through the middle of a node with the triangles that it certainly crosses in `hits`,
+    /// nearby segments where the middle meets edges only; `Err` with a segment that certainly misses all.
+    fn crossed_line(&self, sight: &Sight, hits: &mut Vec<u32>) -> Result<Segment, Segment> {
+        let (p, q) = (sight.p.corners(), sight.q.corners());
+        let mut line = self.middle(sight);
+        for attempt in 0..3 {
+            let unsure = self.probe(line, 12, hits);
+            if hits.is_empty() && !unsure {
+                return Err(line);
+            }
+            if !hits.is_empty() {
+                break;
+            }
+            let (k, m) = ((2 * attempt + 1) % p.len(), (attempt + 1) % q.len());
+            line = self.segment(sight.p.center() * 0.9 + p[k] * 0.1, sight.q.center() * 0.87 + q[m] * 0.13);
+        }
+        Ok(line)
+    }
+
+    pub(crate) fn middle(&self, sight: &Sight) -> Segment {
+        self.segment(sight.p.center(), sight.q.center())
+    }
+
+    /// Makes a segment whose start is in the viewcell, whatever rounding did to it.
+    pub(crate) fn segment(&self, p: DVec3, q: DVec3) -> Segment {
+        Segment { p: p.clamp(self.cell.min, self.cell.max), q }
+    }
+
+    /// Collects up to `most` triangles that a segment certainly crosses; returns whether there may be others.
+    pub(crate) fn probe(&self, line: Segment, most: usize, hits: &mut Vec<u32>) -> bool {
+        self.triangles.tree.crossed(line.p, line.q, self.skip, most, hits)
+    }
+}
+
+impl Sight {
+    /// Returns the two sights with one polygon halved.
+    pub(crate) fn halves(&self, of_p: bool, across: bool) -> [Self; 2] {
+        if of_p {
+            self.p.halves(across).map(|p| Self { p, ..*self })
+        } else {
+            self.q.halves(across).map(|q| Self { q, ..*self })
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! A tree of boxes over the occluding triangles: what a segment crosses, and what a ray hits first.
+
+use crate::line_side::{Crossing, segment_triangle};
+use alloc::vec::Vec;
+use visibility_core::glam::{DVec3, Vec3};
+
+/// A binary tree of bounding boxes, split by the surface-area heuristic.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct TriangleTree {
+    nodes: Vec<Node>,
+    /// Numbers of the triangles in the order of the leaves.
+    order: Vec<u32>,
+    /// Corners of the triangles in the order of the leaves.
+    corners: Vec<[Vec3; 3]>,
+}
+
+/// A node; the first child follows its parent.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    min: Vec3,
+    max: Vec3,
+    /// Index of the second child of an inner node; of a leaf, its first triangle.
+    link: u32,
+    /// Number of triangles of a leaf, 0 of an inner node.
+    count: u32,
+}
+
+/// Most triangles of a leaf.
+const LEAF: usize = 4;
+/// Depth below which nodes are split at the median, which bounds the depth of the tree.
+const DEEP: usize = 48;
+/// Bound on the depth: [`DEEP`], and 2^32 triangles halved.
+const STACK: usize = DEEP + 34;
+/// Number of bins of the heuristic.
+const BINS: usize = 16;
+
+impl TriangleTree {
+    /// Builds the tree over the triangles with numbers `order`.
+    pub(crate) fn new(all: &[[Vec3; 3]], order: Vec<u32>) -> Self {
+        let mut tree = Self { nodes: Vec::new(), order, corners: Vec::new() };
+        let count = tree.order.len();
+        if count > 0 {
+            tree.build(all, 0, count, 0);
+        }
+        tree.corners = tree.order.iter().map(|&i| all[i as usize]).collect();
+        tree
+    }
+
+    fn build(&mut self, all: &[[Vec3; 3]], start: usize, end: usize, depth: usize) {
+        let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (mut least, mut greatest) = (min, max);
+        // Half-sums, which do not overflow.
+        let middle = |i: u32| {
+            let (low, high) = bounds(&all[i as usize]);
+            low * 0.5 + high * 0.5
+        };
+        for &i in &self.order[start..end] {
+            let (low, high) = bounds(&all[i as usize]);
+            (min, max) = (min.min(low), max.max(high));
+            (least, greatest) = (least.min(middle(i)), greatest.max(middle(i)));
+        }
+        let node = self.nodes.len();
+        self.nodes.push(Node { min, max, link: start as u32, count: (end - start) as u32 });
+        if end - start <= LEAF {
+            return;
+        }
+        let extent = greatest - least;
+        let axis = extent.max_position();
+        let order = &mut self.order[start..end];
+        let bin = |i: u32| {
+            let place = (middle(i)[axis] - least[axis]) / extent[axis];
+            ((place * BINS as f32) as usize).min(BINS - 1)
+        };
+        let mut split = 0;
+        if extent[axis] > 0.0 && depth < DEEP {
+            let best = best_bin(all, order, bin);
+            order.sort_unstable_by_key(|&i| (bin(i), i));
+            split = order.partition_point(|&i| bin(i) < best);
+        }
+        if split == 0 || split == end - start {
+            split = (end - start) / 2;
+            let key = |a: &u32, b: &u32| middle(*a)[axis].total_cmp(&middle(*b)[axis]).then(a.cmp(b));
+            order.select_nth_unstable_by(split, key);
+        }
+        self.build(all, start, start + split, depth + 1);
+        self.nodes[node].link = self.nodes.len() as u32;
+        self.nodes[node].count = 0;
+        self.build(all, start + split, end, depth + 1);
+    }
+
+    /// Collects up to `most` triangles that the segment from p to q certainly crosses. Returns whether there
+    /// may be others that it touches; true if the search ended at `most`.
+    pub(crate) fn crossed(&self, p: DVec3, q: DVec3, skip: u32, most: usize, hits: &mut Vec<u32>) -> bool {
+        hits.clear();
+        let mut unsure = false;
+        self.walk(p, q, |first, count| {
+            for k in first..first + count {
+                if self.order[k] == skip {
+                    continue;
+                }
+                match segment_triangle(p, q, &self.corners[k].map(Vec3::as_dvec3)) {
+                    Crossing::Yes => {
+                        hits.push(self.order[k]);
+                        unsure |= hits.len() >= most;
+                        if hits.len() >= most {
+                            return false;
+                        }
+                    }
+                    Crossing::Unsure => unsure = true,
+                    Crossing::No => {}
+                }
+            }
+            true
+        });
+        unsure
+    }
+
+    /// Calls `visit` with the place and the number of triangles of each leaf whose box the segment may touch,
+    /// until `visit` returns false.
+    ///
+    /// The distance to a face of a box along the segment is a rounded difference divided by a rounded
+    /// difference: its relative error is at most 4 U, and 1e-15 + 4 U |t| on either side, taken as 1e-12,
+    /// covers it for parameters t from 0 to 1. The difference itself is wrong by U of the greater
+    /// coordinate, for which the boxes are enlarged.
+    fn walk(&self, p: DVec3, q: DVec3, mut visit: impl FnMut(usize, usize) -> bool) {
+        let direction = q - p;
+        let inverse = direction.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });
+        let pad = (p.abs().max(q.abs())) * 1e-14;
+        let (low, high) = (p.min(q) - pad, p.max(q) + pad);
+        let (mut stack, mut top) = ([0u32; STACK], usize::from(!self.nodes.is_empty()));
+        while top > 0 {
+            top -= 1;
+            let at = stack[top];
+            let node = &self.nodes[at as usize];
+            let (min, max) = (node.min.as_dvec3(), node.max.as_dvec3());
+            if !(min.cmple(high).all() && max.cmpge(low).all()) {
+                continue;
+            }
+            let (a, b) = ((min - pad - p) * inverse, (max + pad - p) * inverse);
+            // On an axis along which the segment does not run, the test above has decided.
+            let still = direction.abs().cmplt(DVec3::splat(1e-200));
+            let enter = DVec3::select(still, DVec3::ZERO, a.min(b)).max_element().max(0.0);
+            let leave = DVec3::select(still, DVec3::ONE, a.max(b)).min_element().min(1.0);
+            if enter > leave + 1e-12 {
+                continue;
+            }
+            if node.count > 0 {
+                if !visit(node.link as usize, node.count as usize) {
+                    return;
+                }
+            } else {
+                stack[top] = node.link;
+                stack[top + 1] = at + 1;
+                top += 2;
+            }
+        }
+    }
+
+    /// Returns the triangle that the ray from p towards d meets first, and the distance in lengths of d. By
+    /// ordinary floating point: what it returns must be checked.
+    pub(crate) fn nearest(&self, p: DVec3, d: DVec3) -> Option<(f64, u32)> {
+        let inverse = d.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });
+        let enter = |node: &Node| {
+            let (a, b) = ((node.min.as_dvec3() - p) * inverse, (node.max.as_dvec3() - p) * inverse);
+            let (enter, leave) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+            if enter <= leave { enter } else { f64::INFINITY }
+        };
+        let mut best: Option<(f64, u32)> = None;
+        let mut reach = f64::MAX;
+        let (mut stack, mut top) = ([(0u32, 0.0f64); STACK], usize::from(!self.nodes.is_empty()));
+        while top > 0 {
+            top -= 1;
+            let (at, distance) = stack[top];
+            if distance > reach {
+                continue;
+            }
+            let node = &self.nodes[at as usize];
+            if node.count > 0 {
+                for k in node.link as usize..(node.link + node.count) as usize {
+                    if let Some(distance) = hit(p, d, &self.corners[k])
+                        && distance < reach
+                    {
+                        (reach, best) = (distance, Some((distance, self.order[k])));
+                    }
+                }
+                continue;
+            }
+            let (first, second) = (at + 1, node.link);
+            let (x, y) = (enter(&self.nodes[first as usize]), enter(&self.nodes[second as usize]));
+            let pair = if x <= y { [(second, y), (first, x)] } else { [(first, x), (second, y)] };
+            for entry in pair {
+                if entry.1 <= reach {
+                    stack[top] = entry;
+                    top += 1;
+                }
+            }
+        }
+        best
+    }
+}
+
+fn bounds(t: &[Vec3; 3]) -> (Vec3, Vec3) {
+    (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]))
+}
+
+/// Returns the first bin of the second child in the cheapest split.
+fn best_bin(all: &[[Vec3; 3]], order: &[u32], bin: impl Fn(u32) -> usize) -> usize {
+    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY, 0usize);
+    let mut bins = [empty; BINS];
+    let join = |a: (Vec3, Vec3, usize), b: (Vec3, Vec3, usize)| (a.0.min(b.0), a.1.max(b.1), a.2 + b.2);
+    for &i in order {
+        let (min, max) = bounds(&all[i as usize]);
+        bins[bin(i)] = join(bins[bin(i)], (min, max, 1));
+    }
+    let cost = |(min, max, count): (Vec3, Vec3, usize)| {
+        let d = (max - min).max(Vec3::ZERO).as_dvec3();
+        (d.x * d.y + d.y * d.z + d.z * d.x) * count as f64
+    };
+    let mut after = [empty; BINS + 1];
+    for k in (0..BINS).rev() {
+        after[k] = join(after[k + 1], bins[k]);
+    }
+    let (mut before, mut best, mut least) = (empty, 0, f64::INFINITY);
+    for k in 1..BINS {
+        before = join(before, bins[k - 1]);
+        let sum = cost(before) + cost(after[k]);
+        if before.2 > 0 && after[k].2 > 0 && sum < least {
+            (best, least) = (k, sum);
+        }
+    }
+    best
+}
+
+/// Returns the distance at which a ray meets a triangle, by ordinary floating point (Moeller and Trumbore,
+/// "Fast, Minimum Storage Ray/Triangle Intersection", 1997).
+fn hit(p: DVec3, d: DVec3, t: &[Vec3; 3]) -> Option<f64> {
+    let t = t.map(Vec3::as_dvec3);
+    let (e, f) = (t[1] - t[0], t[2] - t[0]);
+    let h = d.cross(f);
+    let determinant = e.dot(h);
+    let s = p - t[0];
+    let u = s.dot(h) / determinant;
+    let c = s.cross(e);
+    let v = d.dot(c) / determinant;
+    let distance = f.dot(c) / determinant;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 0.0).then_some(distance)
+}

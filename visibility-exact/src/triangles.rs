@@ -1,0 +1,329 @@
+//! The triangles of a scene, welded: which triangles share an edge, and which form one convex polygon.
+
+use crate::line_side::{U, side, sign};
+use crate::triangle_tree::TriangleTree;
+use alloc::{boxed::Box, vec, vec::Vec};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::scene::SceneCursor;
+use visibility_core::{ObjectId, Scene};
+
+/// The triangles of all objects of a scene, prepared for exact queries. Made once, shared by cullers, bakes
+/// and the checks of proofs.
+///
+/// Triangles of objects that are flagged as [occluders](visibility_core::Object::occluder) occlude; triangles
+/// of other objects are targets alone. Triangles without area do not occlude. An object with a coordinate
+/// that is not finite counts as visible from everywhere and does not occlude. An object without triangles is
+/// represented by its bounding box and does not occlude.
+///
+/// Vertices with equal coordinates are one vertex, also of different objects. Takes about 150 bytes for each
+/// triangle. Building takes O(n log n).
+///
+/// ```
+/// use visibility_core::{glam::Vec3, Aabb, Object, Scene};
+/// use visibility_exact::SceneTriangles;
+/// let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let mut scene = Scene::new();
+/// let object = Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) };
+/// let id = scene.insert(object);
+/// scene.set_triangles(id, [triangle])?;
+/// let triangles = SceneTriangles::new(&scene);
+/// assert_eq!((triangles.len(), triangles.occluder_count()), (1, 1));
+/// # Ok::<(), visibility_core::scene::SceneError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct SceneTriangles {
+    cursor: SceneCursor,
+    pub(crate) origin: DVec3,
+    pub(crate) objects: Vec<TargetObject>,
+    corners: Vec<[Vec3; 3]>,
+    /// Corners of each triangle as numbers of vertices.
+    vertices: Vec<[u32; 3]>,
+    /// Index of each triangle's object in `objects`.
+    object_of: Vec<u32>,
+    occludes: Vec<bool>,
+    /// Areas in square metres, for orders of trial alone.
+    areas: Vec<f32>,
+    /// Edges of each triangle: edge k joins corners k and k + 1.
+    edges: Vec<[u32; 3]>,
+    /// For each edge the range of its occluding triangles in `edge_triangles`, and the end of the last.
+    edge_starts: Vec<u32>,
+    edge_triangles: Vec<u32>,
+    /// Convex polygons of coplanar occluding triangles.
+    pieces: Vec<Piece>,
+    /// For each triangle its piece, `u32::MAX` if it does not occlude.
+    piece_of: Vec<u32>,
+    pub(crate) tree: TriangleTree,
+    /// Greatest absolute coordinate.
+    magnitude: f64,
+}
+
+/// An object as a target.
+#[derive(Clone, Debug)]
+pub(crate) struct TargetObject {
+    pub(crate) id: ObjectId,
+    /// Bounding box in scene coordinates: of the triangles, or the object's own if it has none.
+    pub(crate) min: DVec3,
+    pub(crate) max: DVec3,
+    /// Range of the object's triangles.
+    pub(crate) first: u32,
+    pub(crate) end: u32,
+    /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`].
+    pub(crate) is_open: bool,
+}
+
+/// A convex polygon of coplanar triangles.
+#[derive(Clone, Debug)]
+pub(crate) struct Piece {
+    /// Vertices around the polygon.
+    pub(crate) ring: Box<[u32]>,
+    /// A position of each vertex.
+    pub(crate) positions: Box<[DVec3]>,
+    pub(crate) triangles: Box<[u32]>,
+}
+
+/// Greatest number of corners of a [`Piece`].
+const PIECE: usize = 8;
+
+/// Greatest absolute coordinate that is used, so that products of three differences stay finite.
+pub(crate) const LIMIT: f64 = 1e30;
+
+impl SceneTriangles {
+    /// Collects the triangles of all objects of a scene as they are now.
+    pub fn new(scene: &Scene) -> Self {
+        let mut all = Self {
+            cursor: SceneCursor::at(scene),
+            origin: scene.origin(),
+            objects: Vec::with_capacity(scene.len()),
+            corners: Vec::new(),
+            vertices: Vec::new(),
+            object_of: Vec::new(),
+            occludes: Vec::new(),
+            areas: Vec::new(),
+            edges: Vec::new(),
+            edge_starts: Vec::new(),
+            edge_triangles: Vec::new(),
+            pieces: Vec::new(),
+            piece_of: Vec::new(),
+            tree: TriangleTree::default(),
+            magnitude: 0.0,
+        };
+        for id in scene.ids() {
+            all.add(scene, id);
+        }
+        all.weld();
+        all.share_edges();
+        all.merge();
+        let occluders = (0..all.corners.len() as u32).filter(|&i| all.occludes[i as usize]).collect();
+        all.tree = TriangleTree::new(&all.corners, occluders);
+        all
+    }
+
+    fn add(&mut self, scene: &Scene, id: ObjectId) {
+        let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { return };
+        let usable = |p: Vec3| p.is_finite() && p.abs().max_element() <= LIMIT as f32;
+        let bounds = object.bounds;
+        let is_open = triangles.iter().flatten().any(|&p| !usable(p))
+            || (triangles.is_empty() && !(bounds.is_proper() && usable(bounds.min) && usable(bounds.max)));
+        let first = self.corners.len() as u32;
+        let (mut min, mut max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        if !triangles.is_empty() {
+            (min, max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        }
+        for triangle in triangles.iter().filter(|_| !is_open) {
+            // Zeros of either sign are one number.
+            let t = triangle.map(|p| p + Vec3::ZERO);
+            let t64 = t.map(Vec3::as_dvec3);
+            let normal = (t64[1] - t64[0]).cross(t64[2] - t64[0]);
+            for p in t64 {
+                (min, max) = (min.min(p), max.max(p));
+                self.magnitude = self.magnitude.max(p.abs().max_element());
+            }
+            self.corners.push(t);
+            self.object_of.push(self.objects.len() as u32);
+            self.occludes.push(object.occluder && normal != DVec3::ZERO);
+            self.areas.push((normal.length() * 0.5) as f32);
+        }
+        let end = self.corners.len() as u32;
+        self.objects.push(TargetObject { id, min, max, first, end, is_open });
+    }
+
+    /// Numbers the vertices by their coordinates.
+    fn weld(&mut self) {
+        let bits = |i: u32| self.corners[i as usize / 3][i as usize % 3].to_array().map(f32::to_bits);
+        let mut order: Vec<([u32; 3], u32)> =
+            (0..3 * self.corners.len() as u32).map(|i| (bits(i), i)).collect();
+        order.sort_unstable();
+        let mut numbers = vec![[0; 3]; self.corners.len()];
+        let mut count = 0;
+        for (k, &(key, i)) in order.iter().enumerate() {
+            count += u32::from(k > 0 && order[k - 1].0 != key);
+            numbers[i as usize / 3][i as usize % 3] = count;
+        }
+        self.vertices = numbers;
+    }
+
+    /// Numbers the edges, and lists the occluding triangles of each.
+    fn share_edges(&mut self) {
+        // An index of an edge within all triangles is i = 3 t + k; the next corner of k is (k + 1) % 3.
+        let key = |i: u32| {
+            let (t, k) = (self.vertices[i as usize / 3], i as usize % 3);
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            [a.min(b), a.max(b)]
+        };
+        let mut order: Vec<([u32; 2], u32)> =
+            (0..3 * self.vertices.len() as u32).map(|i| (key(i), i)).collect();
+        order.sort_unstable();
+        let mut edges = vec![[0; 3]; self.vertices.len()];
+        let (mut starts, mut triangles) = (Vec::new(), Vec::new());
+        for (k, &(key, i)) in order.iter().enumerate() {
+            if k == 0 || order[k - 1].0 != key {
+                starts.push(triangles.len() as u32);
+            }
+            edges[i as usize / 3][i as usize % 3] = starts.len() as u32 - 1;
+            if self.occludes[i as usize / 3] {
+                triangles.push(i / 3);
+            }
+        }
+        starts.push(triangles.len() as u32);
+        (self.edges, self.edge_starts, self.edge_triangles) = (edges, starts, triangles);
+    }
+
+    /// Joins coplanar neighbours into convex polygons, largest triangles first.
+    fn merge(&mut self) {
+        self.piece_of = vec![u32::MAX; self.corners.len()];
+        let mut order: Vec<u32> =
+            (0..self.corners.len() as u32).filter(|&i| self.occludes[i as usize]).collect();
+        order.sort_unstable_by(|&a, &b| self.area(b).total_cmp(&self.area(a)).then(a.cmp(&b)));
+        for i in order {
+            if self.piece_of[i as usize] == u32::MAX {
+                let piece = self.grow_piece(i);
+                for &t in &piece.triangles {
+                    self.piece_of[t as usize] = self.pieces.len() as u32;
+                }
+                self.pieces.push(piece);
+            }
+        }
+    }
+
+    fn grow_piece(&self, first: u32) -> Piece {
+        let plane = self.corners(first);
+        let normal = (plane[1] - plane[0]).cross(plane[2] - plane[0]);
+        let of =
+            |i: u32, k: usize| (self.vertices[i as usize][k], self.edges[i as usize][k], self.corners(i)[k]);
+        let mut ring: Vec<(u32, u32, DVec3)> = (0..3).map(|k| of(first, k)).collect();
+        let mut triangles = vec![first];
+        let mut at = 0;
+        while at < ring.len() && ring.len() < PIECE {
+            let n = ring.len();
+            let ((a, edge, pa), (b, _, pb)) = (ring[at], ring[(at + 1) % n]);
+            at += 1;
+            let [t, u] = *self.triangles_at(edge) else { continue };
+            let other = if triangles.contains(&t) { u } else { t };
+            if triangles.contains(&other) || self.piece_of[other as usize] != u32::MAX {
+                continue;
+            }
+            let numbers = self.vertices[other as usize];
+            let Some(m) = (0..3).find(|&m| numbers[m] == b && numbers[(m + 1) % 3] == a) else { continue };
+            let (c, _, pc) = of(other, (m + 2) % 3);
+            let flat = sign(side(pc, plane[0], plane[1], plane[2], 0.0)) == 0;
+            let (previous, next) = (ring[(at + n - 2) % n].2, ring[(at + 1) % n].2);
+            let turns = |x: DVec3, y: DVec3, z: DVec3| (y - x).cross(z - y).dot(normal) >= 0.0;
+            if !flat
+                || ring.iter().any(|corner| corner.0 == c)
+                || !turns(previous, pa, pc)
+                || !turns(pc, pb, next)
+            {
+                continue;
+            }
+            // The neighbour's corners are b, a, c: edge m + 1 joins a and c, edge m + 2 joins c and b.
+            ring[at - 1].1 = self.edges[other as usize][(m + 1) % 3];
+            ring.insert(at, (c, self.edges[other as usize][(m + 2) % 3], pc));
+            triangles.push(other);
+            at = 0;
+        }
+        Piece {
+            positions: ring.iter().map(|corner| corner.2).collect(),
+            ring: ring.into_iter().map(|corner| corner.0).collect(),
+            triangles: triangles.into(),
+        }
+    }
+
+    /// Returns whether nothing of `scene` has changed since the triangles were collected. False for another
+    /// scene, also for a clone.
+    pub fn is_current(&self, scene: &Scene) -> bool {
+        self.cursor.is_current(scene)
+    }
+
+    /// Returns the number of triangles, occluding or not. Triangles of objects with coordinates that are not
+    /// finite are left out.
+    pub fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Returns whether there are no triangles.
+    pub fn is_empty(&self) -> bool {
+        self.corners.is_empty()
+    }
+
+    /// Returns the number of triangles that occlude.
+    pub fn occluder_count(&self) -> usize {
+        self.occludes.iter().filter(|&&occludes| occludes).count()
+    }
+
+    /// Returns the corners of triangle `i` in scene coordinates.
+    #[inline]
+    pub(crate) fn corners(&self, i: u32) -> [DVec3; 3] {
+        self.corners[i as usize].map(Vec3::as_dvec3)
+    }
+
+    /// Returns the area of triangle `i` in square metres.
+    pub(crate) fn area(&self, i: u32) -> f32 {
+        self.areas[i as usize]
+    }
+
+    pub(crate) fn vertices(&self, i: u32) -> [u32; 3] {
+        self.vertices[i as usize]
+    }
+
+    pub(crate) fn edges(&self, i: u32) -> [u32; 3] {
+        self.edges[i as usize]
+    }
+
+    pub(crate) fn edge_count(&self) -> usize {
+        self.edge_starts.len().saturating_sub(1)
+    }
+
+    pub(crate) fn occludes(&self, i: u32) -> bool {
+        self.occludes[i as usize]
+    }
+
+    pub(crate) fn object_of(&self, i: u32) -> usize {
+        self.object_of[i as usize] as usize
+    }
+
+    /// Returns the occluding triangles at an edge.
+    pub(crate) fn triangles_at(&self, edge: u32) -> &[u32] {
+        let edge = edge as usize;
+        &self.edge_triangles[self.edge_starts[edge] as usize..self.edge_starts[edge + 1] as usize]
+    }
+
+    pub(crate) fn piece_of(&self, i: u32) -> u32 {
+        self.piece_of[i as usize]
+    }
+
+    pub(crate) fn piece(&self, number: u32) -> &Piece {
+        &self.pieces[number as usize]
+    }
+
+    /// Returns the triangles of a piece, `None` for an unknown number.
+    pub(crate) fn piece_triangles(&self, number: u32) -> Option<&[u32]> {
+        self.pieces.get(number as usize).map(|piece| &*piece.triangles)
+    }
+
+    /// Returns a bound on the absolute error of each coordinate of a computed point, such as a midpoint of
+    /// midpoints, where all coordinates are at most `magnitude`: of 60 steps of one rounding each, and a cut
+    /// of four, less than 128 U.
+    pub(crate) fn position_error(&self, magnitude: f64) -> f64 {
+        128.0 * U * self.magnitude.max(magnitude)
+    }
+}

@@ -1,0 +1,78 @@
+//! What is known of the objects of a scene as seen from one viewcell.
+
+use crate::proof::Proof;
+use crate::triangles::SceneTriangles;
+use alloc::{boxed::Box, vec::Vec};
+use visibility_core::ObjectId;
+use visibility_core::glam::DVec3;
+
+/// A line of sight from a viewcell to an object, in scene coordinates: a segment that certainly misses all
+/// occluding triangles but the one it ends at.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Witness {
+    /// Viewpoint, in the viewcell.
+    pub from: DVec3,
+    /// End of the segment: on the triangle up to rounding, or, for an answer with a clearance, up to the
+    /// clearance before it. Equal to `from` if the object reaches into the viewcell there.
+    pub to: DVec3,
+    /// Number of the triangle that is seen, among all triangles of the scene.
+    pub triangle: u32,
+}
+
+/// What is known of an object from one viewcell.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Verdict {
+    /// The object is visible: along this line of sight.
+    Seen(Witness),
+    /// The object is proven hidden, up to the clearance.
+    Hidden,
+    /// Neither was found. Counts as visible.
+    Open,
+}
+
+/// The proofs for objects that were proven hidden together: one of a box around all of them, or one for each
+/// triangle of a single object.
+#[derive(Clone, PartialEq, Debug)]
+pub struct ProvenHidden {
+    /// The objects, by their places among the objects of the [`SceneTriangles`].
+    pub(crate) objects: Box<[u32]>,
+    /// Proofs for all parts of the objects.
+    pub proofs: Vec<Proof>,
+}
+
+/// The objects of a scene from one viewcell: seen, hidden or open. A sandwich of the true answer: the visible
+/// objects are at least those seen, and at most those seen and those open.
+#[derive(Clone, PartialEq, Debug)]
+pub struct CellVerdicts {
+    pub(crate) verdicts: Vec<Verdict>,
+    /// Proofs of the hidden objects. Empty unless they are [kept](crate::Settings::keep_proofs).
+    pub proofs: Vec<ProvenHidden>,
+    /// Number of rays.
+    pub rays: u64,
+    /// Number of nodes of the search for proofs.
+    pub nodes: u64,
+}
+
+impl CellVerdicts {
+    /// Returns the objects and what is known of each, in ascending order of index. Objects that were not
+    /// asked about are open.
+    pub fn iter<'a>(
+        &'a self,
+        triangles: &'a SceneTriangles,
+    ) -> impl Iterator<Item = (ObjectId, Verdict)> + 'a {
+        triangles.objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
+    }
+
+    /// Returns the numbers of objects seen, hidden and open.
+    pub fn counts(&self) -> [usize; 3] {
+        let mut counts = [0; 3];
+        for verdict in &self.verdicts {
+            counts[match verdict {
+                Verdict::Seen(_) => 0,
+                Verdict::Hidden => 1,
+                Verdict::Open => 2,
+            }] += 1;
+        }
+        counts
+    }
+}

@@ -1,0 +1,105 @@
+//! Worlds for tests, and an oracle of distances that shares no code with the search.
+#![allow(dead_code, unreachable_pub, reason = "each test uses a part")]
+
+use std::sync::Arc;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Object, Scene};
+use visibility_exact::{SceneTriangles, Settings, Verdict};
+
+pub type Triangle = [Vec3; 3];
+
+/// A scene of objects given by their triangles; all occlude.
+pub fn scene(objects: &[Vec<Triangle>]) -> Scene {
+    let mut scene = Scene::new();
+    for triangles in objects {
+        let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, triangles.clone()).unwrap();
+    }
+    scene
+}
+
+pub fn prepared(objects: &[Vec<Triangle>]) -> Arc<SceneTriangles> {
+    Arc::new(SceneTriangles::new(&scene(objects)))
+}
+
+/// Few rays, so that proofs have to decide; proofs are kept.
+pub fn few_rays(settings: Settings) -> Settings {
+    Settings { rays: 200, aimed_rays: 10, keep_proofs: true, ..settings }
+}
+
+pub fn quad(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> Vec<Triangle> {
+    let [a, b, c, d] = [a, b, c, d].map(|v| v.as_vec3());
+    vec![[a, b, c], [a, c, d]]
+}
+
+/// The six faces of a box, two triangles each.
+pub fn faces(min: DVec3, max: DVec3) -> Vec<Vec<Triangle>> {
+    let corner = |i: usize| {
+        let at = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
+        DVec3::new(at(0), at(1), at(2))
+    };
+    [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]]
+        .map(|[a, b, c, d]| quad(corner(a), corner(b), corner(c), corner(d)))
+        .to_vec()
+}
+
+pub fn cuboid(min: DVec3, max: DVec3) -> Vec<Triangle> {
+    faces(min, max).concat()
+}
+
+/// Distance between a segment and a triangle, 0 if they meet, in ordinary floating point.
+pub fn distance(p: DVec3, q: DVec3, t: &Triangle) -> f64 {
+    let t = t.map(Vec3::as_dvec3);
+    let n = (t[1] - t[0]).cross(t[2] - t[0]);
+    let (hp, hq) = (n.dot(p - t[0]), n.dot(q - t[0]));
+    if hp * hq <= 0.0 && hp != hq {
+        let x = p + (q - p) * (hp / (hp - hq));
+        if (0..3).all(|k| n.cross(t[(k + 1) % 3] - t[k]).dot(x - t[k]) >= 0.0) {
+            return 0.0;
+        }
+    }
+    let edges = (0..3).map(|k| segments(p, q, t[k], t[(k + 1) % 3]));
+    edges.chain([p, q].map(|x| point(x, &t))).fold(f64::INFINITY, f64::min)
+}
+
+fn point(x: DVec3, t: &[DVec3; 3]) -> f64 {
+    let n = (t[1] - t[0]).cross(t[2] - t[0]);
+    if n != DVec3::ZERO && (0..3).all(|k| n.cross(t[(k + 1) % 3] - t[k]).dot(x - t[k]) >= 0.0) {
+        return n.normalize().dot(x - t[0]).abs();
+    }
+    (0..3).map(|k| segments(x, x, t[k], t[(k + 1) % 3])).fold(f64::INFINITY, f64::min)
+}
+
+/// Distance between two segments (Ericson, "Real-Time Collision Detection", 2005).
+fn segments(p: DVec3, q: DVec3, a: DVec3, b: DVec3) -> f64 {
+    let (d, e, r) = (q - p, b - a, p - a);
+    let (dd, ee, de) = (d.dot(d), e.dot(e), d.dot(e));
+    let (c, f) = (d.dot(r), e.dot(r));
+    let across = dd * ee - de * de;
+    let s = if across > 0.0 { ((de * f - c * ee) / across).clamp(0.0, 1.0) } else { 0.0 };
+    let t = if ee > 0.0 { ((de * s + f) / ee).clamp(0.0, 1.0) } else { 0.0 };
+    let s = if dd > 0.0 { ((de * t - c) / dd).clamp(0.0, 1.0) } else { 0.0 };
+    (p + d * s).distance(a + e * t)
+}
+
+/// Least distance of a segment from all triangles but those of one object.
+pub fn clearance(objects: &[Vec<Triangle>], target: usize, p: DVec3, q: DVec3) -> f64 {
+    let others = objects.iter().enumerate().filter(|(o, _)| *o != target);
+    others.flat_map(|(_, t)| t).map(|t| distance(p, q, t)).fold(f64::INFINITY, f64::min)
+}
+
+/// Panics unless a seen object's segment misses the triangles of all other objects, and each proof holds.
+pub fn check(objects: &[Vec<Triangle>], triangles: &SceneTriangles, found: &visibility_exact::CellVerdicts) {
+    for proof in found.proofs.iter().flat_map(|hidden| &hidden.proofs) {
+        proof.check(triangles).unwrap();
+    }
+    for (id, verdict) in found.iter(triangles) {
+        if let Verdict::Seen(witness) = verdict {
+            // The segment ends on the triangle up to rounding; others may lie in its plane.
+            let to = witness.from + (witness.to - witness.from) * (1.0 - 1e-12);
+            let clear = clearance(objects, id.index(), witness.from, to);
+            assert!(clear > 0.0 || witness.from == witness.to, "object {id}: {witness:?}");
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! Random and hostile input never panics, and what cannot be decided stays visible.
+
+mod common;
+
+use common::{cuboid, few_rays, prepared, quad, scene};
+use std::sync::Arc;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Aabb, Accuracy, Object, Pose, RegionCuller, Scene, View, VisibleSet, geometry::Plane};
+use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
+use visibility_testing::Random;
+
+fn all(scene: &Scene) -> VisibleSet {
+    let mut visible = VisibleSet::new();
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    visible.fill(scene, &View::perspective(pose, 1.0, 1.0, 0.1, 10.0).unwrap());
+    visible
+}
+
+fn unit_cell() -> Viewcell {
+    Viewcell::from_box(DVec3::ZERO, DVec3::ONE)
+}
+
+/// A wall at x = 5 and a plate at x = 9.
+fn wall_and_plate() -> Vec<Vec<common::Triangle>> {
+    let square = |x: f64, r: f64| {
+        let at = |y: f64, z: f64| DVec3::new(x, y * r, z * r);
+        quad(at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0))
+    };
+    vec![square(5.0, 10.0), square(9.0, 1.0)]
+}
+
+#[test]
+fn bits_of_any_kind_are_decided_or_open() {
+    let mut random = Random(9);
+    for round in 0..300 {
+        let value = |random: &mut Random| match random.below(6) {
+            0 => random.bits32(),
+            1 => 0.0,
+            2 => random.range(-1e-30, 1e-30) as f32,
+            3 => random.range(-1e30, 1e30) as f32,
+            _ => random.between(-3, 3) as f32,
+        };
+        let point = |random: &mut Random| Vec3::new(value(random), value(random), value(random));
+        let objects: Vec<Vec<common::Triangle>> = (0..random.below(12))
+            .map(|_| (0..random.below(4)).map(|_| core::array::from_fn(|_| point(&mut random))).collect())
+            .collect();
+        let scene = scene(&objects);
+        let triangles = Arc::new(SceneTriangles::new(&scene));
+        let (a, b) = (point(&mut random).as_dvec3(), point(&mut random).as_dvec3());
+        let mut cell = if round % 3 == 0 { unit_cell() } else { Viewcell::from_box(a.min(b), a.max(b)) };
+        if round % 7 == 0 {
+            cell.max.x = f64::from_bits(random.bits());
+            cell.planes.push(Plane { normal: DVec3::splat(f64::NAN), offset: 0.0 });
+        }
+        let effort = match round % 4 {
+            0 => Effort::Rays(5),
+            1 => Effort::Exact(0.0),
+            2 => Effort::Exact(1e-4),
+            _ => Effort::Exact(f64::from_bits(random.bits())),
+        };
+        let mut culler = ExactCuller::new(triangles.clone(), few_rays(Settings::new(effort)));
+        for proof in culler.verdicts(&cell).proofs.iter().flat_map(|hidden| &hidden.proofs) {
+            proof.check(&triangles).unwrap();
+        }
+        culler.cull(&scene, &cell, &mut all(&scene));
+    }
+}
+
+#[test]
+fn settings_at_their_limits_decide_nothing_wrong() {
+    let triangles = prepared(&wall_and_plate());
+    for c in [f64::NAN, -1.0, f64::INFINITY, 0.0, 1e-300, 1e-7, 1e-2] {
+        let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(c)) };
+        let found = ExactCuller::new(triangles.clone(), settings).verdicts(&unit_cell());
+        assert_eq!(found.counts(), [1, 1, 0], "{c}");
+    }
+    // A clearance as wide as the world says nothing, but does not fail.
+    for c in [3.0, 1e10, 1e300] {
+        let settings = few_rays(Settings::new(Effort::Exact(c)));
+        let found = ExactCuller::new(triangles.clone(), settings).verdicts(&unit_cell());
+        assert_eq!(found.counts().iter().sum::<usize>(), 2);
+    }
+    let rays = Settings::new(Effort::Rays(0));
+    assert_eq!(ExactCuller::new(triangles, rays).verdicts(&unit_cell()).counts(), [0, 0, 2]);
+}
+
+#[test]
+fn viewcells_without_a_box_decide_nothing() {
+    let triangles = prepared(&wall_and_plate());
+    let mut culler = ExactCuller::new(triangles, few_rays(Settings::new(Effort::Exact(1e-4))));
+    let nan = DVec3::splat(f64::NAN);
+    for (min, max) in [
+        (nan, nan),
+        (DVec3::ONE, DVec3::ZERO),
+        (DVec3::NEG_INFINITY, DVec3::INFINITY),
+        (DVec3::splat(1e40), DVec3::splat(1e40)),
+    ] {
+        assert_eq!(culler.verdicts(&Viewcell::from_box(min, max)).counts(), [0, 0, 2]);
+    }
+    // A single point and a flat cell are viewcells like others.
+    for max in [DVec3::ZERO, DVec3::new(0.0, 1.0, 1.0)] {
+        assert_eq!(culler.verdicts(&Viewcell::from_box(DVec3::ZERO, max)).counts(), [1, 1, 0]);
+    }
+}
+
+#[test]
+fn what_is_not_known_stays() {
+    let mut scene = scene(&wall_and_plate());
+    let hidden = scene.id_at(1).unwrap();
+    // Behind the wall: bounds alone, an object with NaN triangles, one that is never culled.
+    let behind = Aabb::from_arrays([7.0, -1.0, -1.0], [8.0, 1.0, 1.0]);
+    let bounds_alone = scene.insert(behind);
+    let broken = scene.insert(behind);
+    scene.set_triangles(broken, [[Vec3::NAN; 3]]).unwrap();
+    let never = scene.insert(Object { never_cull: true, ..Object::new(behind) });
+    let before = scene.insert(Aabb::from_arrays([2.0, 0.0, 0.0], [3.0, 1.0, 1.0]));
+    for (effort, accuracy) in [
+        (Effort::Exact(1e-4), Accuracy::Exact),
+        (Effort::Exact(0.0), Accuracy::Conservative),
+        (Effort::Rays(100), Accuracy::Aggressive),
+    ] {
+        let triangles = Arc::new(SceneTriangles::new(&scene));
+        let mut culler = ExactCuller::new(triangles, Settings::new(effort));
+        assert_eq!(culler.accuracy(), accuracy);
+        let mut visible = all(&scene);
+        culler.cull(&scene, &unit_cell(), &mut visible);
+        visible.finish(&scene);
+        let sees = |id| visible.contains(&scene, id);
+        assert!(!sees(hidden) && sees(broken) && sees(never) && sees(before), "{accuracy}");
+        assert_eq!(sees(bounds_alone), accuracy == Accuracy::Aggressive, "{accuracy}");
+        // After any change nothing is removed, until the triangles are collected anew.
+        let mut changed = scene.clone();
+        let mut visible = all(&changed);
+        culler.cull(&changed, &unit_cell(), &mut visible);
+        assert_eq!(visible.count(&changed), changed.len(), "a clone");
+        changed.set_occluder(hidden, false).unwrap();
+    }
+}
+
+#[test]
+fn glass_does_not_occlude() {
+    let objects = wall_and_plate();
+    let mut scene = scene(&objects);
+    scene.set_occluder(scene.id_at(0).unwrap(), false).unwrap();
+    let triangles = Arc::new(SceneTriangles::new(&scene));
+    let mut culler = ExactCuller::new(triangles.clone(), Settings::new(Effort::Exact(1e-4)));
+    assert_eq!(culler.verdicts(&unit_cell()).counts()[1], 0);
+    assert_eq!(triangles.occluder_count(), 2);
+}
+
+#[test]
+fn an_object_in_the_viewcell_is_seen() {
+    let inside = DVec3::splat(0.4);
+    let objects = vec![cuboid(inside, inside + 0.1), cuboid(-DVec3::ONE * 3.0, DVec3::ONE * 3.0)];
+    let triangles = prepared(&objects);
+    let mut culler = ExactCuller::new(triangles.clone(), Settings::new(Effort::Exact(1e-4)));
+    let found = culler.verdicts(&unit_cell());
+    assert!(found.iter(&triangles).all(|(_, verdict)| matches!(verdict, Verdict::Seen(_))));
+    // A triangle through the cell that has no corner in it.
+    let across = vec![quad(
+        DVec3::new(0.5, -9.0, -9.0),
+        DVec3::new(0.5, 9.0, -9.0),
+        DVec3::new(0.5, 9.0, 9.0),
+        DVec3::new(0.5, -9.0, 9.0),
+    )];
+    let triangles = prepared(&across);
+    let mut culler = ExactCuller::new(triangles, Settings::new(Effort::Exact(0.0)));
+    assert_eq!(culler.verdicts(&unit_cell()).counts(), [1, 0, 0]);
+}
