@@ -12,6 +12,7 @@ extern crate std;
 
 pub mod cdt;
 mod float;
+pub mod horizon;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

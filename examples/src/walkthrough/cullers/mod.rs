@@ -4,6 +4,7 @@
 mod bsp;
 mod contribution;
 mod hom;
+mod horizon;
 mod hzb;
 mod known;
 pub mod plp;
@@ -17,14 +18,23 @@ use visibility_core::{FrustumCuller, Pipeline};
 
 /// Returns the entries of all cullers except `frustum`, with which every pipeline begins.
 pub fn known() -> impl Iterator<Item = &'static Known> {
-    [contribution::KNOWN, hom::KNOWN, hzb::KNOWN, bsp::KNOWN, portals::KNOWN, pvs::KNOWN, plp::KNOWN]
-        .into_iter()
-        .flatten()
+    [
+        contribution::KNOWN,
+        horizon::KNOWN,
+        hom::KNOWN,
+        hzb::KNOWN,
+        bsp::KNOWN,
+        portals::KNOWN,
+        pvs::KNOWN,
+        plp::KNOWN,
+    ]
+    .into_iter()
+    .flatten()
 }
 
 /// Pipelines of two and three stages that are worth comparing. A pipeline with a stage that does not suit the
 /// scene is left out for that scene.
-const PIPELINES: &[&str] = &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb"];
+const PIPELINES: &[&str] = &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb", "horizon+hzb"];
 
 /// Returns all entries that are worth comparing: `frustum`, each culler at each setting of its dial, then the
 /// pipelines.

@@ -1,0 +1,54 @@
+//! Entries of the horizon, alone and as a map of the driver, with a dial for its columns.
+
+use super::known::Known;
+use crate::walkthrough::World;
+use std::sync::Arc;
+use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
+use visibility_core::OcclusionCuller;
+
+pub(super) const KNOWN: &[Known] = &[
+    Known {
+        name: "horizon",
+        what: "what is behind upright solids, lower than they reach in each direction of the plan, is hidden; \
+               `:N` looks in N directions for each quarter turn, 360 if not set",
+        dials: &["1024", "360", "128"],
+        make: |dial, world| {
+            let columns = columns(dial)?;
+            Ok(Box::new(HorizonCuller::new(occluders_of(world)?).with_columns(columns)))
+        },
+    },
+    Known {
+        name: "horizon-map",
+        what: "as horizon, with occluders chosen by the driver of the z-buffer",
+        dials: &["360"],
+        make: |dial, world| {
+            let columns = columns(dial)?;
+            Ok(Box::new(OcclusionCuller::new(Horizon::new(up_of(world)?).with_columns(columns))))
+        },
+    },
+];
+
+/// Reads the dial as a number of columns of a face, from 1 to 16,384; other text is an error. Without a dial
+/// the number is 360.
+fn columns(dial: Option<&str>) -> Result<usize, String> {
+    let Some(dial) = dial else { return Ok(360) };
+    let number = dial.parse().ok().filter(|n| (1..=16_384).contains(n));
+    number.ok_or_else(|| format!("`{dial}` is no number of directions from 1 to 16384"))
+}
+
+/// Returns the axis that points up in the world. An oblique axis is an error.
+fn up_of(world: &World) -> Result<UpAxis, String> {
+    let up = world.source.up.to_array();
+    match up {
+        [0.0, y, 0.0] if y > 0.0 => Ok(UpAxis::Y),
+        [0.0, 0.0, z] if z > 0.0 => Ok(UpAxis::Z),
+        _ => Err("neither the y nor the z axis of the scene points up".to_owned()),
+    }
+}
+
+/// Returns the upright solids of the world's occluders, made on the first call.
+fn occluders_of(world: &World) -> Result<Arc<HorizonOccluders>, String> {
+    let up = up_of(world)?;
+    let make = || Ok(HorizonOccluders::new(&world.scene, up));
+    world.prepared.get("upright solids", make)
+}

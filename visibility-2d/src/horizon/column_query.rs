@@ -1,0 +1,249 @@
+//! The test of a box against the columns.
+//!
+//! In each face that a box meets, the part of the box within the face's wedge (`|y| <= x`) is bounded by its
+//! columns, its least depth and its heights in the picture.
+//!
+//! # Rounding
+//! With `u = 2^-24`, the unit round-off of `f32`. The eye is given as `high + low` in `f32`, within `a` metres
+//! of the exact one. A coordinate minus `high` rounds by `u` of itself, minus `low` again: `2u` of the result
+//! and of `low`, which `a` includes. Coordinates are moved outwards by `4u` of themselves and `a`, which
+//! rounds once more. Inverses then round by `u` and products with them by `u`: heights and inverse depths
+//! are moved outwards by `8u` of themselves. Columns, in the face at most twice half their number `h`, round by
+//! `4u` of that in an inverse, two products and a sum, and are moved by `16u h`; columns beside the face are
+//! farther off, but on the right side. Underflow loses less than the least normal number.
+
+use super::columns::{BLOCK, Columns};
+use super::frame::{FACES, Frame};
+use visibility_core::Aabb;
+use visibility_core::scene::Boxes64;
+
+/// Unit round-off of `f32`: 2^-24.
+const U: f32 = f32::EPSILON / 2.0;
+
+/// The eye in `f32`, with a bound on its error.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct QueryEye {
+    high: [f32; 3],
+    low: [f32; 3],
+    /// Bound on the error of each coordinate in metres. Infinite if nothing can be hidden.
+    error: f32,
+}
+
+impl QueryEye {
+    pub(crate) const BLIND: Self = Self { high: [0.0; 3], low: [0.0; 3], error: f32::INFINITY };
+
+    pub(crate) fn new(frame: &Frame) -> Self {
+        let high = frame.eye.map(|x| x as f32);
+        let low: [f32; 3] = core::array::from_fn(|i| (frame.eye[i] - f64::from(high[i])) as f32);
+        let size = frame.eye.iter().fold(0.0f64, |size, x| size.max(x.abs()));
+        // `low` is at most `u size` and rounds by `u` of itself, once as it is made and twice as it is
+        // subtracted.
+        let error = 2.0 * (frame.error + 4.0 * f64::from(U) * f64::from(U) * size) + 1e-30;
+        let is_finite = high.iter().all(|x| x.is_finite());
+        Self { high, low, error: if is_finite { (error as f32).next_up() } else { f32::INFINITY } }
+    }
+}
+
+/// Boxes of a block of 64 that are computed together.
+const LANES: usize = 16;
+
+/// Boxes relative to the eye in metres, rounded outwards, one per lane: least and greatest coordinates on the
+/// plan, and heights.
+struct Relative<const N: usize> {
+    x: [[f32; N]; 2],
+    y: [[f32; N]; 2],
+    z: [[f32; N]; 2],
+}
+
+/// Bounds of the parts of boxes in a face's wedge, one per lane.
+struct Parts<const N: usize> {
+    /// Whether the box meets the wedge.
+    meets: [bool; N],
+    /// Least and greatest position in columns.
+    from: [f32; N],
+    to: [f32; N],
+    /// Greatest inverse depth, least and greatest height in the picture, of what must be hidden.
+    inverse_depth: [f32; N],
+    low: [f32; N],
+    high: [f32; N],
+}
+
+impl<const N: usize> Relative<N> {
+    /// `boxes` are the rows of least and of greatest coordinates on the plan's x, y and the height.
+    #[inline(always)]
+    fn new(eye: &QueryEye, boxes: [[&[f32; N]; 2]; 3]) -> Self {
+        let around = |axis: usize| {
+            let (high, low, error) = (eye.high[axis], eye.low[axis], eye.error);
+            let [min, max] = boxes[axis];
+            let mut out = [[0.0; N]; 2];
+            for lane in 0..N {
+                let (a, b) = (min[lane] - high - low, max[lane] - high - low);
+                out[0][lane] = a - (a.abs() * (4.0 * U) + error);
+                out[1][lane] = b + (b.abs() * (4.0 * U) + error);
+            }
+            out
+        };
+        Self { x: around(0), y: around(1), z: around(2) }
+    }
+
+    /// Returns depth and lateral coordinates in a face, least and greatest.
+    #[inline(always)]
+    fn turned(&self, face: usize) -> [[[f32; N]; 2]; 2] {
+        let negated = |of: &[[f32; N]; 2]| {
+            let mut out = [[0.0; N]; 2];
+            for lane in 0..N {
+                (out[0][lane], out[1][lane]) = (-of[1][lane], -of[0][lane]);
+            }
+            out
+        };
+        match face {
+            0 => [self.x, self.y],
+            1 => [self.y, negated(&self.x)],
+            2 => [negated(&self.x), negated(&self.y)],
+            _ => [negated(&self.y), self.x],
+        }
+    }
+
+    #[inline(always)]
+    fn parts(&self, face: usize, half: f32) -> Parts<N> {
+        let [[near, far], [right, left]] = self.turned(face);
+        let mut parts = Parts {
+            meets: [false; N],
+            from: [0.0; N],
+            to: [0.0; N],
+            inverse_depth: [0.0; N],
+            low: [0.0; N],
+            high: [0.0; N],
+        };
+        let slack = 16.0 * U * half;
+        for lane in 0..N {
+            // In the wedge, depth is at least the distance from the middle.
+            let (right, left, far) = (right[lane], left[lane], far[lane]);
+            let aside = if right > -left { right } else { -left };
+            let near = if near[lane] > aside { near[lane] } else { aside };
+            // A box over or under the eye is in every column at any height. NaN does not meet.
+            parts.meets[lane] = (near > 0.0) & (near <= far);
+            let inverse = 1.0 / near;
+            let inverse_far = 1.0 / far;
+            let least = right * if right > 0.0 { inverse_far } else { inverse };
+            let most = left * if left > 0.0 { inverse } else { inverse_far };
+            parts.from[lane] = half + half * least - slack;
+            parts.to[lane] = half + half * most + slack;
+            let (low, high) = (self.z[0][lane], self.z[1][lane]);
+            let high = high * if high > 0.0 { inverse } else { inverse_far };
+            let low = low * if low > 0.0 { inverse_far } else { inverse };
+            parts.inverse_depth[lane] = inverse * (1.0 + 8.0 * U);
+            parts.high[lane] = high + high.abs() * (8.0 * U) + f32::MIN_POSITIVE;
+            parts.low[lane] = low - low.abs() * (8.0 * U) - f32::MIN_POSITIVE;
+        }
+        parts
+    }
+}
+
+impl Columns {
+    /// Returns the lanes of `candidates` in which each point of the box that the view may see is certainly
+    /// hidden.
+    #[inline(always)]
+    fn hidden_lanes<const N: usize>(
+        &self,
+        eye: &QueryEye,
+        boxes: [[&[f32; N]; 2]; 3],
+        candidates: u64,
+    ) -> u64 {
+        let relative = Relative::new(eye, boxes);
+        let half = 0.5 * self.per_face() as f32;
+        let (mut beside, mut proper) = (0u64, 0u64);
+        for lane in 0..N {
+            let (x, y, z) = (&relative.x, &relative.y, &relative.z);
+            let is_beside = (x[0][lane] > 0.0) | (x[1][lane] < 0.0) | (y[0][lane] > 0.0) | (y[1][lane] < 0.0);
+            let is_proper =
+                (x[0][lane] <= x[1][lane]) & (y[0][lane] <= y[1][lane]) & (z[0][lane] <= z[1][lane]);
+            beside |= u64::from(is_beside) << lane;
+            proper |= u64::from(is_proper) << lane;
+        }
+        // Lanes that are hidden in the faces so far, and those that meet some face.
+        let (mut hidden, mut met) = (candidates & beside & proper, 0);
+        for face in 0..FACES {
+            let seen = self.seen(face);
+            if seen.is_empty() {
+                continue;
+            }
+            let parts = relative.parts(face, half);
+            let (begin, last) = (seen.start as f32, (seen.end - 1) as f32);
+            let mut left = hidden;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize % N;
+                left &= left - 1;
+                // Beside the wedge, or beside the columns in view.
+                if !parts.meets[lane] || parts.to[lane] < begin || parts.from[lane] >= last + 1.0 {
+                    continue;
+                }
+                met |= 1 << lane;
+                let first = parts.from[lane].max(begin) as usize;
+                let last = parts.to[lane].min(last) as usize;
+                let (w, low, high) = (parts.inverse_depth[lane], parts.low[lane], parts.high[lane]);
+                if !self.is_behind(face, first, last, w, low, high) {
+                    hidden &= !(1 << lane);
+                }
+            }
+        }
+        hidden & met
+    }
+
+    /// Returns whether each column from `first` to `last` of a face has a step that hides what is at inverse
+    /// depth `inverse_depth` or less, between the heights `low` and `high`.
+    #[inline(always)]
+    fn is_behind(&self, face: usize, first: usize, last: usize, inverse_depth: f32, low: f32, high: f32) -> bool {
+        let Some(blocks) = self.face(face).get(first / BLOCK..=last / BLOCK) else { return false };
+        let all = (1 << BLOCK) - 1;
+        // Columns before the first and behind the last need not hide.
+        let (mut before, behind) = ((1 << (first % BLOCK)) - 1, all & !((2 << (last % BLOCK)) - 1));
+        let count = blocks.len();
+        for (index, block) in blocks.iter().enumerate() {
+            let spared = before | if index + 1 == count { behind } else { 0 };
+            if block.hides(inverse_depth, low, high) | spared != all {
+                return false;
+            }
+            before = 0;
+        }
+        true
+    }
+
+    /// Returns the lanes of `candidates` whose boxes are certainly hidden wherever the view may see them, as a
+    /// mask. `rows` are the rows of the plan's x, y and the height.
+    pub(crate) fn hidden_64(
+        &self,
+        eye: &QueryEye,
+        rows: [usize; 3],
+        boxes: &Boxes64,
+        candidates: u64,
+    ) -> u64 {
+        let c = boxes.coordinates();
+        let mut hidden = 0;
+        for begin in (0..64).step_by(LANES) {
+            let some = candidates >> begin & ((1 << LANES) - 1);
+            if some == 0 {
+                continue;
+            }
+            let row = |row: usize| -> &[f32; LANES] {
+                let (chunks, _) = c[row].as_chunks();
+                &chunks[begin / LANES]
+            };
+            let [x, y, z] = rows;
+            let boxes = [[row(x), row(x + 3)], [row(y), row(y + 3)], [row(z), row(z + 3)]];
+            hidden |= self.hidden_lanes(eye, boxes, some) << begin;
+        }
+        hidden
+    }
+
+    /// Returns whether a box is certainly hidden wherever the view may see it: see
+    /// [`hidden_64`](Self::hidden_64).
+    pub(crate) fn hides_box(&self, eye: &QueryEye, rows: [usize; 3], bounds: &Aabb) -> bool {
+        let (min, max) = (bounds.min.to_array(), bounds.max.to_array());
+        let lanes = |x: f32| [x; 1];
+        let [x, y, z] = rows;
+        let [a, b, c] = [lanes(min[x]), lanes(min[y]), lanes(min[z])];
+        let [d, e, f] = [lanes(max[x]), lanes(max[y]), lanes(max[z])];
+        self.hidden_lanes(eye, [[&a, &d], [&b, &e], [&c, &f]], 1) != 0
+    }
+}

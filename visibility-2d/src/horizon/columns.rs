@@ -1,0 +1,262 @@
+//! The columns of the picture: for each a few steps behind which nothing low enough is seen.
+
+use super::frame::{FACES, Frame};
+use super::outline::{Corner, CornerError, Edge, Outline, Post};
+use alloc::vec;
+use alloc::vec::Vec;
+use core::ops::Range;
+
+/// Number of steps that a column keeps. With one step fewer, a tower behind a house hides the house's part;
+/// one more changed next to nothing (measured).
+pub(crate) const STEPS: usize = 3;
+
+/// A step of a column: every line of sight through the column whose height in the picture is between `low`
+/// and `high` has met an occluder where the inverse of its depth is at least `inverse_depth`.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Step {
+    pub(crate) inverse_depth: f32,
+    pub(crate) low: f32,
+    pub(crate) high: f32,
+}
+
+impl Step {
+    /// Hides nothing.
+    const OPEN: Self = Self { inverse_depth: 0.0, low: f32::INFINITY, high: f32::NEG_INFINITY };
+
+    /// Returns whether whatever `other` hides is hidden by this step.
+    fn covers(&self, other: &Self) -> bool {
+        self.inverse_depth >= other.inverse_depth && self.low <= other.low && self.high >= other.high
+    }
+
+    /// Returns whether the heights of the two steps have a height in common.
+    fn meets(&self, other: &Self) -> bool {
+        self.low <= other.high && other.low <= self.high
+    }
+}
+
+/// Columns of a [`Block`].
+pub(crate) const BLOCK: usize = 8;
+
+/// The steps of eight neighbouring columns, by step and column: tested together.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Block {
+    inverse_depth: [[f32; BLOCK]; STEPS],
+    low: [[f32; BLOCK]; STEPS],
+    high: [[f32; BLOCK]; STEPS],
+}
+
+impl Block {
+    const OPEN: Self = Self {
+        inverse_depth: [[Step::OPEN.inverse_depth; BLOCK]; STEPS],
+        low: [[Step::OPEN.low; BLOCK]; STEPS],
+        high: [[Step::OPEN.high; BLOCK]; STEPS],
+    };
+
+    fn step(&self, step: usize, column: usize) -> Step {
+        Step {
+            inverse_depth: self.inverse_depth[step][column],
+            low: self.low[step][column],
+            high: self.high[step][column],
+        }
+    }
+
+    fn set_step(&mut self, step: usize, column: usize, value: Step) {
+        self.inverse_depth[step][column] = value.inverse_depth;
+        self.low[step][column] = value.low;
+        self.high[step][column] = value.high;
+    }
+
+    /// Returns a mask of the columns with a step that hides what is at inverse depth `inverse_depth` or less,
+    /// between the heights `low` and `high`.
+    #[inline(always)]
+    pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
+        let mut any = [0u32; BLOCK];
+        for step in 0..STEPS {
+            let (w, from, to) = (&self.inverse_depth[step], &self.low[step], &self.high[step]);
+            for column in 0..BLOCK {
+                let is = (w[column] > inverse_depth) & (from[column] < low) & (to[column] > high);
+                any[column] |= u32::from(is) << column;
+            }
+        }
+        any.iter().fold(0, |all, one| all | one)
+    }
+}
+
+/// All columns of the four faces.
+#[derive(Clone, Debug)]
+pub(crate) struct Columns {
+    per_face: usize,
+    /// Columns of each face, rounded up to whole blocks.
+    blocks: Vec<Block>,
+    /// Columns in view of each face.
+    seen: [Range<usize>; FACES],
+    outline: Outline,
+    /// Scratch of [`draw`](Self::draw), one entry per side of a column: top, negated bottom, inverse depth.
+    sides: Vec<[f64; 3]>,
+}
+
+impl Columns {
+    /// Makes columns that hide nothing.
+    pub(crate) fn new(per_face: usize) -> Self {
+        Self {
+            per_face,
+            blocks: vec![Block::OPEN; per_face.div_ceil(BLOCK) * FACES],
+            seen: [const { 0..0 }; FACES],
+            outline: Outline::default(),
+            sides: vec![[0.0; 3]; per_face + 1],
+        }
+    }
+
+    pub(crate) fn per_face(&self) -> usize {
+        self.per_face
+    }
+
+    /// Returns the columns of a face that are in view.
+    pub(crate) fn seen(&self, face: usize) -> Range<usize> {
+        self.seen[face].clone()
+    }
+
+    /// Returns the columns of one face, in blocks.
+    pub(crate) fn face(&self, face: usize) -> &[Block] {
+        let count = self.per_face.div_ceil(BLOCK);
+        &self.blocks[face * count..][..count]
+    }
+
+    fn face_mut(&mut self, face: usize) -> &mut [Block] {
+        let count = self.per_face.div_ceil(BLOCK);
+        &mut self.blocks[face * count..][..count]
+    }
+
+    /// Empties the columns for a new frame.
+    pub(crate) fn begin(&mut self, frame: &Frame) {
+        for (face, seen) in frame.seen.iter().enumerate() {
+            let last = self.per_face as f64;
+            let begin = (seen.start * last) as usize;
+            let end = ((seen.end * last) as usize + 1).min(self.per_face);
+            self.seen[face] = if seen.is_empty() { 0..0 } else { begin.min(end)..end };
+            let blocks = self.seen[face].start / BLOCK..self.seen[face].end.div_ceil(BLOCK);
+            self.face_mut(face)[blocks].fill(Block::OPEN);
+        }
+    }
+
+    /// Adds the convex solid that contains `posts`. `error` bounds the distance of each post from one inside
+    /// of the exact solid, in metres.
+    pub(crate) fn draw_solid(&mut self, frame: &Frame, posts: &[Post], error: f64) {
+        for face in 0..FACES {
+            if self.seen[face].is_empty() {
+                continue;
+            }
+            let mut outline = core::mem::take(&mut self.outline);
+            if outline.project(frame, posts, error, face, self.per_face) {
+                self.draw(face, &outline.upper, &outline.lower, &outline.error);
+            }
+            self.outline = outline;
+        }
+    }
+
+    /// Adds what is between two outlines, each from its first to its last column, to the columns of a face
+    /// that both span.
+    fn draw(&mut self, face: usize, upper: &[Corner], lower: &[Corner], error: &CornerError) {
+        let ([first, .., last], [low_first, .., low_last]) = (upper, lower) else { return };
+        let begin = first.column.max(low_first.column) + error.column;
+        let end = last.column.min(low_last.column) - error.column;
+        let seen = self.seen[face].clone();
+        // Whole columns, clamped to those in view.
+        let begin = (ceil(begin).max(seen.start as f64)) as usize;
+        let end = (end.min(seen.end as f64).max(0.0)) as usize;
+        if begin >= end {
+            return;
+        }
+        let mut sides = core::mem::take(&mut self.sides);
+        sides[begin..=end].fill([f64::INFINITY; 3]);
+        sample(&mut sides[begin..=end], begin, upper, error, 0, 1.0);
+        sample(&mut sides[begin..=end], begin, lower, error, 1, -1.0);
+        let blocks = self.face_mut(face);
+        for (column, pair) in (begin..end).zip(sides[begin..=end].windows(2)) {
+            let least = |slot: usize| if pair[0][slot] < pair[1][slot] { pair[0][slot] } else { pair[1][slot] };
+            // Rounding to `f32` errs by half a step, which the next step inwards exceeds.
+            let step = Step {
+                inverse_depth: (least(2) as f32).next_down(),
+                low: (-least(1) as f32).next_up(),
+                high: (least(0) as f32).next_down(),
+            };
+            if step.low < step.high && step.inverse_depth > 0.0 {
+                insert(&mut blocks[column / BLOCK], column % BLOCK, step);
+            }
+        }
+        self.sides = sides;
+    }
+}
+
+/// Returns the least whole number that is not less.
+fn ceil(x: f64) -> f64 {
+    let whole = x.clamp(-1e15, 1e15) as i64 as f64;
+    if whole < x { whole + 1.0 } else { whole }
+}
+
+/// Lowers, for each side of a column that `sides` holds from the right side of column `begin` on, the entries
+/// `slot` and 2 to the height (times `sense`) and the inverse depth of an outline there, less the error
+/// bounds.
+fn sample(
+    sides: &mut [[f64; 3]],
+    begin: usize,
+    outline: &[Corner],
+    error: &CornerError,
+    slot: usize,
+    sense: f64,
+) {
+    let last = (begin + sides.len() - 1) as f64;
+    for pair in outline.windows(2) {
+        // The sides that the exact edge may cross.
+        let (from, to) = (pair[0].column - error.column, pair[1].column + error.column);
+        if to < begin as f64 || from > last {
+            continue;
+        }
+        let edge = Edge::new(pair[0], pair[1], error);
+        let from = ceil(from.max(begin as f64)) as usize;
+        let to = (to.min(last)) as usize;
+        for side in from..=to {
+            let (inverse_depth, height) = edge.at(side as f64, sense);
+            let entry = &mut sides[side - begin];
+            if height < entry[slot] {
+                entry[slot] = height;
+            }
+            if inverse_depth < entry[2] {
+                entry[2] = inverse_depth;
+            }
+        }
+    }
+}
+
+/// Adds a step to a column of a block. If the column is full, the lowest top goes.
+fn insert(block: &mut Block, column: usize, step: Step) {
+    // Behind the farther of two steps whose heights meet, the union of both heights is hidden.
+    let mut steps: [Step; STEPS] = core::array::from_fn(|old| block.step(old, column));
+    let mut new = step;
+    for old in &steps {
+        if old.covers(&step) {
+            return;
+        }
+        if old.inverse_depth >= new.inverse_depth && old.meets(&new) {
+            (new.low, new.high) = (new.low.min(old.low), new.high.max(old.high));
+        }
+    }
+    let mut lowest = 0;
+    for index in 0..STEPS {
+        let old = &mut steps[index];
+        if old.inverse_depth > 0.0 && old.inverse_depth < new.inverse_depth && old.meets(&new) {
+            (old.low, old.high) = (old.low.min(new.low), old.high.max(new.high));
+            block.set_step(index, column, *old);
+        }
+        if new.covers(old) {
+            *old = Step::OPEN;
+            block.set_step(index, column, *old);
+        }
+        if steps[index].high < steps[lowest].high {
+            lowest = index;
+        }
+    }
+    if steps[lowest].high < new.high {
+        block.set_step(lowest, column, new);
+    }
+}

@@ -1,0 +1,279 @@
+//! Upright convex solids of an occluder mesh.
+//!
+//! A convex solid of the mesh, or a convex part, is one as it is. City models have houses without a floor:
+//! those are found among the other triangles, by shared vertices, as prisms that are open at the bottom
+//! only. Other triangles hide nothing here.
+
+use super::frame::UpAxis;
+use super::outline::Post;
+use alloc::vec::Vec;
+use visibility_core::OccluderMesh;
+use visibility_core::glam::{Affine3A, DVec3};
+
+/// Most vertices of a solid. Rounder solids are rare, and cost more than they hide.
+const MAX_POSTS: usize = 32;
+
+/// Solids whose upright face, width times height, is less than this part of the largest of the same mesh are
+/// left out: posts and rails of a house hide next to nothing beside its walls.
+const LEAST_FACE: f64 = 1.0 / 16.0;
+
+/// A convex solid, as the hull of posts.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Solid {
+    /// Posts of the solid, a range of the list that the solid was added to.
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+    /// Bound on the distance in metres of each post from a point of the exact solid.
+    pub(crate) error: f64,
+    /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
+    /// a closed solid.
+    pub(crate) open_below: f64,
+}
+
+/// Solids found so far.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Solids {
+    pub(crate) solids: Vec<Solid>,
+    pub(crate) posts: Vec<Post>,
+}
+
+impl Solids {
+    /// Returns the posts of a solid.
+    pub(crate) fn posts(&self, solid: &Solid) -> &[Post] {
+        &self.posts[solid.first as usize..][..solid.count as usize]
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.solids.clear();
+        self.posts.clear();
+    }
+
+    /// Adds the solids of a mesh under a transform.
+    pub(crate) fn add_mesh(&mut self, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis) {
+        let begin = self.solids.len();
+        let pieces = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
+        for piece in pieces {
+            if piece.is_convex() {
+                self.add_convex(piece, transform, up);
+            } else {
+                self.add_open_prisms(piece, transform, up);
+            }
+        }
+        self.drop_small(begin);
+    }
+
+    fn add_convex(&mut self, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis) {
+        if mesh.positions().len() <= MAX_POSTS {
+            let first = self.posts.len();
+            let mut size = 0.0f64;
+            for p in mesh.positions() {
+                let (p, by) = placed(p.as_dvec3(), transform);
+                size = size.max(by);
+                let [x, y, z] = up.split(p);
+                self.add_post(first, Post { x, y, low: z, high: z });
+            }
+            // A convex mesh may be dented by two steps of `f32` of its largest coordinate, a cuboid not.
+            let dent = if mesh.is_cuboid() { 0.0 } else { 4.0 * f64::from(f32::EPSILON) * size };
+            self.finish(first, size, dent, f64::NEG_INFINITY);
+        }
+    }
+
+    /// Adds a post to the solid that began at `first`; one that stands on another is joined with it.
+    fn add_post(&mut self, first: usize, post: Post) {
+        for other in &mut self.posts[first..] {
+            if other.x == post.x && other.y == post.y {
+                (other.low, other.high) = (other.low.min(post.low), other.high.max(post.high));
+                return;
+            }
+        }
+        self.posts.push(post);
+    }
+
+    fn finish(&mut self, first: usize, size: f64, dent: f64, open_below: f64) {
+        let count = self.posts.len() - first;
+        let is_finite = self.posts[first..]
+            .iter()
+            .all(|p| p.x.is_finite() && p.y.is_finite() && p.low.is_finite() && p.high.is_finite());
+        if count < 2 || count > MAX_POSTS || !is_finite || first > u32::MAX as usize {
+            self.posts.truncate(first);
+            return;
+        }
+        // A transformed point is a sum of three products and a term, rounded at most four times each: 8u of
+        // the sum of magnitudes.
+        let error = dent + 8.0 * f64::EPSILON * size;
+        self.solids.push(Solid { first: first as u32, count: count as u32, error, open_below });
+    }
+
+    /// Drops the solids from `begin` on that are small beside the largest of these.
+    fn drop_small(&mut self, begin: usize) {
+        let face = |solids: &Self, solid: &Solid| {
+            let posts = solids.posts(solid);
+            let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+            for p in posts {
+                for (axis, (a, b)) in [(p.x, p.x), (p.y, p.y), (p.low, p.high)].into_iter().enumerate() {
+                    (min[axis], max[axis]) = (min[axis].min(a), max[axis].max(b));
+                }
+            }
+            (max[0] - min[0]).max(max[1] - min[1]) * (max[2] - min[2])
+        };
+        let largest = self.solids[begin..].iter().map(|solid| face(self, solid)).fold(0.0, f64::max);
+        let (mut kept, mut posts) = (begin, self.solids.get(begin).map_or(0, |solid| solid.first as usize));
+        for index in begin..self.solids.len() {
+            let solid = self.solids[index];
+            if face(self, &solid) >= LEAST_FACE * largest {
+                let (from, count) = (solid.first as usize, solid.count as usize);
+                self.posts.copy_within(from..from + count, posts);
+                self.solids[kept] = Solid { first: posts as u32, ..solid };
+                (kept, posts) = (kept + 1, posts + count);
+            }
+        }
+        if kept > begin || self.solids.len() > begin {
+            self.solids.truncate(kept);
+            self.posts.truncate(posts);
+        }
+    }
+
+    /// Adds the prisms among the triangles of a mesh that is no convex solid. A prism is a set of triangles,
+    /// joined by shared vertices, whose vertices have two heights, whose sides are upright and bound their
+    /// hull on the plan, and whose edges all join two triangles but for those at the lower height.
+    fn add_open_prisms(&mut self, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis) {
+        for component in components(mesh) {
+            self.add_open_prism(mesh, &component, transform, up);
+        }
+    }
+
+    fn add_open_prism(
+        &mut self,
+        mesh: &OccluderMesh,
+        triangles: &[u32],
+        transform: &Affine3A,
+        up: UpAxis,
+    ) -> Option<()> {
+        if triangles.len() > 4 * MAX_POSTS {
+            return None;
+        }
+        let mut size = 0.0f64;
+        let mut vertex = |index: u32| {
+            let (p, by) = placed(mesh.positions()[index as usize].as_dvec3(), transform);
+            size = size.max(by);
+            up.split(p)
+        };
+        let corners: Vec<[[f64; 3]; 3]> =
+            triangles.iter().map(|&t| mesh.triangles()[t as usize].map(&mut vertex)).collect();
+        let all = || corners.iter().flatten();
+        let low = all().map(|p| p[2]).fold(f64::INFINITY, f64::min);
+        let high = all().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max);
+        if !all().all(|p| p[2] == low || p[2] == high) || !(low < high) {
+            return None;
+        }
+        // Edges of a single triangle lie at the lower height.
+        for &t in triangles {
+            for edge in mesh.triangle_edges()[t as usize] {
+                let edge = &mesh.edges()[edge as usize];
+                let mut is_low = || edge.vertices.iter().all(|&v| vertex(v)[2] == low);
+                if edge.right.is_none() && !is_low() {
+                    return None;
+                }
+            }
+        }
+        let mut plan: Vec<[f64; 2]> = all().map(|p| [p[0], p[1]]).collect();
+        plan.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        plan.dedup();
+        let hull = convex_hull(&plan);
+        if hull.len() != plan.len() || hull.len() < 3 || hull.len() > MAX_POSTS {
+            return None;
+        }
+        // Each triangle is level or a part of a side between neighbours of the hull.
+        let position = |p: &[f64; 3]| hull.iter().position(|q| q[0] == p[0] && q[1] == p[1]);
+        for t in &corners {
+            if t.iter().all(|p| p[2] == low) || t.iter().all(|p| p[2] == high) {
+                continue;
+            }
+            let [a, b, c] = [position(&t[0])?, position(&t[1])?, position(&t[2])?];
+            let is_side = |a: usize, b: usize| {
+                a == b || (a + 1) % hull.len() == b || (b + 1) % hull.len() == a
+            };
+            let is_upright = a == b || b == c || c == a;
+            if !(is_upright && is_side(a, b) && is_side(b, c) && is_side(c, a)) {
+                return None;
+            }
+        }
+        // All edges but the lowest join two triangles that run through them in opposite directions, so the
+        // number of triangles over a point of the hull's surface, those that face inwards counted negative,
+        // is the same everywhere above the lower height. At the top it is the quotient of the areas.
+        let area = |p: &[[f64; 2]]| {
+            let around = (0..p.len()).map(|i| (p[i], p[(i + 1) % p.len()]));
+            around.map(|(a, b)| (a[0] - p[0][0]) * (b[1] - p[0][1]) - (a[1] - p[0][1]) * (b[0] - p[0][0])).sum::<f64>()
+        };
+        let top = corners.iter().filter(|t| t.iter().all(|p| p[2] == high));
+        let covered: f64 = top.map(|t| area(&t.map(|p| [p[0], p[1]]))).sum::<f64>() / area(&hull);
+        // A one-sided mesh hides from outside if it faces outwards.
+        let is_mirrored = transform.matrix3.determinant() <= 0.0;
+        let is_covered = if mesh.is_two_sided() { covered.abs() } else { covered } > 0.5;
+        if !is_covered || is_mirrored && !mesh.is_two_sided() {
+            return None;
+        }
+        let first = self.posts.len();
+        self.posts.extend(hull.iter().map(|p| Post { x: p[0], y: p[1], low, high }));
+        self.finish(first, size, 0.0, low);
+        Some(())
+    }
+}
+
+/// Returns a point under a transform, with the sum of the magnitudes of its largest coordinate's terms.
+fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
+    if *transform == Affine3A::IDENTITY {
+        return (p, p.abs().max_element());
+    }
+    let columns = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
+        .map(|axis| visibility_core::glam::Vec3::from(axis).as_dvec3());
+    let translation = visibility_core::glam::Vec3::from(transform.translation).as_dvec3();
+    let terms = [columns[0] * p.x, columns[1] * p.y, columns[2] * p.z, translation];
+    let sum = terms[0] + terms[1] + terms[2] + terms[3];
+    let size = terms[0].abs() + terms[1].abs() + terms[2].abs() + terms[3].abs();
+    (sum, size.max_element())
+}
+
+/// Returns the triangles of a mesh in groups that share vertices.
+fn components(mesh: &OccluderMesh) -> Vec<Vec<u32>> {
+    let mut parent: Vec<u32> = (0..mesh.positions().len() as u32).collect();
+    fn root(parent: &mut [u32], mut i: u32) -> u32 {
+        while parent[i as usize] != i {
+            parent[i as usize] = parent[parent[i as usize] as usize];
+            i = parent[i as usize];
+        }
+        i
+    }
+    for t in mesh.triangles() {
+        for &other in &t[1..] {
+            let (a, b) = (root(&mut parent, t[0]), root(&mut parent, other));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut order: Vec<(u32, u32)> =
+        (0..).zip(mesh.triangles()).map(|(i, t)| (root(&mut parent, t[0]), i)).collect();
+    order.sort_unstable();
+    order.chunk_by(|a, b| a.0 == b.0).map(|group| group.iter().map(|&(_, t)| t).collect()).collect()
+}
+
+/// Returns the convex hull of points on the plan that are sorted by x, then y, without repetition,
+/// counter-clockwise. Points on a side of the hull, as far as `f64` can tell, are left out.
+pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let cross = |o: [f64; 2], a: [f64; 2], b: [f64; 2]| {
+        (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+    };
+    let mut hull: Vec<[f64; 2]> = Vec::with_capacity(points.len() + 1);
+    let half = |hull: &mut Vec<[f64; 2]>, points: &mut dyn Iterator<Item = [f64; 2]>| {
+        let base = hull.len();
+        for p in points {
+            while hull.len() > base + 1 && cross(hull[hull.len() - 2], hull[hull.len() - 1], p) <= 0.0 {
+                hull.pop();
+            }
+            hull.push(p);
+        }
+        hull.pop();
+    };
+    half(&mut hull, &mut points.iter().copied());
+    half(&mut hull, &mut points.iter().rev().copied());
+    if hull.is_empty() { points.to_vec() } else { hull }
+}

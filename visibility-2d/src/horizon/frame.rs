@@ -1,0 +1,181 @@
+//! The four faces of the picture, relative to the eye, and the columns of each that the view can see.
+
+use core::ops::Range;
+use visibility_core::glam::{DMat3, DVec3, Vec3};
+use visibility_core::view::{ClipRow, Eye, ViewProjection};
+use visibility_core::View;
+
+/// Unit round-off of `f64`: 2^-53.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// The axis of a scene that points up.
+///
+/// ```
+/// use visibility_2d::horizon::UpAxis;
+/// assert_eq!(UpAxis::default(), UpAxis::Z);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+pub enum UpAxis {
+    /// The y axis points up, as in most engines.
+    Y,
+    /// The z axis points up, as in maps, CAD and Unreal.
+    #[default]
+    Z,
+}
+
+impl UpAxis {
+    /// Returns a point as its two coordinates on the plan, then its height, a right-handed system.
+    pub(crate) fn split(self, p: DVec3) -> [f64; 3] {
+        match self {
+            Self::Y => [p.z, p.x, p.y],
+            Self::Z => [p.x, p.y, p.z],
+        }
+    }
+
+    /// Returns the point of the scene with the given two coordinates on the plan and the given height.
+    pub(crate) fn join(self, [x, y, height]: [f64; 3]) -> DVec3 {
+        match self {
+            Self::Y => DVec3::new(y, height, x),
+            Self::Z => DVec3::new(x, y, height),
+        }
+    }
+
+    /// Returns the rows of a [`Boxes64`](visibility_core::scene::Boxes64) or the components of a vector that
+    /// hold the plan's x, the plan's y and the height.
+    pub(crate) const fn rows(self) -> [usize; 3] {
+        match self {
+            Self::Y => [2, 0, 1],
+            Self::Z => [0, 1, 2],
+        }
+    }
+
+    /// Returns a vector in `f32` as its two coordinates on the plan, then its height.
+    pub(crate) fn split_f32(self, p: Vec3) -> [f32; 3] {
+        self.rows().map(|row| p[row])
+    }
+}
+
+/// Number of faces of the picture: towards +x, +y, -x and -y of the plan.
+pub(crate) const FACES: usize = 4;
+
+/// Returns the depth and the lateral coordinate, growing counter-clockwise, in a face of the picture of a
+/// point on the plan relative to the eye. Exact.
+pub(crate) fn turned<T: core::ops::Neg<Output = T>>(face: usize, x: T, y: T) -> (T, T) {
+    match face {
+        0 => (x, y),
+        1 => (y, -x),
+        2 => (-x, -y),
+        _ => (-y, x),
+    }
+}
+
+/// The eye of a view on the plan, and what the view sees of each face.
+#[derive(Clone, Debug)]
+pub(crate) struct Frame {
+    pub(crate) up: UpAxis,
+    /// Eye in metres relative to the scene's origin: two coordinates on the plan and the height.
+    pub(crate) eye: [f64; 3],
+    /// Bound on the distance in metres of the exact eye from `eye`. Infinite if nothing can be hidden: before
+    /// the first frame, in parallel views, and where rounding leaves the eye undecided.
+    pub(crate) error: f64,
+    /// Positive beyond the near plane, for points relative to `anchor`.
+    near: ClipRow,
+    /// Point in metres relative to the scene's origin: the eye up to rounding.
+    anchor: DVec3,
+    /// Columns of each face that the view can see, in parts of the face from 0 to 1; empty if none.
+    pub(crate) seen: [Range<f64>; FACES],
+}
+
+impl Frame {
+    /// A frame in which nothing can be hidden.
+    pub(crate) const BLIND: Self = Self {
+        up: UpAxis::Z,
+        eye: [0.0; 3],
+        error: f64::INFINITY,
+        near: ClipRow { linear: DVec3::ZERO, constant: 0.0, error: 0.0 },
+        anchor: DVec3::ZERO,
+        seen: [const { 0.0..1.0 }; FACES],
+    };
+
+    /// Makes the frame of a view for points relative to `origin`, a point of the world.
+    pub(crate) fn new(view: &View, origin: DVec3, up: UpAxis) -> Self {
+        let projection = ViewProjection::new(view, origin);
+        let Eye::Point(eye) = projection.eye() else { return Self { up, ..Self::BLIND } };
+        let error = projection.eye_error();
+        if !(error.is_finite() && eye.is_finite()) {
+            return Self { up, ..Self::BLIND };
+        }
+        let seen = seen_columns(&projection, up).unwrap_or([const { 0.0..1.0 }; FACES]);
+        Self { up, eye: up.split(eye), error, near: projection.near(), anchor: projection.anchor(), seen }
+    }
+
+    /// Returns whether a ball around a point relative to the scene's origin, given by its two coordinates on
+    /// the plan and its height, is certainly beyond the near plane. False for NaN.
+    pub(crate) fn is_beyond_near(&self, point: [f64; 3], radius: f64) -> bool {
+        let (value, error) = self.near.at(self.up.join(point) - self.anchor);
+        value > error + self.near.linear.length() * 2.0 * radius
+    }
+}
+
+/// Returns the part of each face, from 0 to 1, that a perspective view can see. `None` if the view sees in
+/// all directions of the plan, as a camera that looks down does, or if rounding leaves that undecided.
+fn seen_columns(projection: &ViewProjection, up: UpAxis) -> Option<[Range<f64>; FACES]> {
+    let rows = DMat3::from_cols(projection.x().linear, projection.y().linear, projection.w().linear);
+    let forth = rows.transpose();
+    let back = forth.inverse();
+    let norm = |m: &DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
+        // A corner of the picture is where clip-space x and y are `w` or `-w`: the direction that `forth`
+        // takes to (+-1, +-1, 1). The computed direction is off by the inverse of what is left over. The rows
+        // are within 3u of the exact ones, a product with them rounds by 3u of its terms.
+        let target = DVec3::new(x, y, 1.0);
+        let corner = back * target;
+        let left_over = (forth * corner - target).length();
+        let size = norm(&forth) * corner.length_squared();
+        let off = norm(&back) * (left_over * left_over + 256.0 * U * U * size);
+        // Squares, so that no square root is needed: `off` is the square of the error, here of its double.
+        (up.split(corner), 4.0 * off)
+    });
+    // All four corners must lead to one side of a line through the eye, by a good margin: then the view is
+    // within the sector between the outermost two.
+    let middle = corners.iter().fold([0.0; 2], |sum, (c, _)| [sum[0] + c[0], sum[1] + c[1]]);
+    let length2 = middle[0] * middle[0] + middle[1] * middle[1];
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (c, off) in &corners {
+        let along = c[0] * middle[0] + c[1] * middle[1];
+        let across = middle[0] * c[1] - middle[1] * c[0];
+        // The error is at most a millionth of the corner's extent along the middle.
+        if !(along > 0.0 && off * length2 <= 1e-12 * along * along) {
+            return None;
+        }
+        (least, most) = (least.min(across / along), most.max(across / along));
+    }
+    // The tangent of the angle from the middle is off by less than 4e-6 of 1 + its square.
+    let widened = |tangent: f64, by: f64| tangent + by * 4e-6 * (1.0 + tangent * tangent);
+    let side = |tangent: f64| [middle[0] - middle[1] * tangent, middle[1] + middle[0] * tangent];
+    let (right, left) = (side(widened(least, -1.0)), side(widened(most, 1.0)));
+    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    if !(cross(right, left) > 0.0) {
+        return None;
+    }
+    Some(core::array::from_fn(|face| {
+        // A face spans the directions from (1, -1) to (1, 1), less than half a turn as the sector does.
+        let turn = |v: [f64; 2]| {
+            let (x, y) = turned(face, v[0], v[1]);
+            [x, y]
+        };
+        let (right, left) = (turn(right), turn(left));
+        let is_within = |d: [f64; 2]| cross(right, d) >= 0.0 && cross(d, left) >= 0.0;
+        let in_face = |v: [f64; 2]| v[0] > 0.0 && v[1].abs() <= v[0];
+        let part = |v: [f64; 2]| 0.5 + 0.5 * v[1] / v[0];
+        let begin = if is_within([1.0, -1.0]) {
+            0.0
+        } else if in_face(right) {
+            part(right)
+        } else {
+            return 0.0..0.0;
+        };
+        let end = if is_within([1.0, 1.0]) { 1.0 } else if in_face(left) { part(left) } else { 1.0 };
+        begin..end
+    }))
+}

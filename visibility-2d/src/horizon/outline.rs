@@ -1,0 +1,237 @@
+//! Upper and lower outline of an occluder in one face of the picture.
+//!
+//! An occluder is given by *posts*: upright segments inside of it. A convex solid contains the hull of its
+//! posts, so the polylines through the highest and lowest points of that hull are inside of the occluder's
+//! picture, whichever posts are left out. That needs no exact predicates: a wrong choice makes the outline
+//! smaller, never larger.
+//!
+//! # Rounding
+//! With `u = 2^-53`. Coordinates relative to the eye are off by at most `e`: the eye's error, the post's own,
+//! and `4u` of the magnitudes of both for the subtraction and for cutting. For a depth `x >= c` with `e < c /
+//! 8`, a quotient `q = y / x` is off by at most `(e + |q| e) / (c - e)` and a rounding: less than `2 e (1 +
+//! |q|) / c`. With `d = 2 e / c`, the columns of a corner are therefore off by `d (1 + |t|)` for each unit of
+//! `t`, heights by `d (1 + |s|)`, and inverse depths by `d / x`. An edge between two such corners is, at any
+//! column, off by at most the error of the heights and, for the errors of the columns at both ends, by its
+//! slope times these; if the edge is at least four times as wide as that error, the exact slope is at most
+//! twice the computed one and a part of the height's error. Hence the `2 (height + slope * column)` of
+//! [`Edge`], which also holds the rounding of the interpolation.
+
+use super::frame::{Frame, turned};
+use alloc::vec::Vec;
+
+/// Unit round-off of `f64`: 2^-53.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// An upright segment inside of an occluder, in metres relative to the scene's origin.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Post {
+    /// Position on the plan.
+    pub(crate) x: f64,
+    pub(crate) y: f64,
+    /// Height of the lower end.
+    pub(crate) low: f64,
+    /// Height of the upper end, at least `low`.
+    pub(crate) high: f64,
+}
+
+/// A corner of an outline in one face of the picture.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Corner {
+    /// Lateral position in columns, from 0 at the right edge of the face.
+    pub(crate) column: f64,
+    /// Height in the picture: height above the eye over depth.
+    pub(crate) height: f64,
+    /// Inverse of the depth, in 1/m.
+    pub(crate) inverse_depth: f64,
+}
+
+/// Bounds on the errors of the corners of an outline.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct CornerError {
+    pub(crate) column: f64,
+    pub(crate) height: f64,
+    pub(crate) inverse_depth: f64,
+}
+
+/// Outlines of one occluder in one face. Kept between occluders for its memory.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Outline {
+    /// Highest points from the first to the last column, at least two unless empty.
+    pub(crate) upper: Vec<Corner>,
+    /// Lowest points from the first to the last column.
+    pub(crate) lower: Vec<Corner>,
+    pub(crate) error: CornerError,
+    cut: Vec<Relative>,
+    projected: Vec<Projected>,
+}
+
+/// A post relative to the eye: depth and lateral coordinate in a face, heights of its ends, in metres.
+#[derive(Clone, Copy, Debug)]
+struct Relative {
+    depth: f64,
+    lateral: f64,
+    low: f64,
+    high: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Projected {
+    column: f64,
+    low: f64,
+    high: f64,
+    inverse_depth: f64,
+}
+
+impl Outline {
+    /// Computes the outlines of the convex solid that contains `posts`, in one face of `columns` columns.
+    /// `error` bounds the distance of each post from one inside of the exact solid, in metres. Returns
+    /// whether there is an outline; false where the solid is behind the face or rounding leaves it undecided.
+    pub(crate) fn project(
+        &mut self,
+        frame: &Frame,
+        posts: &[Post],
+        error: f64,
+        face: usize,
+        columns: usize,
+    ) -> bool {
+        self.cut.clear();
+        let (mut deepest, mut size) = (0.0f64, 0.0f64);
+        for post in posts {
+            let (depth, lateral) = turned(face, post.x - frame.eye[0], post.y - frame.eye[1]);
+            let (low, high) = (post.low - frame.eye[2], post.high - frame.eye[2]);
+            deepest = deepest.max(depth);
+            size = size.max(depth.abs()).max(lateral.abs()).max(low.abs()).max(high.abs());
+            self.cut.push(Relative { depth, lateral, low, high });
+        }
+        // Lines of sight of a face that meet the solid nearer than this see little of it.
+        let nearest = deepest * (1.0 / 64.0);
+        let e = frame.error + error + 8.0 * U * size + f64::MIN_POSITIVE;
+        // Written so that NaN gives false.
+        // The other bounds keep all quotients finite.
+        if !(e < nearest * 0.125 && size < nearest * 1e30 && nearest > 1e-100 && size < 1e100) {
+            return false;
+        }
+        self.cut_at(nearest);
+        let half = 0.5 * columns as f64;
+        let (mut tangent, mut height) = (0.0f64, 0.0f64);
+        self.projected.clear();
+        for p in &self.cut {
+            let inverse_depth = 1.0 / p.depth;
+            let t = p.lateral * inverse_depth;
+            let (low, high) = (p.low * inverse_depth, p.high * inverse_depth);
+            tangent = tangent.max(t.abs());
+            height = height.max(low.abs()).max(high.abs());
+            self.projected.push(Projected { column: half + half * t, low, high, inverse_depth });
+        }
+        let least = self.projected.iter().fold(0.0f64, |most, p| most.max(p.inverse_depth));
+        let d = 2.0 * e * least;
+        self.error = CornerError {
+            column: half * d * (1.0 + tangent) + 8.0 * U * half * (1.0 + tangent),
+            height: d * (1.0 + height) + 4.0 * U * height,
+            inverse_depth: (d + 4.0 * U) * least,
+        };
+        self.projected.sort_unstable_by(|a, b| a.column.total_cmp(&b.column));
+        self.upper.clear();
+        self.lower.clear();
+        for p in &self.projected {
+            let corner = |height| Corner { column: p.column, height, inverse_depth: p.inverse_depth };
+            push_to_hull(&mut self.upper, corner(p.high), 1.0);
+            push_to_hull(&mut self.lower, corner(p.low), -1.0);
+        }
+        self.upper.len() > 1 && self.lower.len() > 1
+    }
+
+    /// Replaces the posts nearer than `nearest` by those in which the hull of all posts meets that depth.
+    fn cut_at(&mut self, nearest: f64) {
+        let near = |p: &Relative| p.depth < nearest;
+        if !self.cut.iter().any(near) {
+            return;
+        }
+        let count = self.cut.len();
+        for i in 0..count {
+            for j in 0..count {
+                let (a, b) = (self.cut[i], self.cut[j]);
+                if near(&a) && !near(&b) {
+                    let part = (nearest - a.depth) / (b.depth - a.depth);
+                    let at = |from: f64, to: f64| from + (to - from) * part;
+                    let (lateral, low, high) =
+                        (at(a.lateral, b.lateral), at(a.low, b.low), at(a.high, b.high));
+                    self.cut.push(Relative { depth: nearest, lateral, low, high });
+                }
+            }
+        }
+        self.cut.retain(|p| !near(p));
+    }
+}
+
+/// Appends a corner to a chain that bends one way only: to the right if `sense` is 1, to the left if -1. Drops
+/// corners before it that would bend the other way.
+fn push_to_hull(chain: &mut Vec<Corner>, corner: Corner, sense: f64) {
+    while let [.., a, b] = chain[..] {
+        let turn = (b.column - a.column) * (corner.height - a.height)
+            - (b.height - a.height) * (corner.column - a.column);
+        if sense * turn < 0.0 {
+            break;
+        }
+        chain.pop();
+    }
+    // Of two corners in one column, the outer one counts.
+    if let [first] = chain[..]
+        && first.column == corner.column
+        && sense * (corner.height - first.height) >= 0.0
+    {
+        chain.pop();
+    }
+    chain.push(corner);
+}
+
+/// An edge of an outline as a function of the column, with bounds on its error.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Edge {
+    from: Corner,
+    to: Corner,
+    is_steep: bool,
+    slope: f64,
+    inverse_depth_slope: f64,
+    height_error: f64,
+    inverse_depth_error: f64,
+}
+
+impl Edge {
+    /// Makes the edge between two successive corners of an outline.
+    pub(crate) fn new(from: Corner, to: Corner, error: &CornerError) -> Self {
+        let width = to.column - from.column;
+        let is_steep = !(width > 4.0 * error.column);
+        let per = if is_steep { 0.0 } else { 1.0 / width };
+        let slope = (to.height - from.height) * per;
+        let inverse_depth_slope = (to.inverse_depth - from.inverse_depth) * per;
+        Self {
+            from,
+            to,
+            is_steep,
+            slope,
+            inverse_depth_slope,
+            height_error: 2.0 * (error.height + error.column * slope.abs()),
+            inverse_depth_error: 2.0 * (error.inverse_depth + error.column * inverse_depth_slope.abs()),
+        }
+    }
+
+    /// Returns, at a column, the inverse depth and the height times `sense`, 1 or -1, both less their error
+    /// bounds. Columns beyond the edge's ends count as the nearer end. A steep edge has the lesser of both
+    /// ends everywhere.
+    #[inline]
+    pub(crate) fn at(&self, column: f64, sense: f64) -> (f64, f64) {
+        let (from, to) = (&self.from, &self.to);
+        let (inverse_depth, height) = if self.is_steep {
+            (from.inverse_depth.min(to.inverse_depth), (sense * from.height).min(sense * to.height))
+        } else {
+            let end = if column < to.column { column } else { to.column };
+            let along = if end > from.column { end - from.column } else { 0.0 };
+            (
+                from.inverse_depth + self.inverse_depth_slope * along,
+                sense * (from.height + self.slope * along),
+            )
+        };
+        (inverse_depth - self.inverse_depth_error, height - self.height_error)
+    }
+}

@@ -1,0 +1,215 @@
+//! A box that a horizon hides is met by no unobstructed line of sight: rays to points of hidden boxes, cast
+//! triangle by triangle, which shares nothing with the columns of the picture.
+#![allow(missing_docs)]
+
+use visibility_2d::horizon::{Horizon, UpAxis};
+use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
+use visibility_core::occlusion::Occlusion;
+use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
+use visibility_testing::Random;
+
+/// A mesh and its place, with its corners in `f64`, by triangle.
+struct Occluder {
+    mesh: OccluderMesh,
+    transform: Affine3A,
+}
+
+impl Occluder {
+    fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
+        let m = self.transform.matrix3;
+        let axes = [m.x_axis, m.y_axis, m.z_axis].map(|axis| Vec3::from(axis).as_dvec3());
+        let at = Vec3::from(self.transform.translation).as_dvec3();
+        let place = move |p: Vec3| {
+            let p = p.as_dvec3();
+            axes[0] * p.x + axes[1] * p.y + axes[2] * p.z + at
+        };
+        self.mesh.triangles().iter().map(move |t| t.map(|i| place(self.mesh.positions()[i as usize])))
+    }
+}
+
+/// Returns whether the open segment from `eye` to `target` meets a triangle that hides from the eye, beyond the
+/// plane `near`, given by its normal and offset. Triangles count as closed and a little larger.
+fn is_blocked(eye: DVec3, target: DVec3, near: (DVec3, f64), occluders: &[Occluder]) -> bool {
+    let along = target - eye;
+    occluders.iter().any(|occluder| {
+        occluder.triangles().any(|[a, b, c]| {
+            let normal = (b - a).cross(c - a);
+            let speed = normal.dot(along);
+            if speed == 0.0 || speed > 0.0 && !occluder.mesh.is_two_sided() {
+                return false;
+            }
+            let part = normal.dot(a - eye) / speed;
+            let p = eye + along * part;
+            let slack = -1e-9 * normal.length();
+            let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(normal) / normal.length() >= slack;
+            part > 0.0
+                && part < 1.0
+                && near.0.dot(p) + near.1 > 0.0
+                && inside(a, b)
+                && inside(b, c)
+                && inside(c, a)
+        })
+    })
+}
+
+/// Makes a prism over a convex polygon, with or without its floor and its top.
+fn prism(random: &mut Random, floor: bool, top: bool) -> Option<OccluderMesh> {
+    let sides = 3 + random.below(5);
+    let middle = random.vec3(-9.0, 9.0);
+    let radius = random.fine_range(0.3, 4.0) as f32;
+    let (low, high) = (middle.z.min(0.0), middle.z.max(0.0) + 0.5);
+    let mut angle = random.unit() as f32;
+    let mut ring = Vec::new();
+    for _ in 0..sides {
+        ring.push(Vec3::new(middle.x + radius * angle.cos(), middle.y + radius * angle.sin(), 0.0));
+        angle += std::f32::consts::TAU / sides as f32 * random.fine_range(0.6, 1.0) as f32;
+    }
+    let at = |i: usize, z: f32| Vec3::new(ring[i % sides].x, ring[i % sides].y, z);
+    let mut triangles = Vec::new();
+    for i in 0..sides {
+        triangles.push([at(i, low), at(i + 1, low), at(i + 1, high)]);
+        triangles.push([at(i, low), at(i + 1, high), at(i, high)]);
+    }
+    for i in 1..sides - 1 {
+        if top {
+            triangles.push([at(0, high), at(i, high), at(i + 1, high)]);
+        }
+        if floor {
+            triangles.push([at(0, low), at(i + 1, low), at(i, low)]);
+        }
+    }
+    match random.below(8) {
+        0 => drop(triangles.pop()),
+        1 => {
+            let index = random.below(triangles.len());
+            triangles[index].swap(0, 1);
+        }
+        2 => {
+            let index = random.below(triangles.len());
+            triangles[index][0] += random.vec3(-0.5, 0.5);
+        }
+        _ => {}
+    }
+    let mesh = OccluderMesh::from_triangles(&triangles).ok()?;
+    Some(mesh.with_two_sided(random.below(2) == 0))
+}
+
+fn occluder(random: &mut Random) -> Option<Occluder> {
+    let mesh = match random.below(4) {
+        0 => {
+            let middle = random.vec3(-9.0, 9.0);
+            let half = random.vec3(0.1, 3.0);
+            OccluderMesh::cuboid(&Aabb::new(middle - half, middle + half)).ok()?
+        }
+        1 => prism(random, true, true)?,
+        2 => prism(random, false, true)?,
+        _ => {
+            let top = random.below(4) > 0;
+            prism(random, false, top)?
+        }
+    };
+    let transform = match random.below(4) {
+        0 => {
+            let turn = Quat::from_rotation_z(random.fine_range(-3.0, 3.0) as f32);
+            Affine3A::from_rotation_translation(turn, random.vec3(-2.0, 2.0))
+        }
+        1 => {
+            let axis = random.vec3(-1.0, 1.0).normalize_or(Vec3::X);
+            let turn = Quat::from_axis_angle(axis, random.fine_range(-3.0, 3.0) as f32);
+            Affine3A::from_mat3_translation(
+                Mat3::from_quat(turn) * Mat3::from_diagonal(Vec3::new(1.0, 0.5, 1.5)),
+                random.vec3(-2.0, 2.0),
+            )
+        }
+        _ => Affine3A::IDENTITY,
+    };
+    Some(Occluder { mesh, transform })
+}
+
+/// Returns a box to test: anywhere, or small and just behind an outline of an occluder.
+fn target(random: &mut Random, eye: DVec3, occluders: &[Occluder]) -> Aabb {
+    if random.below(2) == 0 || occluders.is_empty() {
+        let middle = random.vec3(-14.0, 14.0);
+        let most = [0.02, 0.3, 2.0][random.below(3)];
+        let half = random.vec3(0.0, most);
+        return Aabb::new(middle - half, middle + half);
+    }
+    let occluder = &occluders[random.below(occluders.len())];
+    let count = occluder.mesh.triangles().len();
+    let Some(t) = occluder.triangles().nth(random.below(count)) else { return Aabb::EMPTY };
+    let part = random.unit();
+    let edge = t[0] + (t[1] - t[0]) * part;
+    let behind = edge + (edge - eye) * random.fine_range(0.0, 1.5);
+    let size = [1e-4f32, 1e-2, 0.1][random.below(3)];
+    let middle = behind.as_vec3() + random.vec3(-2.0, 2.0) * size;
+    Aabb::new(middle - size, middle + size)
+}
+
+fn run(rounds: usize, seed: u64) -> [u64; 2] {
+    let mut random = Random(seed);
+    let [mut hidden, mut rays] = [0; 2];
+    for round in 0..rounds {
+        let eye = random.vec3(-6.0, 6.0).as_dvec3() * DVec3::new(1.0, 1.0, 0.5);
+        // Level views, tilted ones, and down from above.
+        let ahead = DVec3::new(random.unit() - 0.5, random.unit() - 0.5, 0.0);
+        let tilt = [0.0, 0.3, -1.0, 1.0][random.below(4)] * random.unit();
+        let pose = Pose::look_at(eye, eye + ahead + DVec3::Z * tilt, random.vec3(-1.0, 1.0).as_dvec3());
+        let pose = if random.below(2) == 0 { Pose::look_at(eye, eye + ahead, DVec3::Z) } else { pose };
+        let near = [0.01, 0.5, 3.0][random.below(3)];
+        let fov = random.fine_range(0.3, 2.6);
+        let view = View::perspective(pose, fov, 1.5, near, f64::INFINITY).unwrap();
+        let up = if random.below(4) == 0 { UpAxis::Y } else { UpAxis::Z };
+        let mut horizon = Horizon::new(up).with_columns([1, 7, 64, 360][random.below(4)]);
+        horizon.begin(&view, DVec3::ZERO);
+        let count = random.below(10) + 1;
+        let occluders: Vec<_> = (0..count).filter_map(|_| occluder(&mut random)).collect();
+        for o in &occluders {
+            horizon.add(&o.mesh, &o.transform);
+        }
+        horizon.flush();
+        let planes = view.planes(DVec3::ZERO);
+        let near_plane = planes.as_slice()[4].plane;
+        for _ in 0..60 {
+            let bounds = target(&mut random, eye, &occluders);
+            if horizon.test(&bounds) != Occlusion::Hidden {
+                continue;
+            }
+            hidden += 1;
+            let corners = bounds.corners();
+            for sample in 0..16 {
+                let p = corners.get(sample).map_or_else(
+                    || {
+                        let part = Vec3::new(random.unit() as f32, random.unit() as f32, random.unit() as f32);
+                        bounds.min + (bounds.max - bounds.min) * part
+                    },
+                    |corner| *corner,
+                );
+                let p = p.as_dvec3();
+                if !planes.contains(p) {
+                    continue;
+                }
+                rays += 1;
+                assert!(
+                    is_blocked(eye, p, (near_plane.normal, near_plane.offset), &occluders),
+                    "seed {seed}, round {round}: {p} of {bounds:?} is seen from {eye} up {up:?}"
+                );
+            }
+        }
+    }
+    [hidden, rays]
+}
+
+#[test]
+fn what_a_horizon_hides_no_ray_reaches() {
+    let [hidden, rays] = run(6_000, 1);
+    println!("{hidden} boxes hidden, {rays} rays");
+    assert!(hidden > 8_000 && rays > 60_000, "{hidden} boxes, {rays} rays are no test");
+}
+
+#[test]
+#[ignore = "long: a million rounds"]
+fn what_a_horizon_hides_no_ray_reaches_long() {
+    for seed in 2..102 {
+        run(10_000, seed);
+    }
+}
