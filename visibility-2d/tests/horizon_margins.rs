@@ -52,7 +52,7 @@ fn step(mut x: f32, steps: i32) -> f32 {
 fn a_box_that_shows_above_a_wall_by_less_than_rounding_is_visible() {
     let mut random = Random(3);
     let [mut close, mut hidden] = [0; 2];
-    for round in 0..40_000 {
+    for round in 0..14_000 {
         let scale = SCALES[round % SCALES.len()];
         let Case { eye, wall, horizon } = case(&mut random, scale, 360);
         // The silhouette is the near edge if the eye is below the top, else the far one.
@@ -70,20 +70,18 @@ fn a_box_that_shows_above_a_wall_by_less_than_rounding_is_visible() {
         close += u32::from(above);
         // A box that is clearly lower is hidden.
         let clear = 1e-5 * (f64::from(x) - eye.x) as f32 + 64.0 * f32::EPSILON * scale;
-        let lower = Aabb::from_arrays(
-            [x, middle - 1e-3 * scale, z - clear - 1e-3 * scale],
-            [x, middle, z - clear],
-        );
+        let lower =
+            Aabb::from_arrays([x, middle - 1e-3 * scale, z - clear - 1e-3 * scale], [x, middle, z - clear]);
         hidden += u32::from(horizon.test(&lower) == Occlusion::Hidden);
     }
-    assert!(close > 10_000 && hidden > 39_000, "{close} boxes show, {hidden} are hidden");
+    assert!(close > 3_500 && hidden > 13_500, "{close} boxes show, {hidden} are hidden");
 }
 
 #[test]
 fn a_box_that_shows_beside_a_wall_by_less_than_rounding_is_visible() {
     let mut random = Random(4);
     let [mut close, mut hidden] = [0; 2];
-    for round in 0..40_000 {
+    for round in 0..14_000 {
         let scale = SCALES[round % SCALES.len()];
         // The wall ends next to the side of a column.
         let columns = 360;
@@ -110,14 +108,14 @@ fn a_box_that_shows_beside_a_wall_by_less_than_rounding_is_visible() {
         let inner = y - (2.0 / 180.0) * (f64::from(x) - eye.x) as f32;
         hidden += u32::from(horizon.test(&bounds(inner)) == Occlusion::Hidden);
     }
-    assert!(close > 10_000 && hidden > 10_000, "{close} boxes show, {hidden} are hidden");
+    assert!(close > 3_500 && hidden > 3_500, "{close} boxes show, {hidden} are hidden");
 }
 
 #[test]
 fn a_box_before_a_wall_by_less_than_rounding_is_visible() {
     let mut random = Random(5);
     let [mut close, mut hidden] = [0; 2];
-    for round in 0..20_000 {
+    for round in 0..14_000 {
         let scale = SCALES[round % SCALES.len()];
         let Case { eye, wall, horizon } = case(&mut random, scale, 90);
         if f64::from(wall.max.z) < eye.z + 0.1 * f64::from(scale) {
@@ -130,5 +128,5 @@ fn a_box_before_a_wall_by_less_than_rounding_is_visible() {
         close += 1;
         hidden += u32::from(horizon.test(&at(wall.min.x + 1e-4 * scale)) == Occlusion::Hidden);
     }
-    assert!(close > 5_000 && hidden * 10 > close * 9, "{close} boxes before, {hidden} hidden behind");
+    assert!(close > 4_000 && hidden * 10 > close * 9, "{close} boxes before, {hidden} hidden behind");
 }

@@ -179,7 +179,8 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
             for sample in 0..16 {
                 let p = corners.get(sample).map_or_else(
                     || {
-                        let part = Vec3::new(random.unit() as f32, random.unit() as f32, random.unit() as f32);
+                        let part =
+                            Vec3::new(random.unit() as f32, random.unit() as f32, random.unit() as f32);
                         bounds.min + (bounds.max - bounds.min) * part
                     },
                     |corner| *corner,

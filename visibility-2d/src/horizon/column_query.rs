@@ -193,7 +193,15 @@ impl Columns {
     /// Returns whether each column from `first` to `last` of a face has a step that hides what is at inverse
     /// depth `inverse_depth` or less, between the heights `low` and `high`.
     #[inline(always)]
-    fn is_behind(&self, face: usize, first: usize, last: usize, inverse_depth: f32, low: f32, high: f32) -> bool {
+    fn is_behind(
+        &self,
+        face: usize,
+        first: usize,
+        last: usize,
+        inverse_depth: f32,
+        low: f32,
+        high: f32,
+    ) -> bool {
         let Some(blocks) = self.face(face).get(first / BLOCK..=last / BLOCK) else { return false };
         let all = (1 << BLOCK) - 1;
         // Columns before the first and behind the last need not hide.

@@ -70,12 +70,14 @@ impl Block {
     /// between the heights `low` and `high`.
     #[inline(always)]
     pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
+        // Masks by selection, without shifts: SSE2 shifts all lanes by the same number.
+        const BITS: [u32; BLOCK] = [1, 2, 4, 8, 16, 32, 64, 128];
         let mut any = [0u32; BLOCK];
         for step in 0..STEPS {
             let (w, from, to) = (&self.inverse_depth[step], &self.low[step], &self.high[step]);
             for column in 0..BLOCK {
                 let is = (w[column] > inverse_depth) & (from[column] < low) & (to[column] > high);
-                any[column] |= u32::from(is) << column;
+                any[column] |= if is { BITS[column] } else { 0 };
             }
         }
         any.iter().fold(0, |all, one| all | one)
@@ -173,7 +175,8 @@ impl Columns {
         sample(&mut sides[begin..=end], begin, lower, error, 1, -1.0);
         let blocks = self.face_mut(face);
         for (column, pair) in (begin..end).zip(sides[begin..=end].windows(2)) {
-            let least = |slot: usize| if pair[0][slot] < pair[1][slot] { pair[0][slot] } else { pair[1][slot] };
+            let least =
+                |slot: usize| if pair[0][slot] < pair[1][slot] { pair[0][slot] } else { pair[1][slot] };
             // Rounding to `f32` errs by half a step, which the next step inwards exceeds.
             let step = Step {
                 inverse_depth: (least(2) as f32).next_down(),

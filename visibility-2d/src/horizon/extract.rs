@@ -94,7 +94,7 @@ impl Solids {
         let is_finite = self.posts[first..]
             .iter()
             .all(|p| p.x.is_finite() && p.y.is_finite() && p.low.is_finite() && p.high.is_finite());
-        if count < 2 || count > MAX_POSTS || !is_finite || first > u32::MAX as usize {
+        if !(2..=MAX_POSTS).contains(&count) || !is_finite || first > u32::MAX as usize {
             self.posts.truncate(first);
             return;
         }
@@ -163,7 +163,7 @@ impl Solids {
         let all = || corners.iter().flatten();
         let low = all().map(|p| p[2]).fold(f64::INFINITY, f64::min);
         let high = all().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max);
-        if !all().all(|p| p[2] == low || p[2] == high) || !(low < high) {
+        if !all().all(|p| p[2] == low || p[2] == high) || low == high {
             return None;
         }
         // Edges of a single triangle lie at the lower height.
@@ -190,9 +190,8 @@ impl Solids {
                 continue;
             }
             let [a, b, c] = [position(&t[0])?, position(&t[1])?, position(&t[2])?];
-            let is_side = |a: usize, b: usize| {
-                a == b || (a + 1) % hull.len() == b || (b + 1) % hull.len() == a
-            };
+            let is_side =
+                |a: usize, b: usize| a == b || (a + 1) % hull.len() == b || (b + 1) % hull.len() == a;
             let is_upright = a == b || b == c || c == a;
             if !(is_upright && is_side(a, b) && is_side(b, c) && is_side(c, a)) {
                 return None;
@@ -203,7 +202,9 @@ impl Solids {
         // is the same everywhere above the lower height. At the top it is the quotient of the areas.
         let area = |p: &[[f64; 2]]| {
             let around = (0..p.len()).map(|i| (p[i], p[(i + 1) % p.len()]));
-            around.map(|(a, b)| (a[0] - p[0][0]) * (b[1] - p[0][1]) - (a[1] - p[0][1]) * (b[0] - p[0][0])).sum::<f64>()
+            around
+                .map(|(a, b)| (a[0] - p[0][0]) * (b[1] - p[0][1]) - (a[1] - p[0][1]) * (b[0] - p[0][0]))
+                .sum::<f64>()
         };
         let top = corners.iter().filter(|t| t.iter().all(|p| p[2] == high));
         let covered: f64 = top.map(|t| area(&t.map(|p| [p[0], p[1]]))).sum::<f64>() / area(&hull);
@@ -259,9 +260,8 @@ fn components(mesh: &OccluderMesh) -> Vec<Vec<u32>> {
 /// Returns the convex hull of points on the plan that are sorted by x, then y, without repetition,
 /// counter-clockwise. Points on a side of the hull, as far as `f64` can tell, are left out.
 pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let cross = |o: [f64; 2], a: [f64; 2], b: [f64; 2]| {
-        (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
-    };
+    let cross =
+        |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
     let mut hull: Vec<[f64; 2]> = Vec::with_capacity(points.len() + 1);
     let half = |hull: &mut Vec<[f64; 2]>, points: &mut dyn Iterator<Item = [f64; 2]>| {
         let base = hull.len();
@@ -276,4 +276,72 @@ pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     half(&mut hull, &mut points.iter().copied());
     half(&mut hull, &mut points.iter().rev().copied());
     if hull.is_empty() { points.to_vec() } else { hull }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::{Mat3, Vec3};
+
+    /// Returns the number of solids of triangles, in a mesh of one side or two.
+    fn count(triangles: &[[Vec3; 3]], two_sided: bool, transform: Affine3A) -> usize {
+        let mesh = OccluderMesh::from_triangles(triangles).unwrap().with_two_sided(two_sided);
+        let mut solids = Solids::default();
+        solids.add_mesh(&mesh, &transform, UpAxis::Z);
+        solids.solids.len()
+    }
+
+    /// Makes an upright prism without a floor. Its top is a fan around the first corner.
+    fn prism(plan: &[[f32; 2]]) -> Vec<[Vec3; 3]> {
+        let at = |i: usize, z: f32| Vec3::new(plan[i % plan.len()][0], plan[i % plan.len()][1], z);
+        let sides = (0..plan.len()).flat_map(|i| {
+            let (a, b) = (at(i, 0.0), at(i + 1, 0.0));
+            [[a, b, at(i + 1, 3.0)], [a, at(i + 1, 3.0), at(i, 3.0)]]
+        });
+        let top = (1..plan.len() - 1).map(|i| [at(0, 3.0), at(i, 3.0), at(i + 1, 3.0)]);
+        sides.chain(top).collect()
+    }
+
+    const SQUARE: [[f32; 2]; 4] = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+
+    #[test]
+    fn a_prism_without_a_floor_is_a_solid_from_outside() {
+        let house = prism(&SQUARE);
+        let turned: Vec<_> = house.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        assert_eq!(count(&house, false, Affine3A::IDENTITY), 1);
+        assert_eq!(count(&house, true, Affine3A::IDENTITY), 1);
+        // A room, seen from inside only, unless both sides hide.
+        assert_eq!(count(&turned, false, Affine3A::IDENTITY), 0);
+        assert_eq!(count(&turned, true, Affine3A::IDENTITY), 1);
+        let mirror = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)));
+        assert_eq!(count(&house, false, mirror), 0, "the front of a mirrored triangle stays its front");
+        assert_eq!(count(&house, true, mirror), 1);
+    }
+
+    #[test]
+    fn a_prism_with_a_hole_or_a_dent_is_none() {
+        let house = prism(&SQUARE);
+        for missing in 0..house.len() {
+            let mut holed = house.clone();
+            holed.remove(missing);
+            assert_eq!(count(&holed, true, Affine3A::IDENTITY), 0, "without triangle {missing}");
+        }
+        // A plan with a dent, whose top from the first corner is still whole.
+        let dented = prism(&[[1.0, 0.5], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]]);
+        assert_eq!(count(&dented, true, Affine3A::IDENTITY), 0);
+    }
+
+    /// Two triangles back to back have no edge of a single triangle, and cover half of their hull.
+    #[test]
+    fn a_flap_of_two_triangles_is_no_solid() {
+        let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.0, 3.0)];
+        assert_eq!(count(&[[a, b, c], [a, c, b]], true, Affine3A::IDENTITY), 0);
+        // The same, hung on the top of a square whose other half is open.
+        let mut house = prism(&SQUARE);
+        let last = house.len() - 1;
+        let [a, b, c] = house[last];
+        house.truncate(last - 1);
+        house.extend([[a, b, c], [a, c, b]]);
+        assert_eq!(count(&house, true, Affine3A::IDENTITY), 0);
+    }
 }

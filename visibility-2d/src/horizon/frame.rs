@@ -1,9 +1,9 @@
 //! The four faces of the picture, relative to the eye, and the columns of each that the view can see.
 
 use core::ops::Range;
+use visibility_core::View;
 use visibility_core::glam::{DMat3, DVec3, Vec3};
 use visibility_core::view::{ClipRow, Eye, ViewProjection};
-use visibility_core::View;
 
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
@@ -155,27 +155,33 @@ fn seen_columns(projection: &ViewProjection, up: UpAxis) -> Option<[Range<f64>; 
     let side = |tangent: f64| [middle[0] - middle[1] * tangent, middle[1] + middle[0] * tangent];
     let (right, left) = (side(widened(least, -1.0)), side(widened(most, 1.0)));
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-    if !(cross(right, left) > 0.0) {
-        return None;
-    }
-    Some(core::array::from_fn(|face| {
-        // A face spans the directions from (1, -1) to (1, 1), less than half a turn as the sector does.
-        let turn = |v: [f64; 2]| {
-            let (x, y) = turned(face, v[0], v[1]);
-            [x, y]
-        };
-        let (right, left) = (turn(right), turn(left));
-        let is_within = |d: [f64; 2]| cross(right, d) >= 0.0 && cross(d, left) >= 0.0;
-        let in_face = |v: [f64; 2]| v[0] > 0.0 && v[1].abs() <= v[0];
-        let part = |v: [f64; 2]| 0.5 + 0.5 * v[1] / v[0];
-        let begin = if is_within([1.0, -1.0]) {
-            0.0
-        } else if in_face(right) {
-            part(right)
-        } else {
-            return 0.0..0.0;
-        };
-        let end = if is_within([1.0, 1.0]) { 1.0 } else if in_face(left) { part(left) } else { 1.0 };
-        begin..end
-    }))
+    // NaN gives `None`.
+    (cross(right, left) > 0.0).then(|| {
+        core::array::from_fn(|face| {
+            // A face spans the directions from (1, -1) to (1, 1), less than half a turn as the sector does.
+            let turn = |v: [f64; 2]| {
+                let (x, y) = turned(face, v[0], v[1]);
+                [x, y]
+            };
+            let (right, left) = (turn(right), turn(left));
+            let is_within = |d: [f64; 2]| cross(right, d) >= 0.0 && cross(d, left) >= 0.0;
+            let in_face = |v: [f64; 2]| v[0] > 0.0 && v[1].abs() <= v[0];
+            let part = |v: [f64; 2]| 0.5 + 0.5 * v[1] / v[0];
+            let begin = if is_within([1.0, -1.0]) {
+                0.0
+            } else if in_face(right) {
+                part(right)
+            } else {
+                return 0.0..0.0;
+            };
+            let end = if is_within([1.0, 1.0]) {
+                1.0
+            } else if in_face(left) {
+                part(left)
+            } else {
+                1.0
+            };
+            begin..end
+        })
+    })
 }

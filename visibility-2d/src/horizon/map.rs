@@ -154,6 +154,9 @@ impl OcclusionMap for Horizon {
     }
 
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
-        Occlusion64 { hidden: self.columns.hidden_64(&self.eye, self.up.rows(), boxes, candidates), visible: 0 }
+        Occlusion64 {
+            hidden: self.columns.hidden_64(&self.eye, self.up.rows(), boxes, candidates),
+            visible: 0,
+        }
     }
 }

@@ -42,13 +42,8 @@ impl HorizonOccluders {
     /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh. Takes time
     /// proportional to the triangles of all occluders, about a microsecond for a house.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
-        let mut occluders = Self {
-            up,
-            cursor: SceneCursor::START,
-            solids: Solids::default(),
-            ranges: Vec::new(),
-            used: 0,
-        };
+        let mut occluders =
+            Self { up, cursor: SceneCursor::START, solids: Solids::default(), ranges: Vec::new(), used: 0 };
         occluders.sync(scene);
         occluders
     }

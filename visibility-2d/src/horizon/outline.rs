@@ -201,7 +201,7 @@ impl Edge {
     /// Makes the edge between two successive corners of an outline.
     pub(crate) fn new(from: Corner, to: Corner, error: &CornerError) -> Self {
         let width = to.column - from.column;
-        let is_steep = !(width > 4.0 * error.column);
+        let is_steep = width.is_nan() || width <= 4.0 * error.column;
         let per = if is_steep { 0.0 } else { 1.0 / width };
         let slope = (to.height - from.height) * per;
         let inverse_depth_slope = (to.inverse_depth - from.inverse_depth) * per;

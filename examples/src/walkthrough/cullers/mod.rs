@@ -34,7 +34,8 @@ pub fn known() -> impl Iterator<Item = &'static Known> {
 
 /// Pipelines of two and three stages that are worth comparing. A pipeline with a stage that does not suit the
 /// scene is left out for that scene.
-const PIPELINES: &[&str] = &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb", "horizon+hzb"];
+const PIPELINES: &[&str] =
+    &["portals+hzb", "pvs+portals", "pvs+portals+hzb", "hzb+naylor", "plp:10%+hzb", "horizon+hzb"];
 
 /// Returns all entries that are worth comparing: `frustum`, each culler at each setting of its dial, then the
 /// pipelines.

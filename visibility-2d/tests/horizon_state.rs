@@ -1,0 +1,173 @@
+//! Contracts 4 and 5 for the horizon: scenes are swapped, mixed, cloned, reverted and dropped under a live
+//! culler, whose answers are those of one that has seen no other scene; and a warm frame allocates nothing.
+#![allow(missing_docs)]
+
+use std::sync::Arc;
+use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
+use visibility_core::glam::DVec3;
+use visibility_core::{Culler, OcclusionCuller, Pose, Scene, View, VisibleSet};
+use visibility_testing::Random;
+use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+use visibility_testing::swapped::{Swapped, hold_against_fresh, scene};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+/// The culler with occluders of its own.
+struct Prepared;
+
+impl Swapped for Prepared {
+    type Culler = HorizonCuller;
+    type Source = Arc<HorizonOccluders>;
+
+    fn derive(&self, scene: &Scene, rng: &mut Random) -> Self::Source {
+        let up = if rng.one_in(8) { UpAxis::Y } else { UpAxis::Z };
+        HorizonOccluders::new(scene, up).into()
+    }
+
+    fn make(&self, source: &Self::Source) -> Self::Culler {
+        HorizonCuller::new(source.clone())
+    }
+
+    fn give(&self, culler: &mut Self::Culler, source: &Self::Source, _: &Scene) {
+        culler.set_occluders(source.clone());
+    }
+}
+
+/// The culler whose occluders are brought up to date before each frame.
+struct Synchronised;
+
+impl Swapped for Synchronised {
+    type Culler = HorizonCuller;
+    type Source = HorizonOccluders;
+
+    fn derive(&self, scene: &Scene, _: &mut Random) -> Self::Source {
+        HorizonOccluders::new(scene, UpAxis::Z)
+    }
+
+    fn make(&self, source: &Self::Source) -> Self::Culler {
+        HorizonCuller::new(Arc::new(source.clone()))
+    }
+
+    fn give(&self, culler: &mut Self::Culler, source: &Self::Source, scene: &Scene) {
+        let mut source = source.clone();
+        source.sync(scene);
+        culler.set_occluders(source.into());
+    }
+
+    fn truth(&self, source: &Self::Source) -> Self::Culler {
+        self.make(source)
+    }
+}
+
+/// The map under core's driver.
+struct Map;
+
+impl Swapped for Map {
+    type Culler = OcclusionCuller<Horizon>;
+    type Source = ();
+
+    fn derive(&self, _: &Scene, _: &mut Random) {}
+
+    fn make(&self, (): &()) -> Self::Culler {
+        OcclusionCuller::new(Horizon::new(UpAxis::Z))
+    }
+
+    fn give(&self, _: &mut Self::Culler, (): &(), _: &Scene) {}
+}
+
+fn hold<S: Swapped>(kind: &S) {
+    let hidden: usize = (0..4).map(|seed| hold_against_fresh(kind, seed, 250)).sum();
+    assert!(hidden > 250, "{hidden} objects are no test");
+}
+
+#[test]
+fn occluders_made_in_advance() {
+    hold(&Prepared);
+}
+
+#[test]
+fn occluders_synchronised() {
+    hold(&Synchronised);
+}
+
+#[test]
+fn map_of_the_driver() {
+    hold(&Map);
+}
+
+#[test]
+fn a_warm_frame_allocates_nothing() {
+    let mut random = Random(5);
+    let scene = scene(&mut random);
+    let mut culler = HorizonCuller::new(HorizonOccluders::new(&scene, UpAxis::Z).into());
+    let mut map = OcclusionCuller::new(Horizon::new(UpAxis::Z));
+    let mut visible = VisibleSet::new();
+    let (mut before, mut hidden) = (0, 0);
+    for number in 0..40 {
+        if number == 10 {
+            before = ALLOCATIONS.get();
+        }
+        let eye = random.vector(12.0);
+        let pose = Pose::look_at(eye, random.vector(3.0), DVec3::Z);
+        let view = View::perspective(pose, 1.2, 1.5, 0.1, 1e3).unwrap();
+        for culler in [&mut culler as &mut dyn Culler, &mut map] {
+            visible.fill(&scene, &view);
+            culler.cull(&scene, &view, &mut visible);
+            hidden += scene.len() - visible.count(&scene);
+        }
+    }
+    assert!(hidden > 200, "{hidden} hidden");
+    assert_eq!(ALLOCATIONS.get(), before);
+}
+
+#[test]
+fn parallel_views_and_blind_frames_hide_nothing() {
+    let scene = scene(&mut Random(6));
+    let pose = Pose::look_at(DVec3::splat(20.0), DVec3::ZERO, DVec3::Z);
+    let window = visibility_core::view::Window::centered(30.0, 20.0);
+    let view = View::orthographic(pose, window, 0.1, 100.0).unwrap();
+    let mut visible = VisibleSet::new();
+    let mut culler = HorizonCuller::new(HorizonOccluders::new(&scene, UpAxis::Z).into());
+    visible.fill(&scene, &view);
+    let stats = culler.cull(&scene, &view, &mut visible);
+    assert_eq!(stats.visible, scene.len() as u64);
+    assert_eq!(visible.count(&scene), scene.len());
+}
+
+/// A wall that has moved since its solids were made hides nothing, neither where it was nor where it is; and
+/// hides again where it is once its solids are made anew.
+#[test]
+fn a_wall_that_moved_hides_nothing_until_it_is_taken_in() {
+    use visibility_core::glam::Affine3A;
+    use visibility_core::{Aabb, Object, OccluderMesh};
+    let mut scene = Scene::new();
+    let at = |y: f32| Aabb::from_arrays([5.0, y - 3.0, -3.0], [5.5, y + 3.0, 3.0]);
+    let wall = scene.insert(Object { occluder: true, ..Object::new(at(0.0)) });
+    let place = |scene: &mut Scene, y: f32| {
+        scene.set_bounds(wall, at(y)).unwrap();
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&at(y)).unwrap());
+        scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+    };
+    place(&mut scene, 0.0);
+    let behind = |y: f32| Aabb::from_arrays([9.0, y - 0.1, -0.1], [9.2, y + 0.1, 0.1]);
+    let (middle, side) = (scene.insert(behind(0.0)), scene.insert(behind(12.0)));
+    let mut occluders = HorizonOccluders::new(&scene, UpAxis::Z);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 2.0, 1.5, 0.1, 1e3).unwrap();
+    let hidden = |scene: &Scene, occluders: &HorizonOccluders| {
+        let mut visible = VisibleSet::new();
+        visible.fill(scene, &view);
+        HorizonCuller::new(Arc::new(occluders.clone())).cull(scene, &view, &mut visible);
+        [middle, side].map(|id| !visible.contains(scene, id))
+    };
+    assert_eq!(hidden(&scene, &occluders), [true, false]);
+    place(&mut scene, 6.5);
+    assert_eq!(hidden(&scene, &occluders), [false, false]);
+    occluders.sync(&scene);
+    assert_eq!(hidden(&scene, &occluders), [false, true]);
+    scene.set_occluder(wall, false).unwrap();
+    assert_eq!(hidden(&scene, &occluders), [false, false]);
+    occluders.sync(&scene);
+    assert_eq!((hidden(&scene, &occluders), occluders.solid_count()), ([false, false], 0));
+}
