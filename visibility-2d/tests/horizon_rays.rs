@@ -27,8 +27,8 @@ impl Occluder {
     }
 }
 
-/// Returns whether the open segment from `eye` to `target` meets a triangle that hides from the eye, beyond the
-/// plane `near`, given by its normal and offset. Triangles count as closed and a little larger.
+/// Returns whether the open segment from `eye` to `target` meets a triangle that hides from the eye, beyond
+/// the plane `near`, given by its normal and offset. Triangles count as closed and a little larger.
 fn is_blocked(eye: DVec3, target: DVec3, near: (DVec3, f64), occluders: &[Occluder]) -> bool {
     let along = target - eye;
     occluders.iter().any(|occluder| {

@@ -4,13 +4,13 @@
 //! columns, its least depth and its heights in the picture.
 //!
 //! # Rounding
-//! With `u = 2^-24`, the unit round-off of `f32`. The eye is given as `high + low` in `f32`, within `a` metres
-//! of the exact one. A coordinate minus `high` rounds by `u` of itself, minus `low` again: `2u` of the result
-//! and of `low`, which `a` includes. Coordinates are moved outwards by `4u` of themselves and `a`, which
-//! rounds once more. Inverses then round by `u` and products with them by `u`: heights and inverse depths
-//! are moved outwards by `8u` of themselves. Columns, in the face at most twice half their number `h`, round by
-//! `4u` of that in an inverse, two products and a sum, and are moved by `16u h`; columns beside the face are
-//! farther off, but on the right side. Underflow loses less than the least normal number.
+//! With `u = 2^-24`, the unit round-off of `f32`. The eye is given as `high + low` in `f32`, within `a`
+//! metres of the exact one. A coordinate minus `high` rounds by `u` of itself, minus `low` again: `2u` of the
+//! result and of `low`, which `a` includes. Coordinates are moved outwards by `4u` of themselves and `a`,
+//! which rounds once more. Inverses then round by `u` and products with them by `u`: heights and inverse
+//! depths are moved outwards by `8u` of themselves. Columns, in the face at most twice half their number `h`,
+//! round by `4u` of that in an inverse, two products and a sum, and are moved by `16u h`; columns beside the
+//! face are farther off, but on the right side. Underflow loses less than the least normal number.
 
 use super::columns::{BLOCK, Columns};
 use super::frame::{FACES, Frame};
@@ -217,8 +217,8 @@ impl Columns {
         true
     }
 
-    /// Returns the lanes of `candidates` whose boxes are certainly hidden wherever the view may see them, as a
-    /// mask. `rows` are the rows of the plan's x, y and the height.
+    /// Returns the lanes of `candidates` whose boxes are certainly hidden wherever the view may see them, as
+    /// a mask. `rows` are the rows of the plan's x, y and the height.
     pub(crate) fn hidden_64(
         &self,
         eye: &QueryEye,

@@ -22,17 +22,17 @@ const MAX_COLUMNS: usize = 1 << 14;
 /// A horizon: how high, and from which distance on, occluders hide what is behind them, for each of some
 /// thousand directions on the plan.
 ///
-/// For scenes of upright solids on a ground: cities, walls, trunks. Anything else that is convex occludes too;
-/// meshes that are not made of convex solids or of prisms without a floor hide nothing. Conservative. In a
-/// parallel view nothing is hidden.
+/// For scenes of upright solids on a ground: cities, walls, trunks. Anything else that is convex occludes
+/// too; meshes that are not made of convex solids or of prisms without a floor hide nothing. Conservative. In
+/// a parallel view nothing is hidden.
 ///
 /// The map can be used by [`OcclusionCuller`](visibility_core::OcclusionCuller), which chooses occluders by
-/// what they cost, over any hierarchy. [`HorizonCuller`](super::HorizonCuller) takes the scene's own hierarchy
-/// and prepared occluders, and is faster.
+/// what they cost, over any hierarchy. [`HorizonCuller`](super::HorizonCuller) takes the scene's own
+/// hierarchy and prepared occluders, and is faster.
 ///
 /// # Cost
-/// An occluder takes some 100 ns and a few nanoseconds for each of its columns, a box some 20 ns. Memory is 36
-/// bytes for each column of the four faces.
+/// An occluder takes some 100 ns and a few nanoseconds for each of its columns, a box some 20 ns. Memory is
+/// 36 bytes for each column of the four faces.
 ///
 /// ```
 /// use visibility_2d::horizon::{Horizon, UpAxis};

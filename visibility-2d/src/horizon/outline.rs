@@ -164,8 +164,8 @@ impl Outline {
     }
 }
 
-/// Appends a corner to a chain that bends one way only: to the right if `sense` is 1, to the left if -1. Drops
-/// corners before it that would bend the other way.
+/// Appends a corner to a chain that bends one way only: to the right if `sense` is 1, to the left if -1.
+/// Drops corners before it that would bend the other way.
 fn push_to_hull(chain: &mut Vec<Corner>, corner: Corner, sense: f64) {
     while let [.., a, b] = chain[..] {
         let turn = (b.column - a.column) * (corner.height - a.height)
