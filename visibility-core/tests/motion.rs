@@ -274,3 +274,44 @@ fn volumes_hold_at_the_greatest_speed() {
         assert!(updates < 30);
     }
 }
+
+/// Tests frames in which so many objects change that the scene's log does not list them.
+#[test]
+fn volumes_outlast_frames_in_which_most_objects_move() {
+    for through_volumes in [false, true] {
+        let (mut scene, mut volumes) = (Scene::new(), MotionVolumes::new());
+        // Two of three are before the eye, one is behind it.
+        let at = |index: usize, time: f64| {
+            let x = if index % 3 == 0 { -1000.0 } else { 10.0 };
+            let center = DVec3::new(x + time.sin(), 0.0, 0.0);
+            Aabb::new((center - 0.5).as_vec3(), (center + 0.5).as_vec3())
+        };
+        let ids = scene.insert_batch((0..6000).map(|index| at(index, 0.0)));
+        ids.iter().for_each(|&id| volumes.insert(id, Motion::new(1.0)));
+        let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+        let (mut due, mut seen, mut hidden_due) = (Vec::new(), Vec::new(), 0);
+        for frame in 0..200 {
+            let time = f64::from(frame) / 60.0;
+            volumes.begin_frame(&mut scene, time, &mut due);
+            hidden_due += due.iter().filter(|id| id.index() % 3 == 0).count();
+            let mut moved: Vec<_> = due.iter().map(|&id| (id, at(id.index(), time))).collect();
+            let teleported = (ids[3], at(1, time));
+            if frame == 150 {
+                assert!(!due.contains(&ids[3]));
+                moved.push(teleported);
+            }
+            if frame == 151 {
+                assert!(due.contains(&ids[3]) && due.len() < 4500);
+            }
+            if through_volumes {
+                volumes.set_bounds_batch(&mut scene, &moved).unwrap();
+            } else {
+                scene.set_bounds_batch(&moved).unwrap();
+            }
+            pipeline.cull(&scene, &view(0.0), &mut visible);
+            assert!(visible.contains(&scene, ids[1]));
+            volumes.end_frame(&scene, &visible, &mut seen);
+        }
+        assert!(hidden_due < 2000 * 20, "{hidden_due} updates of 400,000 for what is hidden");
+    }
+}

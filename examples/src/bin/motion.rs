@@ -1,15 +1,17 @@
 //! Program `motion`: walks through a scene in which many objects move, updates only the movers that motion
-//! volumes say are due, and prints how many updates are saved and whether any mover is seen too late.
+//! volumes say are due, and prints how many updates are saved. Every frame is held against the exact positions
+//! of all movers, and some frames against an item buffer, which shows the movers that are seen too late.
 
 use clap::Parser;
 use comfy_table::{Table, presets};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use visibility_core::motion::{Motion, MotionVolumes};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
 use visibility_examples::built_in;
 use visibility_examples::walkthrough::{World, cullers};
+use visibility_measure::ItemBuffer;
 
 /// Walk through built-in scenes with many movers, and count the updates that motion volumes save.
 #[derive(Parser)]
@@ -30,6 +32,10 @@ struct Arguments {
     /// Number of frames, at 60 in a second.
     #[arg(long, default_value_t = 600)]
     frames: usize,
+
+    /// Number of frames from one that an item buffer judges to the next.
+    #[arg(long, default_value_t = 20)]
+    judged: usize,
 }
 
 /// A mover that goes to and fro on a segment at constant speed.
@@ -99,9 +105,11 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         "culler",
         "movers",
         "visible",
+        "reported",
         "updates",
         "saved",
         "by volume",
+        "outside",
         "too late",
         "bookkeeping",
         "all updates",
@@ -119,11 +127,13 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
                 scene.clone(),
                 counts.culler,
                 pacers.len().to_string(),
-                per_frame(counts.visible),
+                format!("{:.0}", counts.visible as f64 / counts.judged.max(1) as f64),
+                per_frame(counts.reported),
                 per_frame(counts.updates + counts.seen),
                 format!("{:.1} %", 100.0 - (counts.updates + counts.seen) as f64 / all * 100.0),
                 per_frame(counts.seen),
-                counts.late.to_string(),
+                counts.outside.to_string(),
+                format!("{} of {}", counts.late, counts.visible),
                 time(counts.kept),
                 time(counts.set_all),
             ]);
@@ -137,13 +147,19 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
 #[derive(Default)]
 struct Counts {
     culler: String,
-    /// Movers visible with exact bounds.
+    /// Judged frames.
+    judged: usize,
+    /// Movers visible in the judged frames, at exact positions.
     visible: usize,
+    /// Movers that the culler reported.
+    reported: usize,
     /// Movers whose bounds were set because they were due.
     updates: usize,
     /// Movers whose place was asked for because their volume was seen.
     seen: usize,
-    /// Movers visible with exact bounds that were not found visible.
+    /// Movers whose exact bounds were not within the scene's.
+    outside: usize,
+    /// Movers visible in the judged frames that the culler had not reported.
     late: usize,
     /// Time for motion volumes and due bounds.
     kept: Duration,
@@ -160,14 +176,13 @@ fn walk(
     let mut scene = world.scene.clone();
     let ids = scene.insert_batch(pacers.iter().map(|pacer| pacer.at(0.0)));
     scene.rebuild();
-    let mut exact = scene.clone();
+    let mut all = scene.clone();
     let first = ids.first().map_or(0, |id| id.index());
     let mut volumes = MotionVolumes::new();
     ids.iter().zip(pacers).for_each(|(&id, pacer)| volumes.insert(id, pacer.motion()));
     let (name, mut pipeline) = cullers::parse(&arguments.cullers, world)?.remove(number);
-    let (_, mut judge) = cullers::parse(&arguments.cullers, world)?.remove(number);
-    let (mut visible, mut truth) = (VisibleSet::new(), VisibleSet::new());
-    let (mut due, mut seen) = (Vec::new(), Vec::new());
+    let (mut visible, mut buffer) = (VisibleSet::new(), ItemBuffer::new(640, 360)?);
+    let (mut due, mut seen, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
     let mut counts = Counts { culler: name, ..Counts::default() };
     for (frame, view) in world.views.iter().enumerate() {
         let time = frame as f64 / 60.0;
@@ -176,7 +191,7 @@ fn walk(
         let start = Instant::now();
         volumes.begin_frame(&mut scene, time, &mut due);
         let moved: Vec<_> = due.iter().map(|&id| place(id)).collect();
-        scene.set_bounds_batch(&moved)?;
+        volumes.set_bounds_batch(&mut scene, &moved)?;
         counts.kept += start.elapsed();
         scene.maintain(64);
         pipeline.cull(&scene, view, &mut visible);
@@ -185,27 +200,41 @@ fn walk(
         counts.kept += start.elapsed();
         counts.updates += due.len();
         counts.seen += seen.len();
+        counts.reported += visible.iter(&scene).filter(|id| id.index() >= first).count();
 
         let start = Instant::now();
         let moved: Vec<_> = ids.iter().map(|&id| place(id)).collect();
-        exact.set_bounds_batch(&moved)?;
+        all.set_bounds_batch(&moved)?;
         counts.set_all += start.elapsed();
-        exact.maintain(64);
-        judge.cull(&exact, view, &mut truth);
-        for id in truth.iter(&exact).filter(|id| id.index() >= first) {
-            counts.visible += 1;
-            counts.late += usize::from(!visible.contains(&scene, id));
+        counts.outside += moved.iter().filter(|(id, exact)| !contains(&scene, *id, exact)).count();
+        if frame % arguments.judged.max(1) == 0 {
+            boxes.clear();
+            boxes.extend(moved.iter().map(|(_, exact)| triangles(exact)));
+            let movers = ids.iter().zip(&boxes).map(|(id, sides)| (id.index() as u32, &sides[..]));
+            let truth = buffer.draw(view, world.origin(), world.items().chain(movers))?;
+            let shown = truth.objects().iter().filter(|object| object.visible_triangles > 0);
+            for object in shown.filter(|object| object.key as usize >= first) {
+                counts.visible += 1;
+                counts.late += usize::from(!visible.contains(&scene, ids[object.key as usize - first]));
+            }
+            counts.judged += 1;
         }
     }
-    check_containment(&scene, &ids, pacers, world.views.len());
     Ok(counts)
 }
 
-/// Asserts that the bounds of all movers hold in the last frame.
-fn check_containment(scene: &Scene, ids: &[ObjectId], pacers: &[Pacer], frames: usize) {
-    let time = (frames - 1) as f64 / 60.0;
-    for (&id, pacer) in ids.iter().zip(pacers) {
-        let (exact, held) = (pacer.at(time), scene.bounds(id).expect("a mover"));
-        assert!(held.min.cmple(exact.min).all() && exact.max.cmple(held.max).all(), "{id}");
-    }
+/// Returns whether the scene's bounds of a mover contain its exact bounds.
+fn contains(scene: &Scene, id: ObjectId, exact: &Aabb) -> bool {
+    scene.bounds(id).is_ok_and(|held| held.min.cmple(exact.min).all() && exact.max.cmple(held.max).all())
+}
+
+/// Returns the twelve triangles of a box.
+fn triangles(bounds: &Aabb) -> [[Vec3; 3]; 12] {
+    let corners = bounds.corners();
+    // Corners of each side, around it; bit `a` of a corner's index tells which end of axis `a` it is at.
+    let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    std::array::from_fn(|i| {
+        let [a, b, c, d] = sides[i / 2].map(|corner: usize| corners[corner]);
+        if i % 2 == 0 { [a, b, c] } else { [a, c, d] }
+    })
 }

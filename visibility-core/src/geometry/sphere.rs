@@ -11,6 +11,8 @@ use glam::{DVec3, Vec3};
 /// assert!(!Sphere::new(Vec3::ZERO, -1.0).is_proper());
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[cfg_attr(feature = "bytemuck", derive(bytemuck::Pod, bytemuck::Zeroable))]
+#[repr(C)]
 pub struct Sphere {
     /// Centre of the sphere, relative to the scene's origin.
     pub center: Vec3,
