@@ -282,7 +282,7 @@ fn volumes_outlast_frames_in_which_most_objects_move() {
         let (mut scene, mut volumes) = (Scene::new(), MotionVolumes::new());
         // Two of three are before the eye, one is behind it.
         let at = |index: usize, time: f64| {
-            let x = if index % 3 == 0 { -1000.0 } else { 10.0 };
+            let x = if index.is_multiple_of(3) { -1000.0 } else { 10.0 };
             let center = DVec3::new(x + time.sin(), 0.0, 0.0);
             Aabb::new((center - 0.5).as_vec3(), (center + 0.5).as_vec3())
         };
@@ -293,7 +293,7 @@ fn volumes_outlast_frames_in_which_most_objects_move() {
         for frame in 0..200 {
             let time = f64::from(frame) / 60.0;
             volumes.begin_frame(&mut scene, time, &mut due);
-            hidden_due += due.iter().filter(|id| id.index() % 3 == 0).count();
+            hidden_due += due.iter().filter(|id| id.index().is_multiple_of(3)).count();
             let mut moved: Vec<_> = due.iter().map(|&id| (id, at(id.index(), time))).collect();
             let teleported = (ids[3], at(1, time));
             if frame == 150 {
