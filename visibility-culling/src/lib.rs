@@ -3,7 +3,7 @@
 //! This crate bundles the family of `visibility` crates into one dependency. The types that every program
 //! needs are at the root: the [`Scene`], the [`View`], the [`Pipeline`] of cullers and the [`VisibleSet`]
 //! that the pipeline narrows down. Each further family of cullers is a module behind a feature of the same
-//! name.
+//! name (`two_d` behind `2d`).
 //!
 //! # Which culler for which scene
 //!
@@ -13,6 +13,10 @@
 //! | rooms and corridors | `portals::PortalCuller` | `portals` | conservative | cells and portals, or walls to make them from |
 //! | rooms and corridors, if frame time matters more than the last hidden object | [`PvsCuller`](pvs::PvsCuller) | `portals` bakes its visible sets | conservative | a PVS baked beforehand from cells and portals |
 //! | streets, terrain, any large opaque objects | `hzb::HzbCuller` | `hzb` | conservative | occluder meshes; the scene's own triangles suffice |
+//! | houses and towers on the ground, seen from the street | `two_d::horizon::HorizonCuller` | `2d` | conservative | occluder meshes |
+//! | what can be seen from anywhere in a region | `region::ExtendedProjectionCuller` | `region` | conservative | occluder meshes |
+//! | the same, with a line of sight or a proof for each object | `exact::ExactCuller` | `exact` | exact | triangles |
+//! | walls on a floor plan: fog of war, guards | `two_d::cdt::Plan` | `2d` | exact | segments |
 //! | few, large, flat occluders | `bsp::OcclusionTreeCuller` | `bsp` | conservative | occluder meshes |
 //! | a fixed budget of triangles | `plp::PlpCuller` | `plp` | approximate | triangles, and a tessellation made from them |
 //! | exact visibility, at higher cost | `bsp::NaylorCuller` | `bsp` | exact | triangles |
@@ -44,8 +48,12 @@
 
 pub use visibility_core::*;
 
+#[cfg(feature = "2d")]
+pub use visibility_2d as two_d;
 #[cfg(feature = "bsp")]
 pub use visibility_bsp as bsp;
+#[cfg(feature = "exact")]
+pub use visibility_exact as exact;
 #[cfg(feature = "hzb")]
 pub use visibility_hzb as hzb;
 #[cfg(feature = "measure")]
@@ -54,6 +62,8 @@ pub use visibility_measure as measure;
 pub use visibility_plp as plp;
 #[cfg(feature = "portals")]
 pub use visibility_portals as portals;
+#[cfg(feature = "region")]
+pub use visibility_region as region;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -127,8 +127,8 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 /// not contain, be it another one than in the frame before, are removed.
 ///
 /// # Cost
-/// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and constant
-/// time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers and the
+/// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and
+/// constant time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers and the
 /// changes of the scene. Nothing is spent on the other movers, unless more objects change in a frame than the
 /// scene's log lists one by one, a quarter of them: then every volume is compared with the scene, some 20 ns
 /// each. [`set_bounds_batch`](Self::set_bounds_batch) sets the due bounds without that. Nothing is allocated
@@ -310,8 +310,8 @@ impl MotionVolumes {
         self.cursor = SceneCursor::at(scene);
     }
 
-    /// Sets bounds as [`Scene::set_bounds_batch`] does. For the exact bounds of the due movers this is quicker
-    /// than the scene's own function where more than a quarter of the scene's objects are due. Objects that
+    /// Sets bounds as [`Scene::set_bounds_batch`] does. For the exact bounds of the due movers this is
+    /// quicker than the scene's own function where more than a quarter of the scene's objects are due. Objects that
     /// are not due, or no movers, may be among them: such movers are due in the next frame.
     ///
     /// # Errors
