@@ -15,6 +15,7 @@ pub mod plan;
 pub mod plp;
 pub mod pvs;
 pub mod recipes;
+pub mod region;
 pub mod source;
 pub mod streaming;
 pub mod tradeoff;

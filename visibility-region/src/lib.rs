@@ -5,6 +5,17 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod blocker;
+mod convex_blockers;
+mod remove;
+mod sampling;
+mod shrunk;
 mod sweep;
+mod umbra;
+mod volumetric;
 
+pub use convex_blockers::ConvexBlockersCuller;
+pub use sampling::{SamplingCuller, SightLine};
+pub use shrunk::ShrunkCuller;
 pub use sweep::ExtendedProjectionCuller;
+pub use volumetric::VolumetricCuller;

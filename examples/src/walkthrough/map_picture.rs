@@ -123,15 +123,15 @@ fn legend(canvas: &mut Canvas, top: u32, world: &World, trial: &Trial, frame: us
 }
 
 /// Mapping from world space to pixels of the map, which is a parallel projection along the up axis.
-pub(super) struct Map {
+pub(crate) struct Map {
     center: DVec3,
     /// World axes that point right, up the picture (`ahead`), and towards the viewer (`up`).
-    pub(super) right: DVec3,
-    pub(super) ahead: DVec3,
-    pub(super) up: DVec3,
+    pub(crate) right: DVec3,
+    pub(crate) ahead: DVec3,
+    pub(crate) up: DVec3,
     pixels_per_metre: f64,
-    pub(super) width: u32,
-    pub(super) height: u32,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
     /// Length of the diagonal of the area shown, in metres.
     extent: f64,
 }
@@ -148,7 +148,7 @@ impl Map {
     }
 
     /// Creates the map of the box between two corners in world space, with a margin.
-    pub(super) fn of(world: &World, low: DVec3, high: DVec3) -> Self {
+    pub(crate) fn of(world: &World, low: DVec3, high: DVec3) -> Self {
         let up = world.source.up.as_dvec3();
         let right = if up.x.abs() > 0.5 { DVec3::Y } else { DVec3::X };
         let ahead = up.cross(right);
@@ -173,7 +173,7 @@ impl Map {
 
     /// Returns the position on the map of a point in world space: pixels from the upper left corner, x to the
     /// right and y down.
-    pub(super) fn place(&self, p: DVec3) -> [f64; 2] {
+    pub(crate) fn place(&self, p: DVec3) -> [f64; 2] {
         let offset = (p - self.center) * self.pixels_per_metre;
         [
             f64::from(self.width) * 0.5 + offset.dot(self.right),
@@ -187,7 +187,7 @@ impl Map {
     /// an error when the item buffer cannot draw the objects.
     ///
     /// An item buffer draws the flattened objects from above, each at a height equal to its rank by size.
-    pub(super) fn paint(
+    pub(crate) fn paint(
         &self,
         canvas: &mut Canvas,
         world: &World,

@@ -1,0 +1,135 @@
+//! Program `region`: finds the objects that can be seen from viewcells by several methods, judges the answers
+//! by samples, and draws them.
+
+use clap::Parser;
+use std::error::Error;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use visibility_core::pvs::Viewcell;
+use visibility_examples::region::judge::{Effort, Judge};
+use visibility_examples::region::output::{self, Judged};
+use visibility_examples::region::{cells, methods, picture, trial};
+use visibility_examples::{load_walks, open, region};
+
+/// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// Scene: a built-in scene (plpcity, london, town, forest, office, each with sizes as in london:40,40),
+    /// or a file (.vscn, .glb, .gltf).
+    #[arg(value_name = "SCENE", default_value = "london")]
+    scene: String,
+
+    /// Viewcell: a box in metres. May be given several times.
+    #[arg(long = "cell", value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", value_parser = cells::parse,
+        allow_hyphen_values = true)]
+    cell: Vec<[f64; 6]>,
+
+    /// Number of viewcells to spread along the scene's walks. By default 4, or none if there is a --cell.
+    #[arg(long, value_name = "N")]
+    cells: Option<usize>,
+
+    /// Greatest size of these viewcells in metres: two sizes on the ground, and the height. They are smaller
+    /// where something opaque is in the way.
+    #[arg(long, value_name = "X,Y,Z", value_parser = cells::parse_size, default_value = "4,4,2")]
+    size: [f64; 3],
+
+    /// Methods, separated by commas.
+    #[arg(long, value_name = "LIST", default_value = "rays", help = methods_help())]
+    method: String,
+
+    /// JSON description whose camera walks replace the scene's own.
+    #[arg(long, value_name = "FILE.json")]
+    cameras: Option<PathBuf>,
+
+    /// File to write a line of JSON to for each viewcell and method. By default none.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Folder for a picture of each viewcell and method. By default none are drawn.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+
+    /// Number of viewpoints of each viewcell from which the judge draws item buffers.
+    #[arg(long, value_name = "N", default_value_t = 40)]
+    eyes: usize,
+
+    /// Side of the judge's item buffers in pixels.
+    #[arg(long, value_name = "PIXELS", default_value_t = 256)]
+    side: u32,
+
+    /// Number of rays of the judge for each viewcell.
+    #[arg(long, value_name = "N", default_value_t = 400_000)]
+    rays: usize,
+}
+
+fn methods_help() -> String {
+    format!("Methods, separated by commas, of {}", methods::known().collect::<Vec<_>>().join(", "))
+}
+
+fn main() -> ExitCode {
+    match compare(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let mut source = open(&arguments.scene)?;
+    if let Some(cameras) = &arguments.cameras {
+        source.walks = load_walks(cameras)?;
+    }
+    let world = region::world(source);
+    println!(
+        "{}: {} objects, {} triangles",
+        world.source.name,
+        world.scene.len(),
+        world.source.triangle_count()
+    );
+    let mut viewcells: Vec<Viewcell> = arguments.cell.iter().map(cells::viewcell).collect();
+    let count = arguments.cells.unwrap_or(if viewcells.is_empty() { 4 } else { 0 });
+    viewcells.extend(cells::along_walks(&world, count, arguments.size));
+    if viewcells.is_empty() {
+        return Err("there is no viewcell: no walk, or all its eyes touch something opaque".into());
+    }
+
+    let mut methods = methods::parse(&arguments.method, &world)?;
+    for (name, method) in &mut methods {
+        let seconds = trial::prepare(method.as_mut(), &world.scene);
+        println!("{name}: made ready for the scene in {seconds:.3} s");
+    }
+    let effort = Effort { eyes: arguments.eyes, side: arguments.side, rays: arguments.rays };
+    let mut judge = Judge::new(&world, effort)?;
+    let mut results = Vec::new();
+    for (number, cell) in viewcells.into_iter().enumerate() {
+        eprintln!("viewcell {number}: {} to {}", cell.min, cell.max);
+        let sampled = judge.sample(&cell)?;
+        let mut judged = Judged { cell, sampled, trials: Vec::new() };
+        for (name, method) in &mut methods {
+            let trial = trial::run(name, method.as_mut(), &world.scene, &judged.cell);
+            if let Some(folder) = &arguments.pictures {
+                let canvas = picture::draw(&world, &judged, &trial, &method.lines())?;
+                std::fs::create_dir_all(folder)?;
+                // Names of scenes and dials may hold anything, path separators included.
+                let plain = |letter: char| if letter.is_alphanumeric() { letter } else { '-' };
+                let stem: String =
+                    format!("{}-{number}-{name}", world.source.name).chars().map(plain).collect();
+                canvas.save(&folder.join(format!("{stem}.png")))?;
+            }
+            judged.trials.push(trial);
+        }
+        results.push(judged);
+    }
+    println!("{}\n{}", output::table(&results), output::LEGEND);
+    if let Some(path) = &arguments.json {
+        let mut out = BufWriter::new(File::create(path)?);
+        output::json(&mut out, &world, &results)?;
+        out.flush()?;
+    }
+    Ok(())
+}

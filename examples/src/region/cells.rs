@@ -1,0 +1,132 @@
+//! Viewcells for programs: from text, or spread along the walks of a scene and grown up to the surfaces
+//! around.
+
+use crate::walkthrough::World;
+use crate::{Frame, frames};
+use glam::{DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Aabb, ObjectId, queries::SceneQuery};
+
+/// Number of steps in which a viewcell grows to its size on each side.
+const STEPS: u32 = 16;
+/// Part of the wanted size that a viewcell begins with.
+const SEED: f64 = 1e-3;
+
+/// Reads a box from six numbers separated by commas: minimum x, y, z and maximum x, y, z, in metres. The error
+/// is a message for a person.
+pub fn parse(text: &str) -> Result<[f64; 6], String> {
+    let numbers = numbers::<6>(text)?;
+    let inverted = (0..3).any(|axis| numbers[axis] > numbers[axis + 3]);
+    if inverted { Err("a maximum is less than its minimum".to_owned()) } else { Ok(numbers) }
+}
+
+/// Reads a size from three numbers separated by commas: two sizes on the ground and the height, in metres.
+/// The error is a message for a person.
+pub fn parse_size(text: &str) -> Result<[f64; 3], String> {
+    let numbers = numbers::<3>(text)?;
+    if numbers.iter().all(|&size| size > 0.0) { Ok(numbers) } else { Err("a size must be positive".to_owned()) }
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let read = |part: &str| {
+        let number = part.trim().parse::<f64>().map_err(|error| format!("{part}: {error}"))?;
+        if number.is_finite() { Ok(number) } else { Err(format!("{part} is not finite")) }
+    };
+    let numbers = text.split(',').map(read).collect::<Result<Vec<_>, _>>()?;
+    numbers.try_into().map_err(|_| format!("{N} numbers are needed, separated by commas"))
+}
+
+/// Makes the viewcell with the six numbers of [`parse`].
+pub fn viewcell(numbers: &[f64; 6]) -> Viewcell {
+    let [a, b, c, d, e, f] = *numbers;
+    Viewcell::from_box(DVec3::new(a, b, c), DVec3::new(d, e, f))
+}
+
+/// Makes up to `count` viewcells around eyes spread evenly along the walks of a scene. `size` is two sizes on
+/// the ground and the height. Each viewcell grows from its eye, side by side, until it has the size or would
+/// touch an opaque object, so that it stays in its room or street. An eye that touches an opaque object gives
+/// no viewcell.
+pub fn along_walks(world: &World, count: usize, size: [f64; 3]) -> Vec<Viewcell> {
+    let up = world.source.up;
+    // The height is the size on the axis that points up.
+    let [width, depth, height] = size;
+    let size = if up.y.abs() > 0.5 {
+        DVec3::new(width, height, depth)
+    } else if up.x.abs() > 0.5 {
+        DVec3::new(height, width, depth)
+    } else {
+        DVec3::new(width, depth, height)
+    };
+    // Twice as many frames as cells, and every second of them: the ends of walks are often at walls.
+    let all: Vec<Frame> = frames(&world.source.walks, count.saturating_mul(2));
+    let eyes = all.into_iter().skip(1).step_by(2).map(|frame| frame.camera.eye);
+    eyes.filter_map(|eye| grown(world, eye, size)).collect()
+}
+
+fn grown(world: &World, eye: DVec3, size: DVec3) -> Option<Viewcell> {
+    let (mut min, mut max) = (eye - size * SEED, eye + size * SEED);
+    let mut found = Vec::new();
+    if !is_free(world, min, max, &mut found) {
+        return None;
+    }
+    let step = size * ((0.5 - SEED) / f64::from(STEPS));
+    let mut stopped = [false; 6];
+    for _ in 0..STEPS {
+        for side in 0..6 {
+            let (axis, mut to_min, mut to_max) = (side % 3, min, max);
+            if side < 3 { to_min[axis] -= step[axis] } else { to_max[axis] += step[axis] }
+            if !stopped[side] && is_free(world, to_min, to_max, &mut found) {
+                (min, max) = (to_min, to_max);
+            } else {
+                stopped[side] = true;
+            }
+        }
+    }
+    Some(Viewcell::from_box(min, max))
+}
+
+/// Returns whether no triangle of an opaque object that is no door touches a box in world space.
+fn is_free(world: &World, min: DVec3, max: DVec3, found: &mut Vec<ObjectId>) -> bool {
+    let origin = world.origin();
+    SceneQuery::new(&world.scene).in_box(&Aabb::from_world(min, max, origin), found);
+    let (center, half) = ((min + max) * 0.5 - origin, (max - min) * 0.5);
+    found.iter().map(|id| &world.source.objects[id.index()]).all(|object| {
+        !object.opaque || object.door || object.triangles.iter().all(|t| !touches(t, center, half))
+    })
+}
+
+/// Returns whether a triangle touches a box, by separating axes (Akenine-Moller, "Fast 3D Triangle-Box Overlap
+/// Testing", 2001).
+fn touches(triangle: &[Vec3; 3], center: DVec3, half: DVec3) -> bool {
+    let p = triangle.map(|p| p.as_dvec3() - center);
+    let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
+    let crosses = edges.iter().flat_map(|edge| DVec3::AXES.map(|axis| edge.cross(axis)));
+    let axes = DVec3::AXES.into_iter().chain([edges[0].cross(edges[1])]).chain(crosses);
+    axes.into_iter().all(|axis| {
+        let along = p.map(|p| p.dot(axis));
+        let (least, most) = (along[0].min(along[1]).min(along[2]), along[0].max(along[1]).max(along[2]));
+        let reach = half.dot(axis.abs());
+        least <= reach && most >= -reach
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_and_sizes_are_read_or_refused() {
+        assert_eq!(parse("0,1, 2,3,4,5"), Ok([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]));
+        for wrong in ["", "1,2,3", "0,0,0,1,1,nan", "0,0,0,1,1,-1", "a,0,0,1,1,1"] {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+        assert!(parse_size("1,2,3").is_ok() && parse_size("1,2,0").is_err());
+    }
+
+    #[test]
+    fn triangles_touch_boxes() {
+        let triangle = [Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.0, 2.0, 0.0), Vec3::new(0.0, 0.0, 2.0)];
+        assert!(touches(&triangle, DVec3::ZERO, DVec3::splat(0.7)));
+        assert!(!touches(&triangle, DVec3::ZERO, DVec3::splat(0.6)));
+    }
+}

@@ -1,0 +1,125 @@
+//! Methods by the names that the program `region` takes on its command line. A further method is one more
+//! entry of [`METHODS`], and an implementation of [`Method`] for its culler.
+
+use crate::walkthrough::World;
+use glam::DVec3;
+use visibility_core::{Culler, RegionCuller};
+use visibility_hzb::{Hzb, HzbCuller};
+use visibility_region::{ConvexBlockersCuller, SamplingCuller, ShrunkCuller, VolumetricCuller};
+
+/// A culler from viewcells that can be drawn.
+pub trait Method: RegionCuller {
+    /// Returns segments in world space that show how the last answer was found, for the picture from above.
+    fn lines(&self) -> Vec<[DVec3; 2]> {
+        Vec::new()
+    }
+}
+
+/// An entry of the table of methods.
+pub struct Entry {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// What follows the name after a colon, for help texts. Empty for a method without a dial.
+    pub dial: &'static str,
+    /// Makes the method for a world, with the text after the colon if there is any. The error is a message
+    /// for a person.
+    pub make: fn(Option<&str>, &World) -> Result<Box<dyn Method>, String>,
+}
+
+/// All methods.
+pub const METHODS: &[Entry] = &[
+    Entry { name: "convex", dial: "", make: |_, _| Ok(Box::new(ConvexBlockersCuller::new())) },
+    Entry {
+        name: "rays",
+        dial: "N",
+        make: |dial, _| {
+            let culler = SamplingCuller::new();
+            Ok(Box::new(match dial {
+                Some(rays) => culler.with_rays(number(rays)?),
+                None => culler,
+            }))
+        },
+    },
+    Entry {
+        name: "shrink",
+        dial: "POINTS",
+        make: |dial, _| {
+            let points = dial.map_or(Ok(4), number)?;
+            let map = Hzb::new(512, 512).map_err(|error| error.to_string())?;
+            Ok(Box::new(ShrunkCuller::new(HzbCuller::new(map), points)))
+        },
+    },
+    Entry { name: "volume", dial: "", make: |_, _| Ok(Box::new(VolumetricCuller::new())) },
+];
+
+impl Method for VolumetricCuller {
+    fn lines(&self) -> Vec<[DVec3; 2]> {
+        self.blockers().iter().flat_map(|&[min, max]| box_edges(min, max)).collect()
+    }
+}
+
+impl<C: Culler> Method for ShrunkCuller<C> {
+    fn lines(&self) -> Vec<[DVec3; 2]> {
+        // A mark around each sample point.
+        let mark = |&p: &DVec3| box_edges(p - 0.05, p + 0.05);
+        self.points().iter().flat_map(mark).collect()
+    }
+}
+
+impl Method for ConvexBlockersCuller {
+    fn lines(&self) -> Vec<[DVec3; 2]> {
+        self.blockers().iter().flat_map(|&[min, max]| box_edges(min, max)).collect()
+    }
+}
+
+impl Method for SamplingCuller {
+    fn lines(&self) -> Vec<[DVec3; 2]> {
+        self.sight_lines().iter().map(|line| [line.eye, line.point]).collect()
+    }
+}
+
+/// Returns the twelve edges of a box.
+pub fn box_edges(min: DVec3, max: DVec3) -> impl Iterator<Item = [DVec3; 2]> {
+    let corner = move |i: usize| {
+        DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min)
+    };
+    (0..8).flat_map(|i| [1, 2, 4].map(|bit| (i, i | bit))).filter(|(i, j)| i != j).map(move |(i, j)| {
+        [corner(i), corner(j)]
+    })
+}
+
+/// Reads the number of a dial. The error is a message for a person.
+pub fn number<T: std::str::FromStr<Err: std::fmt::Display>>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|error| format!("{text}: {error}"))
+}
+
+/// Returns each method with its dial, for help texts.
+pub fn known() -> impl Iterator<Item = String> {
+    METHODS.iter().map(|entry| match entry.dial {
+        "" => entry.name.to_owned(),
+        dial => format!("{}[:{dial}]", entry.name),
+    })
+}
+
+/// Makes the methods of a list separated by commas, such as `sweep,rays:100000`. Each is returned with its
+/// text in the list.
+///
+/// # Errors
+///
+/// Returns a message if a method is unknown, or its dial cannot be used.
+pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Box<dyn Method>)>, String> {
+    list.split(',')
+        .map(|text| {
+            let text: String = text.split_whitespace().collect();
+            let (name, dial) = text.split_once(':').map_or((&text[..], None), |(name, dial)| (name, Some(dial)));
+            let entry = METHODS.iter().find(|entry| entry.name == name).ok_or_else(|| {
+                format!("there is no method `{name}`, only {}", known().collect::<Vec<_>>().join(", "))
+            })?;
+            if dial.is_some() && entry.dial.is_empty() {
+                return Err(format!("the method `{name}` has no dial"));
+            }
+            let method = (entry.make)(dial, world).map_err(|error| format!("{text}: {error}"))?;
+            Ok((text, method))
+        })
+        .collect()
+}

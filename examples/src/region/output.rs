@@ -1,0 +1,131 @@
+//! Output of trials: a table for people, lines of JSON for programs.
+
+use super::trial::Trial;
+use crate::walkthrough::World;
+use comfy_table::{CellAlignment, Table, presets};
+use serde::Serialize;
+use std::io::{self, Write};
+use visibility_core::pvs::Viewcell;
+
+/// The trials of one viewcell, with what samples see.
+pub struct Judged {
+    /// The viewcell.
+    pub cell: Viewcell,
+    /// Whether samples see each object, by its index in the source.
+    pub sampled: Vec<bool>,
+    /// A trial for each method.
+    pub trials: Vec<Trial>,
+}
+
+impl Judged {
+    /// Returns the number of objects that samples see.
+    pub fn sampled_count(&self) -> usize {
+        self.sampled.iter().filter(|&&seen| seen).count()
+    }
+
+    /// Returns the objects that samples see and a trial does not report, ascending: false hidden.
+    pub fn false_hidden(&self, trial: &Trial) -> Vec<u32> {
+        let is_lost = |&index: &u32| self.sampled[index as usize] && trial.reported.binary_search(&index).is_err();
+        (0..self.sampled.len() as u32).filter(is_lost).collect()
+    }
+}
+
+/// Formats results as a table: a row for each viewcell and method, then the mean of each method if there are
+/// several viewcells. All viewcells must have the same methods.
+pub fn table(results: &[Judged]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "cell",
+        "method",
+        "promises",
+        "seconds",
+        "reported",
+        "sampled",
+        "times",
+        "false hidden",
+    ]);
+    let mut row = |cell: String, trial: &Trial, [seconds, reported, sampled, lost]: [f64; 4]| {
+        table.add_row([
+            cell,
+            trial.method.clone(),
+            trial.accuracy.to_string(),
+            format!("{seconds:.4}"),
+            format!("{reported:.0}"),
+            format!("{sampled:.0}"),
+            format!("{:.2}", reported / sampled.max(1.0)),
+            format!("{lost:.0}"),
+        ]);
+    };
+    let figures = |judged: &Judged, trial: &Trial| {
+        let counts = [trial.reported.len(), judged.sampled_count(), judged.false_hidden(trial).len()];
+        let [reported, sampled, lost] = counts.map(|count| count as f64);
+        [trial.seconds, reported, sampled, lost]
+    };
+    for (number, judged) in results.iter().enumerate() {
+        judged.trials.iter().for_each(|trial| row(number.to_string(), trial, figures(judged, trial)));
+    }
+    if let Some(first) = results.first().filter(|_| results.len() > 1) {
+        for (index, trial) in first.trials.iter().enumerate() {
+            let mut sum = [0.0; 4];
+            for judged in results {
+                let figures = figures(judged, &judged.trials[index]);
+                (0..4).for_each(|i| sum[i] += figures[i]);
+            }
+            let count = results.len() as f64;
+            row("mean".to_owned(), trial, [sum[0] / count, sum[1] / count, sum[2] / count, sum[3]]);
+        }
+    }
+    for column in table.column_iter_mut().skip(3) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// Explanation of the columns of [`table`], to be printed below it.
+pub const LEGEND: &str = "\
+seconds: processor time of one thread for a viewcell, without what is made once for a scene
+reported, sampled: objects by the method, and by samples, which may miss some; times: reported for each sampled one
+false hidden: sampled objects that the method does not report; in the rows of means, of all viewcells together";
+
+#[derive(Serialize)]
+struct Line<'a> {
+    scene: &'a str,
+    cell: [f64; 6],
+    method: &'a str,
+    accuracy: &'a str,
+    seconds: f64,
+    objects: usize,
+    reported: usize,
+    sampled: usize,
+    false_hidden: usize,
+    ids: &'a [u32],
+}
+
+/// Writes a line of JSON for each viewcell and method. `ids` are the indices of the objects reported, in the
+/// order of the scene's file.
+///
+/// # Errors
+///
+/// Returns the error of the writer.
+pub fn json(out: &mut impl Write, world: &World, results: &[Judged]) -> io::Result<()> {
+    for judged in results {
+        let Viewcell { min, max, .. } = &judged.cell;
+        for trial in &judged.trials {
+            let line = Line {
+                scene: &world.source.name,
+                cell: [min.x, min.y, min.z, max.x, max.y, max.z],
+                method: &trial.method,
+                accuracy: trial.accuracy.name(),
+                seconds: trial.seconds,
+                objects: world.source.objects.len(),
+                reported: trial.reported.len(),
+                sampled: judged.sampled_count(),
+                false_hidden: judged.false_hidden(trial).len(),
+                ids: &trial.reported,
+            };
+            serde_json::to_writer(&mut *out, &line)?;
+            writeln!(out)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,52 @@
+//! The run of a method on a viewcell.
+
+use super::methods::Method;
+use std::time::Instant;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Accuracy, Scene, VisibleSet};
+
+/// The answer of a method for a viewcell, and how long it took.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// Method as on the command line.
+    pub method: String,
+    /// Accuracy that the method promises.
+    pub accuracy: Accuracy,
+    /// Seconds of processor time of the thread, or of the clock where the system does not tell.
+    pub seconds: f64,
+    /// Indices of the objects reported, ascending: the order of the file.
+    pub reported: Vec<u32>,
+}
+
+/// Lets a method prepare what it keeps for a scene, by a viewcell without points. Returns the seconds taken.
+pub fn prepare(method: &mut dyn Method, scene: &Scene) -> f64 {
+    let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
+    timed(|| method.cull(scene, &nowhere, &mut VisibleSet::new())).1
+}
+
+/// Runs a method on a viewcell.
+pub fn run(name: &str, method: &mut dyn Method, scene: &Scene, cell: &Viewcell) -> Trial {
+    let mut visible = VisibleSet::new();
+    let (_, seconds) = timed(|| method.cull(scene, cell, &mut visible));
+    visible.sort_by_index(scene);
+    let reported = visible.ids().iter().map(|id| id.index() as u32).collect();
+    Trial { method: name.to_owned(), accuracy: method.accuracy(), seconds, reported }
+}
+
+/// Runs a function, and returns its result and the seconds that it took.
+pub fn timed<T>(run: impl FnOnce() -> T) -> (T, f64) {
+    let (clock, processor) = (Instant::now(), processor_seconds());
+    let result = run();
+    let seconds = match (processor, processor_seconds()) {
+        (Some(before), Some(after)) => after - before,
+        _ => clock.elapsed().as_secs_f64(),
+    };
+    (result, seconds)
+}
+
+/// Returns the processor time of this thread so far, in seconds. `None` where the system does not tell.
+fn processor_seconds() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
+}

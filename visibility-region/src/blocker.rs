@@ -1,0 +1,88 @@
+//! Convex blockers: solids and single triangles of occluder meshes, and boxes.
+
+use alloc::vec::Vec;
+use visibility_core::OccluderMesh;
+use visibility_core::glam::{Affine3A, DVec3};
+
+/// Doubt about a transformed coordinate, of the sum of the magnitudes of its terms. The terms are multiplied
+/// and summed in `f64`, which errs by less than 8u = 4 epsilon.
+const TRANSFORMED: f64 = 8.0 * f64::EPSILON;
+
+/// Depth of the dents that a convex mesh may have, of the greatest magnitude of a coordinate: twice what
+/// [`OccluderMesh::is_convex`] allows.
+const DENTS: f64 = 4.0 * f32::EPSILON as f64;
+
+/// A convex blocker: a closed convex polyhedron, or one convex polygon.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Blocker {
+    /// Vertices in metres relative to the scene's origin.
+    pub(crate) vertices: Vec<DVec3>,
+    /// Faces as ranges of `corners`, counter-clockwise as seen from the side that occludes.
+    pub(crate) faces: Vec<core::ops::Range<usize>>,
+    /// Vertex indices of the faces, one face after another.
+    pub(crate) corners: Vec<u32>,
+    /// Doubt about each coordinate of the vertices, in metres.
+    pub(crate) slack: f64,
+}
+
+impl Blocker {
+    /// Makes the blocker that is a whole convex mesh.
+    pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A) -> Self {
+        let mut blocker = Self::placed(mesh, transform, mesh.positions().iter().map(|p| p.as_dvec3()));
+        let turned = turn(transform);
+        blocker.corners = mesh.triangles().iter().flat_map(|&t| turned(t)).collect();
+        blocker.faces = (0..mesh.triangles().len()).map(|i| i * 3..i * 3 + 3).collect();
+        blocker
+    }
+
+    /// Makes the blocker that is one triangle of a mesh, with two faces if the mesh is two-sided.
+    pub(crate) fn triangle(mesh: &OccluderMesh, transform: &Affine3A, triangle: usize) -> Self {
+        let corners = mesh.triangles()[triangle].map(|i| mesh.positions()[i as usize].as_dvec3());
+        let mut blocker = Self::placed(mesh, transform, corners.into_iter());
+        let turned = turn(transform);
+        blocker.corners.extend(turned([0, 1, 2]));
+        if mesh.is_two_sided() {
+            blocker.corners.extend(turned([0, 2, 1]));
+        }
+        blocker.faces = (0..blocker.corners.len() / 3).map(|i| i * 3..i * 3 + 3).collect();
+        blocker
+    }
+
+    /// Maps points of a mesh to scene coordinates. The blocker has no faces yet.
+    fn placed(mesh: &OccluderMesh, transform: &Affine3A, points: impl Iterator<Item = DVec3>) -> Self {
+        let reach = f64::from(mesh.bounds().min.abs().max(mesh.bounds().max.abs()).max_element());
+        let dents = if mesh.is_convex() && !mesh.is_cuboid() { DENTS } else { 0.0 };
+        if *transform == Affine3A::IDENTITY {
+            return Self { vertices: points.collect(), slack: reach * dents, ..Self::default() };
+        }
+        let columns = transform.matrix3.to_cols_array_2d().map(|column| DVec3::from_array(column.map(f64::from)));
+        let translation = DVec3::from_array(transform.translation.to_array().map(f64::from));
+        let place = |p: DVec3| columns[0] * p.x + columns[1] * p.y + columns[2] * p.z + translation;
+        let largest = columns.iter().fold(0.0, |most: f64, column| most.max(column.abs().max_element()));
+        let sum = 3.0 * reach * largest;
+        let slack = (sum + translation.abs().max_element()) * TRANSFORMED + sum * dents;
+        Self { vertices: points.map(place).collect(), slack, ..Self::default() }
+    }
+
+    /// Makes the blocker that is a whole box.
+    pub(crate) fn cuboid(min: DVec3, max: DVec3) -> Self {
+        let at = |corner: usize, bit: usize, axis: usize| if corner >> bit & 1 != 0 { max[axis] } else { min[axis] };
+        let vertices = (0..8).map(|i| DVec3::new(at(i, 0, 0), at(i, 1, 1), at(i, 2, 2))).collect();
+        // Six quadrilaterals, counter-clockwise from outside; vertex i has the maximum of axis k in bit k.
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        Self {
+            vertices,
+            faces: (0..6).map(|i| i * 4..i * 4 + 4).collect(),
+            corners: faces.as_flattened().to_vec(),
+            slack: 0.0,
+        }
+    }
+}
+
+
+/// Returns the function that keeps the front of a triangle its front: under a mirroring transform its corners
+/// run the other way round.
+fn turn(transform: &Affine3A) -> impl Fn([u32; 3]) -> [u32; 3] {
+    let is_mirrored = transform.matrix3.determinant() < 0.0;
+    move |[a, b, c]| if is_mirrored { [a, c, b] } else { [a, b, c] }
+}

@@ -1,0 +1,253 @@
+//! The triangles of a scene in a binary tree of bounding boxes, for rays (Kay and Kajiya, "Ray Tracing
+//! Complex Scenes", 1986), split at the median.
+
+use super::ray::Ray;
+use alloc::vec::Vec;
+use visibility_core::glam::Vec3;
+use visibility_core::scene::SceneCursor;
+use visibility_core::{Aabb, OccluderMesh, Scene};
+
+/// Greatest number of triangles in a leaf.
+const LEAF: usize = 4;
+
+/// Doubt about a coordinate that was transformed and rounded to `f32`, of the greatest magnitude involved:
+/// four times the error bound of [`Aabb::transformed`].
+const TRANSFORMED: f64 = 12.0 * f32::EPSILON as f64;
+
+/// A triangle of the tree by its index.
+pub(super) type TriangleIndex = u32;
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    bounds: Aabb,
+    /// First triangle of a leaf, an index into `TriangleTree::order`; index of the second child of an inner
+    /// node, whose first child is the next node.
+    start: u32,
+    /// Number of triangles of a leaf; 0 for an inner node.
+    count: u32,
+}
+
+/// What the tree knows of an object of the scene.
+#[derive(Clone, Copy, Debug, Default)]
+struct Owner {
+    /// First triangle of the object.
+    start: u32,
+    /// End of the object's triangles, exclusive; equal to `start` for an object without any.
+    end: u32,
+    /// Doubt about each coordinate of the object's triangles, in metres.
+    slack: f32,
+    /// Whether the object blocks rays.
+    blocks: bool,
+}
+
+/// The triangles of all objects of one scene, with their hierarchy.
+#[derive(Clone, Debug)]
+pub(super) struct TriangleTree {
+    cursor: SceneCursor,
+    corners: Vec<[Vec3; 3]>,
+    /// Object index of each triangle.
+    owners: Vec<u32>,
+    /// By object index.
+    objects: Vec<Owner>,
+    /// Triangles in the order of the leaves.
+    order: Vec<TriangleIndex>,
+    nodes: Vec<Node>,
+}
+
+/// The result of a ray: nothing that may block it is nearer than what it shows.
+#[derive(Clone, Debug)]
+pub(super) struct Cast {
+    /// Object index, triangle and parameter of everything that the ray certainly sees.
+    pub(super) seen: Vec<(u32, TriangleIndex, f64)>,
+    /// The blocker that ends the ray, if it is certain which one does: triangle and parameter.
+    pub(super) end: Option<(TriangleIndex, f64)>,
+    hits: Vec<Hit>,
+    stack: Vec<(u32, f64)>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Hit {
+    object: u32,
+    triangle: TriangleIndex,
+    least: f64,
+    most: f64,
+    blocks: bool,
+}
+
+impl Cast {
+    pub(super) const fn new() -> Self {
+        Self { seen: Vec::new(), end: None, hits: Vec::new(), stack: Vec::new() }
+    }
+}
+
+impl TriangleTree {
+    pub(super) const fn new() -> Self {
+        Self {
+            cursor: SceneCursor::START,
+            corners: Vec::new(),
+            owners: Vec::new(),
+            objects: Vec::new(),
+            order: Vec::new(),
+            nodes: Vec::new(),
+        }
+    }
+
+    /// Builds the tree anew if the scene has changed. An object is its triangles, else its occluder mesh,
+    /// else its box, which never blocks. Triangles that are not finite are left out.
+    pub(super) fn sync(&mut self, scene: &Scene) {
+        if self.cursor.is_current(scene) {
+            return;
+        }
+        self.cursor = SceneCursor::at(scene);
+        self.corners.clear();
+        self.owners.clear();
+        self.objects.clear();
+        self.objects.resize(scene.index_limit(), Owner::default());
+        for id in scene.ids() {
+            let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
+            let start = self.corners.len() as u32;
+            let mut owner = Owner { blocks: object.occluder, ..Owner::default() };
+            if !triangles.is_empty() {
+                self.corners.extend(triangles.iter().filter(|t| t.iter().all(|p| p.is_finite())));
+            } else if let Some((mesh, transform)) = scene.occluder(id) {
+                let positions = mesh.positions();
+                let reach = mesh.bounds().min.abs().max(mesh.bounds().max.abs()).max_element();
+                let largest = transform.matrix3.to_cols_array().into_iter().fold(0.0, |a: f32, x| a.max(x.abs()));
+                let sum = 3.0 * f64::from(reach) * f64::from(largest)
+                    + f64::from(transform.translation.abs().max_element());
+                owner.slack = (sum * TRANSFORMED) as f32;
+                let placed = |i: u32| transform.transform_point3(positions[i as usize]);
+                self.corners.extend(
+                    mesh.triangles().iter().map(|t| t.map(placed)).filter(|t| t.iter().all(|p| p.is_finite())),
+                );
+            } else if object.bounds.is_finite() {
+                let corners = object.bounds.corners();
+                owner.blocks = false;
+                self.corners.extend(OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize])));
+            }
+            (owner.start, owner.end) = (start, self.corners.len() as u32);
+            self.owners.resize(self.corners.len(), id.index() as u32);
+            self.objects[id.index()] = owner;
+        }
+        self.order.clear();
+        self.order.extend(0..self.corners.len() as u32);
+        self.nodes.clear();
+        if !self.order.is_empty() {
+            let mut order = core::mem::take(&mut self.order);
+            self.build(&mut order, 0);
+            self.order = order;
+        }
+    }
+
+    /// Builds the nodes above a range of triangles, whose first has the position `start` in the order.
+    fn build(&mut self, range: &mut [TriangleIndex], start: usize) {
+        let mut bounds = Aabb::EMPTY;
+        let mut centers = Aabb::EMPTY;
+        for &triangle in range.iter() {
+            let slack = Vec3::splat(self.objects[self.owners[triangle as usize] as usize].slack);
+            let corners = Aabb::from_points(self.corners[triangle as usize]);
+            bounds = bounds.union(&Aabb::new(corners.min - 2.0 * slack, corners.max + 2.0 * slack));
+            let center = corners.center();
+            centers = centers.union(&Aabb::new(center, center));
+        }
+        let node = self.nodes.len();
+        let count = if range.len() <= LEAF { range.len() as u32 } else { 0 };
+        self.nodes.push(Node { bounds, start: start as u32, count });
+        if count > 0 {
+            return;
+        }
+        let size = centers.half_extent();
+        let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap_or(0);
+        let middle = range.len() / 2;
+        let key = |triangle: u32| {
+            let [a, b, c] = self.corners[triangle as usize].map(|p| p[axis] / 3.0);
+            a + b + c
+        };
+        range.select_nth_unstable_by(middle, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+        let (low, high) = range.split_at_mut(middle);
+        self.build(low, start);
+        self.nodes[node].start = self.nodes.len() as u32;
+        self.build(high, start + middle);
+    }
+
+    /// Returns the number of triangles.
+    pub(super) fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Returns the corners of a triangle, relative to the scene's origin.
+    pub(super) fn corners(&self, triangle: TriangleIndex) -> [Vec3; 3] {
+        self.corners[triangle as usize]
+    }
+
+    /// Returns the range of the triangles of an object, by its index.
+    pub(super) fn triangles_of(&self, object: usize) -> core::ops::Range<u32> {
+        self.objects.get(object).map_or(0..0, |owner| owner.start..owner.end)
+    }
+
+    /// Sends a ray, and replaces the content of `cast` with what it sees.
+    ///
+    /// Something is seen if it is certainly met before everything that another object may block the ray with.
+    /// What its own object blocks does not matter, since that part of it is then seen instead.
+    pub(super) fn cast(&self, ray: &Ray, cast: &mut Cast) {
+        let Cast { seen, end, hits, stack } = cast;
+        seen.clear();
+        hits.clear();
+        stack.clear();
+        *end = None;
+        // The ray certainly ends at this parameter or earlier.
+        let mut limit = f64::INFINITY;
+        if let Some(root) = self.nodes.first()
+            && let Some(enter) = ray.enter(root.bounds.min, root.bounds.max)
+        {
+            stack.push((0, enter));
+        }
+        while let Some((node, enter)) = stack.pop() {
+            if enter > limit {
+                continue;
+            }
+            let Node { start, count, .. } = self.nodes[node as usize];
+            if count == 0 {
+                let children = [node + 1, start].map(|child| {
+                    let bounds = &self.nodes[child as usize].bounds;
+                    (child, ray.enter(bounds.min, bounds.max))
+                });
+                let a_is_nearer = children[0].1 <= children[1].1;
+                let [a, b] = children;
+                for (child, enter) in if a_is_nearer { [b, a] } else { [a, b] } {
+                    if let Some(enter) = enter.filter(|&enter| enter <= limit) {
+                        stack.push((child, enter));
+                    }
+                }
+                continue;
+            }
+            for &triangle in &self.order[start as usize..(start + count) as usize] {
+                let object = self.owners[triangle as usize];
+                let Owner { slack, blocks, .. } = self.objects[object as usize];
+                let Some(met) = ray.meet(&self.corners[triangle as usize], slack.into()) else { continue };
+                if met.least > limit {
+                    continue;
+                }
+                if blocks && met.is_certain() {
+                    limit = limit.min(met.most);
+                }
+                hits.push(Hit { object, triangle, least: met.least, most: met.most, blocks });
+            }
+        }
+        let blockers = || hits.iter().filter(|hit| hit.blocks);
+        let by_least = |a: &&Hit, b: &&Hit| a.least.total_cmp(&b.least);
+        let first = blockers().min_by(by_least).copied();
+        let second = first.and_then(|first| {
+            blockers().filter(|hit| hit.object != first.object).min_by(by_least).map(|hit| hit.least)
+        });
+        let first_object = first.map(|hit| hit.object);
+        for hit in hits.iter().filter(|hit| hit.most < f64::INFINITY) {
+            let free = if Some(hit.object) == first_object { second } else { first.map(|hit| hit.least) };
+            if hit.most < free.unwrap_or(f64::INFINITY) {
+                seen.push((hit.object, hit.triangle, hit.most.max(0.0)));
+            }
+        }
+        let ends = seen.iter().filter(|(object, ..)| Some(*object) == first_object);
+        *end = ends.min_by(|a, b| a.2.total_cmp(&b.2)).map(|&(_, triangle, at)| (triangle, at));
+    }
+}

@@ -1,0 +1,287 @@
+//! Visibility from a region by points and shrunk occluders: what occluders that are smaller by `e` hide from a
+//! point, the occluders themselves hide from all viewpoints within `e` of the point.
+//!
+//! This work is based on: Wonka, Wimmer and Schmalstieg, "Visibility Preprocessing with Occluder Fusion for
+//! Urban Walkthroughs", 2000. If the segment from the point `p` to `x` meets the shrunk occluder at `c`, then
+//! the segment from `q`, with `|p - q| <= e`, to `x` passes within `e` of `c`, inside the occluder itself. The
+//! points cover the boundary of the viewcell's box, since a line of sight from within crosses it. Any culler
+//! from a point will do, and its occluder fusion becomes that from the viewcell.
+//!
+//! Occluders thinner than `2 e` vanish, so thin walls hide nothing from a viewcell of metres.
+
+use crate::remove::cell_box;
+use alloc::vec::Vec;
+use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_core::scene::Triangle;
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, RegionCuller, Scene,
+    View, VisibleSet,
+};
+
+/// Part of the viewcell's extent at which the views of a sample point begin. Objects within that distance of
+/// the viewcell are visible.
+const NEAR: f64 = 1e-6;
+
+/// Margin of lengths for the rounding of meshes to `f32`, of the greatest magnitude of a coordinate.
+const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
+
+/// Hides what a culler from a point hides from each of some points of a viewcell's boundary, with the scene's
+/// occluders shrunk in proportion to the distance between the points. Conservative if the culler is.
+///
+/// `C` must take its occluders from the occluder meshes of the scene that it is given, as
+/// [`OcclusionCuller`](visibility_core::OcclusionCuller) does with any map. Meshes keep their convex solids,
+/// without those that the viewcell meets; the other triangles of a mesh are left out.
+///
+/// # Cost
+/// A copy of the scene's bounds for each viewcell, and six views for each point: with `n` points to a side, up
+/// to `6 n n` points.
+#[derive(Clone, Debug)]
+pub struct ShrunkCuller<C> {
+    culler: C,
+    points_per_side: usize,
+    points: Vec<DVec3>,
+}
+
+impl<C: Culler> ShrunkCuller<C> {
+    /// Makes a culler that asks `culler` at points with `points_per_side` along the longest side of the
+    /// viewcell, and as densely along the others. 0 counts as 1. Occluders shrink by about 0.7 of the side
+    /// over `points_per_side`.
+    pub const fn new(culler: C, points_per_side: usize) -> Self {
+        Self { culler, points_per_side, points: Vec::new() }
+    }
+
+    /// Returns the sample points of the last call, in world space. Empty before the first call.
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+}
+
+impl<C: Culler> RegionCuller for ShrunkCuller<C> {
+    /// Returns [`Accuracy::Conservative`] if the culler from a point is conservative or exact, otherwise
+    /// [`Accuracy::Approximate`].
+    fn accuracy(&self) -> Accuracy {
+        match self.culler.accuracy() {
+            Accuracy::Exact | Accuracy::Conservative => Accuracy::Conservative,
+            _ => Accuracy::Approximate,
+        }
+    }
+
+    /// Removes the candidates that are hidden from all points. Of a viewcell that planes cut, the whole box
+    /// counts. A viewcell that is inverted or not finite removes nothing.
+    fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
+        self.points.clear();
+        let Some((min, max)) = cell_box(cell, scene.origin()) else {
+            return visible.retain(scene, |_, _| true);
+        };
+        let distance = sample_points(min, max, self.points_per_side.clamp(1, 1 << 10), &mut self.points);
+        let magnitude = min.abs().max(max.abs()).max_element();
+        let distance = distance * (1.0 + 1e-9) + magnitude * (16.0 * f64::EPSILON);
+        let near = ((max - min).max_element() * NEAR).max(magnitude * 1e-12).max(1e-30);
+        let (shrunk, ids) = shrunk_scene(scene, visible, min, max, distance);
+        let mut seen = alloc::vec![false; scene.index_limit()];
+        let (mut left, mut stats) = (ids.len(), CullStats::default());
+        let mut set = VisibleSet::new();
+        let mut frustum = FrustumCuller::new();
+        for &point in &self.points {
+            let Ok(faces) = View::cube_faces(point, near, f64::INFINITY) else {
+                return visible.retain(scene, |_, _| true);
+            };
+            for view in &faces {
+                if left == 0 {
+                    break;
+                }
+                set.fill(&shrunk, view);
+                stats += frustum.cull(&shrunk, view, &mut set);
+                stats += self.culler.cull(&shrunk, view, &mut set);
+                for id in set.iter(&shrunk) {
+                    let seen = &mut seen[ids[id.index()].index()];
+                    left -= usize::from(!*seen);
+                    *seen = true;
+                }
+            }
+        }
+        self.points.iter_mut().for_each(|point| *point += scene.origin());
+        let (low, high) = (min - 2.0 * near, max + 2.0 * near);
+        let meets = |bounds: &Aabb| {
+            bounds.min.as_dvec3().cmple(high).all() && low.cmple(bounds.max.as_dvec3()).all()
+        };
+        let kept = visible.retain(scene, |id, bounds| seen[id.index()] || meets(bounds));
+        CullStats { visible: kept.visible, ..stats }
+    }
+}
+
+/// Covers the sides of a box with points: no point of a side is farther from one than the distance returned.
+fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3>) -> f64 {
+    let size = max - min;
+    let step = size.max_element() / per_side as f64;
+    // A quotient is at most `per_side`, and NaN for a point counts as 0.
+    let counts = size.to_array().map(|size| ((size / step - 1e-9) as usize + 1).min(per_side));
+    let mut distance = 0.0f64;
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let patch = DVec3::new(size[u] / counts[u] as f64, size[v] / counts[v] as f64, 0.0);
+        distance = distance.max(0.5 * patch.length());
+        for side in [min[axis], max[axis]] {
+            for (i, j) in (0..counts[u]).flat_map(|i| (0..counts[v]).map(move |j| (i, j))) {
+                let mut point = DVec3::ZERO;
+                point[axis] = side;
+                point[u] = min[u] + patch.x * (i as f64 + 0.5);
+                point[v] = min[v] + patch.y * (j as f64 + 0.5);
+                points.push(point);
+            }
+        }
+    }
+    distance
+}
+
+/// Copies the bounds of a scene, relative to its origin, and gives the copies of the candidates that occlude a
+/// shrunk mesh. Returns the copy with the objects' ids in `scene`, by their index in the copy.
+fn shrunk_scene(
+    scene: &Scene,
+    visible: &VisibleSet,
+    min: DVec3,
+    max: DVec3,
+    distance: f64,
+) -> (Scene, Vec<ObjectId>) {
+    let ids: Vec<ObjectId> = scene.ids().collect();
+    let mut index = alloc::vec![0; scene.index_limit()];
+    (0..).zip(&ids).for_each(|(number, id)| index[id.index()] = number);
+    let copy = |&id: &ObjectId| match scene.object(id) {
+        Ok(object) => Object { occluder: false, layers: u32::MAX, ..object },
+        Err(_) => Object::new(Aabb::EMPTY),
+    };
+    let mut shrunk = Scene::new();
+    let copies = shrunk.insert_batch(ids.iter().map(copy));
+    visible.for_each_occluder(scene, |id| {
+        let Some((mesh, transform)) = scene.occluder(id) else { return };
+        let pieces = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
+        let solids = pieces.iter().filter(|piece| piece.is_convex());
+        let triangles: Vec<Triangle> =
+            solids.filter_map(|solid| shrink(solid, transform, min, max, distance)).flatten().collect();
+        if let Ok(mesh) = OccluderMesh::from_triangles(&triangles) {
+            let (mesh, copy) = (shrunk.add_mesh(mesh.with_two_sided(true)), copies[index[id.index()]]);
+            // A transform that is not finite leaves the object without a mesh.
+            if shrunk.set_mesh(copy, mesh, *transform).is_ok() {
+                let _ = shrunk.set_occluder(copy, true);
+            }
+        }
+    });
+    (shrunk, ids)
+}
+
+/// Shrinks a convex solid, in coordinates of the mesh, so that the ball of radius `distance` around each of
+/// its points is inside the solid itself. `None` if nothing is left, or if the box between `min` and `max`
+/// may meet the solid.
+fn shrink(
+    solid: &OccluderMesh,
+    transform: &Affine3A,
+    min: DVec3,
+    max: DVec3,
+    distance: f64,
+) -> Option<Vec<Triangle>> {
+    let bounds = solid.bounds();
+    let placed = bounds.transformed(transform);
+    if placed.min.as_dvec3().cmple(max).all() && min.cmple(placed.max.as_dvec3()).all() {
+        return None;
+    }
+    // The map may place the shrunk solid with an error of `f32`, and its vertices are rounded.
+    let magnitude = f64::from(placed.min.abs().max(placed.max.abs()).max_element());
+    let distance = distance + magnitude * ROUNDING;
+    let columns = transform.matrix3.to_cols_array_2d().map(|column| DVec3::from_array(column.map(f64::from)));
+    let linear = DMat3::from_cols_array_2d(&columns.map(|column| column.to_array()));
+    if solid.is_cuboid() {
+        // Each side of the parallelepiped moves inwards along its own axis.
+        let volume = linear.determinant().abs();
+        let area = |axis: usize| columns[(axis + 1) % 3].cross(columns[(axis + 2) % 3]).length();
+        let mut inner = [[0.0f32; 3]; 2];
+        for axis in 0..3 {
+            let by = distance * area(axis) / volume * (1.0 + 1e-9);
+            inner[0][axis] = ((f64::from(bounds.min[axis]) + by) as f32).next_up();
+            inner[1][axis] = ((f64::from(bounds.max[axis]) - by) as f32).next_down();
+            // Also false for NaN, of a transform without volume.
+            if !(inner[0][axis] < inner[1][axis]) {
+                return None;
+            }
+        }
+        let corners = Aabb::from_arrays(inner[0], inner[1]).corners();
+        return Some(OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect());
+    }
+    // Scaled about its middle, the solid keeps of the distance between the middle and each face's plane what
+    // the scale leaves.
+    let positions = solid.positions();
+    let middle = positions.iter().map(|p| p.as_dvec3()).sum::<DVec3>() / positions.len() as f64;
+    let depth = solid.triangles().iter().map(|t| {
+        let [a, b, c] = t.map(|i| linear * (positions[i as usize].as_dvec3() - middle));
+        (b - a).cross(c - a).normalize().dot(a).abs()
+    });
+    // A NaN of a sliver or of a flat transform stays, and leaves nothing.
+    let least = depth.fold(f64::INFINITY, |a, b| if b < a || b.is_nan() { b } else { a });
+    let scale = 1.0 - distance / least * (1.0 + 1e-9);
+    if !(scale > 0.0) {
+        return None;
+    }
+    let place = |i: u32| (middle + (positions[i as usize].as_dvec3() - middle) * scale).as_vec3();
+    let triangles: Vec<[Vec3; 3]> = solid.triangles().iter().map(|t| t.map(place)).collect();
+    Some(triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3Swizzles;
+
+    #[test]
+    fn points_cover_the_boundary() {
+        for size in [[4.0, 4.0, 2.0], [1.0, 0.0, 3.0], [0.0, 0.0, 0.0]] {
+            for per_side in [1, 2, 5] {
+                let (min, mut points) = (DVec3::splat(-1.0), Vec::new());
+                let max = min + DVec3::from_array(size);
+                let distance = sample_points(min, max, per_side, &mut points);
+                assert!(distance <= 0.71 * DVec3::from_array(size).max_element() / per_side as f64);
+                let steps = (0..=20).flat_map(|i| (0..=20).map(move |j| (i, j)));
+                for (axis, (i, j)) in (0..3).flat_map(|axis| steps.clone().map(move |step| (axis, step))) {
+                    let mut part = DVec3::new(1.0, f64::from(i) / 20.0, f64::from(j) / 20.0);
+                    part = [part, part.zxy(), part.yzx()][axis];
+                    let p = min + (max - min) * part;
+                    let nearest = points.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
+                    assert!(nearest <= distance + 1e-12, "{size:?}: {nearest} of {distance}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn solids_shrink_by_the_distance_at_least() {
+        let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([3.0, 0.0, 0.0], [7.0, 4.0, 1.0])).unwrap();
+        let far = DVec3::splat(-9.0);
+        let shrunk = |by| shrink(&mesh, &Affine3A::IDENTITY, far, far, by);
+        let bounds = Aabb::from_points(shrunk(0.25).unwrap().into_iter().flatten());
+        let inner = Aabb::from_arrays([3.25, 0.25, 0.25], [6.75, 3.75, 0.75]);
+        assert!(inner.contains_point(bounds.min) && inner.contains_point(bounds.max));
+        assert!((bounds.max - inner.max).abs().max_element() < 1e-4);
+        assert!(shrunk(0.5).is_none(), "as thin as the distance");
+        assert!(shrink(&mesh, &Affine3A::IDENTITY, far, DVec3::splat(3.0), 0.25).is_none(), "met by the cell");
+        // Scaled by 2 along x, half the distance is enough there.
+        let wide = Affine3A::from_scale(Vec3::new(2.0, 1.0, 1.0));
+        let bounds = Aabb::from_points(shrink(&mesh, &wide, far, far, 0.25).unwrap().into_iter().flatten());
+        assert!((bounds.min.x - 3.125).abs() < 1e-4 && bounds.min.x >= 3.125);
+        // A pyramid scales about its middle: its base rises by the distance at least.
+        let p = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let [a, b, c, d] = p;
+        let top = Vec3::new(2.0, 2.0, 4.0);
+        let pyramid =
+            OccluderMesh::from_triangles(&[[a, c, b], [a, d, c], [a, b, top], [b, c, top], [c, d, top], [d, a, top]])
+                .unwrap();
+        let triangles = shrink(&pyramid, &Affine3A::IDENTITY, far, far, 0.25).unwrap();
+        let points: Vec<DVec3> = triangles.iter().flatten().map(|p| p.as_dvec3()).collect();
+        let inwards = [
+            (DVec3::Z, 0.0),
+            (DVec3::new(2.0, 0.0, -1.0).normalize(), 0.0),
+            (DVec3::new(-2.0, 0.0, -1.0).normalize(), DVec3::new(2.0, 0.0, 1.0).normalize().x * 4.0),
+        ];
+        for (normal, offset) in inwards {
+            assert!(points.iter().all(|p| normal.dot(*p) + offset >= 0.25), "{normal}");
+        }
+    }
+}

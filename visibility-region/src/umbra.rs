@@ -1,0 +1,192 @@
+//! The umbra of one convex blocker: what the blocker alone hides from every point of a box.
+//!
+//! From one viewpoint, a convex blocker hides the points inside the cone through its outline and behind its
+//! front faces. If a box lies in that region for each corner of the viewcell's box, the blocker hides it from
+//! all of the viewcell (Cohen-Or, Fibich, Halperin and Zadicario, "Conservative Visibility and Strong
+//! Occlusion for Viewspace Partitioning of Densely Occluded Scenes", 1998): for a fixed point behind the
+//! blocker, the viewpoints it is hidden from are convex, and so contain the viewcell with its corners.
+
+use crate::blocker::Blocker;
+use alloc::vec::Vec;
+use visibility_core::Aabb;
+use visibility_core::geometry::Containment;
+use visibility_core::glam::DVec3;
+
+/// Unit round-off of `f64`, 2^-53.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// The open half-space of the points `x` with `det(u, v, x - anchor) > 0`.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    anchor: DVec3,
+    /// Cross product of `u` and `v`.
+    normal: DVec3,
+    /// Greatest magnitudes of the coordinates of `u` and of `v`.
+    sizes: [f64; 2],
+}
+
+impl Side {
+    fn new(anchor: DVec3, u: DVec3, v: DVec3) -> Self {
+        let (u, v) = (u - anchor, v - anchor);
+        Self { anchor, normal: u.cross(v), sizes: [u.abs().max_element(), v.abs().max_element()] }
+    }
+
+    /// Classifies the box between two corners: `Inside` and `Outside` are certain.
+    ///
+    /// # Rounding
+    /// Let U, V and W be the greatest magnitudes of the coordinates of `u`, `v` and `x - anchor`, for all
+    /// corners `x` of the box. The determinant is computed as in `sampling/ray.rs`, with an error below 44u U
+    /// V W, where one side has `|d| <= 1` there and W here. The corner is chosen by the signs of a normal that
+    /// errs by 8.3u U V on each axis, so another corner is lower by less than 25u U V W. The margin is 128u.
+    /// Vertices that are known up to `slack` change each of `u`, `v` and `x - anchor` by 2 slack on an axis,
+    /// and the determinant of six terms by 12 slack (V W + U W + U V), to first order; the margin is 16.
+    fn classify(&self, min: DVec3, max: DVec3, slack: f64) -> Containment {
+        let [u, v] = self.sizes;
+        let (min, max) = (min - self.anchor, max - self.anchor);
+        let w = min.abs().max(max.abs()).max_element();
+        let positive = self.normal.cmpge(DVec3::ZERO);
+        let least = self.normal.dot(DVec3::select(positive, min, max));
+        let most = self.normal.dot(DVec3::select(positive, max, min));
+        let margin = 128.0 * U * u * v * w
+            + 16.0 * slack * (v * w + u * w + u * v + slack * (u + v + w + slack))
+            + f64::MIN_POSITIVE;
+        if least > margin {
+            Containment::Inside
+        } else if most < -margin {
+            Containment::Outside
+        } else {
+            Containment::Crossing
+        }
+    }
+}
+
+/// Returns the open half-spaces behind the faces of a blocker.
+fn behind(blocker: &Blocker) -> impl Iterator<Item = Side> + '_ {
+    let vertex = |corner: usize| blocker.vertices[blocker.corners[corner] as usize];
+    blocker.faces.iter().map(move |face| {
+        Side::new(vertex(face.start), vertex(face.start + 2), vertex(face.start + 1))
+    })
+}
+
+/// The region that a blocker hides from a box of viewpoints: an intersection of open half-spaces.
+#[derive(Clone, Debug)]
+pub(crate) struct Umbra {
+    sides: Vec<Side>,
+    slack: f64,
+}
+
+impl Umbra {
+    /// Computes the umbra of a blocker from the box between two corners. `None` if a corner of the box does
+    /// not certainly see a face of the blocker from its front: the box may then be inside the blocker or
+    /// beside it.
+    pub(crate) fn new(blocker: &Blocker, min: DVec3, max: DVec3) -> Option<Self> {
+        let Blocker { vertices, faces, corners, slack } = blocker;
+        let behind: Vec<Side> = behind(blocker).collect();
+        let mut fronts = alloc::vec![false; faces.len()];
+        let mut is_ever_front = fronts.clone();
+        let mut edges: Vec<(u32, u32)> = Vec::new();
+        let mut sides = Vec::new();
+        for corner in 0..8 {
+            let at = |bit: usize, axis: usize| if corner >> bit & 1 != 0 { max[axis] } else { min[axis] };
+            let eye = DVec3::new(at(0, 0), at(1, 1), at(2, 2));
+            edges.clear();
+            for (index, face) in faces.iter().enumerate() {
+                fronts[index] = behind[index].classify(eye, eye, *slack) == Containment::Outside;
+                is_ever_front[index] |= fronts[index];
+                if fronts[index] {
+                    let next = |i: usize| if i + 1 == face.end { face.start } else { i + 1 };
+                    edges.extend(face.clone().map(|i| (corners[i], corners[next(i)])));
+                }
+            }
+            if edges.is_empty() {
+                return None;
+            }
+            // The outline: edges of front faces that no other front face runs along the other way. The cone
+            // is the intersection of the sides of its edges, also where rounding has bent the outline: the
+            // kernel of a polygon is within the polygon.
+            edges.sort_unstable();
+            for &(from, to) in &edges {
+                if edges.binary_search(&(to, from)).is_err() {
+                    sides.push(Side::new(eye, vertices[to as usize], vertices[from as usize]));
+                }
+            }
+        }
+        let ever = behind.iter().zip(&is_ever_front).filter(|(_, front)| **front);
+        sides.extend(ever.map(|(side, _)| *side));
+        Some(Self { sides, slack: *slack })
+    }
+
+    /// Returns the interior of a convex polyhedron: the intersection of the open half-spaces behind its faces.
+    pub(crate) fn interior(blocker: &Blocker) -> Self {
+        Self { sides: behind(blocker).collect(), slack: blocker.slack }
+    }
+
+    /// Classifies a box: `Inside` if it is certainly hidden, all of it strictly behind the blocker; `Outside`
+    /// if no point of it is in the umbra; `Crossing` otherwise, and for an improper box.
+    pub(crate) fn classify(&self, bounds: &Aabb) -> Containment {
+        if !bounds.is_proper() {
+            return Containment::Crossing;
+        }
+        self.classify_box(bounds.min.as_dvec3(), bounds.max.as_dvec3())
+    }
+
+    /// Classifies the box between two corners, relative to the scene's origin, like
+    /// [`classify`](Self::classify).
+    pub(crate) fn classify_box(&self, min: DVec3, max: DVec3) -> Containment {
+        let mut result = Containment::Inside;
+        for side in &self.sides {
+            match side.classify(min, max, self.slack) {
+                Containment::Inside => {}
+                Containment::Crossing => result = Containment::Crossing,
+                Containment::Outside => return Containment::Outside,
+            }
+        }
+        result
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit_cell() -> (DVec3, DVec3) {
+        (DVec3::splat(-0.5), DVec3::splat(0.5))
+    }
+
+    fn umbra_of_wall() -> Umbra {
+        let wall = Blocker::cuboid(DVec3::new(3.0, -2.0, -2.0), DVec3::new(4.0, 2.0, 2.0));
+        let (min, max) = unit_cell();
+        Umbra::new(&wall, min, max).unwrap()
+    }
+
+    #[test]
+    fn the_umbra_widens_behind_a_wall_larger_than_the_cell() {
+        let umbra = umbra_of_wall();
+        // The lowest of the lines from a viewpoint past y = 2 at x = 3 begins at x = -0.5, y = 0.5.
+        let slope: f64 = 1.5 / 3.5;
+        let half = 2.0 + slope * 3.0;
+        let boxed = |half: f64| (DVec3::new(6.0, -half, -half), DVec3::new(6.5, half, half));
+        let (min, max) = boxed(half - 1e-9);
+        assert_eq!(umbra.classify_box(min, max), Containment::Inside);
+        let (min, max) = boxed(half + 1e-9);
+        assert_eq!(umbra.classify_box(min, max), Containment::Crossing);
+        assert_eq!(umbra.classify_box(DVec3::new(-5.0, 0.0, 0.0), DVec3::new(-4.0, 1.0, 1.0)), Containment::Outside);
+    }
+
+    #[test]
+    fn what_touches_the_front_is_not_hidden() {
+        let umbra = umbra_of_wall();
+        let tile = |x: f64| umbra.classify_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 0.5, 0.5, 0.5));
+        assert_eq!(tile(3.0), Containment::Crossing, "in the plane of the front");
+        assert_eq!(tile(3.0 + 1e-12), Containment::Inside, "inside the wall");
+    }
+
+    #[test]
+    fn cells_in_or_beside_a_blocker_give_no_umbra() {
+        let wall = Blocker::cuboid(DVec3::new(3.0, -2.0, -2.0), DVec3::new(4.0, 2.0, 2.0));
+        let inside = |min: [f64; 3], max: [f64; 3]| Umbra::new(&wall, min.into(), max.into()).is_none();
+        assert!(inside([3.2, 0.0, 0.0], [3.4, 1.0, 1.0]));
+        assert!(inside([2.0, 0.0, 0.0], [3.5, 1.0, 1.0]), "a cell that reaches into the wall");
+        assert!(inside([2.0, 0.0, 0.0], [3.0, 1.0, 1.0]), "a cell that touches the wall");
+    }
+}

@@ -1,0 +1,389 @@
+//! Volumetric visibility from a region: blockers are boxes of opaque space, which grow into opaque and hidden
+//! space around them.
+//!
+//! This work is based on: Schaufler, Dorsey, Decoret and Sillion, "Conservative Volumetric Visibility with
+//! Occluder Fusion", 2000. An octree knows which of its cells lie inside solids. From a viewcell, the opaque
+//! cells that look largest become blockers. A blocker is extended, one side after the other, as long as the
+//! whole slab that it grows by is opaque or already found hidden: a line of sight through the slab is blocked
+//! there, or was before. This fuses blockers. What is hidden is noted in the octree for the next blocker.
+//!
+//! Walls thinner than the octree's cells hold no opaque cell and hide nothing.
+
+use crate::blocker::Blocker;
+use crate::remove::{cell_box, remove_hidden};
+use crate::umbra::Umbra;
+use alloc::vec::Vec;
+use visibility_core::geometry::Containment;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::scene::SceneCursor;
+use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
+
+/// Greatest number of cells of the octree: 1.5 MiB.
+const NODES: usize = 1 << 16;
+
+/// Number of blockers of a viewcell.
+const BLOCKERS: usize = 256;
+
+/// Index that stands for no node and for no solid.
+const NONE: u32 = u32::MAX;
+
+/// A cell of the octree.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    /// First of eight children, or `NONE` for a leaf.
+    children: u32,
+    /// Solid that contains the whole cell, or `NONE`.
+    solid: u32,
+}
+
+/// The octree of the solids of a scene.
+#[derive(Clone, Debug)]
+struct Octree {
+    min: DVec3,
+    max: DVec3,
+    nodes: Vec<Node>,
+}
+
+/// A solid with its object and its bounds.
+#[derive(Clone, Debug)]
+struct Solid {
+    object: u32,
+    min: DVec3,
+    max: DVec3,
+}
+
+/// Hides what boxes of opaque space hide from all of a viewcell. Conservative.
+///
+/// Space is opaque inside the convex solids of occluder meshes. Solids that meet the viewcell do not count.
+/// The octree has at most 65,536 cells, and is built anew when the scene has changed.
+///
+/// ```
+/// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
+/// use visibility_core::{Aabb, OccluderMesh, RegionCuller, Scene, VisibleSet};
+/// use visibility_region::VolumetricCuller;
+/// let mut scene = Scene::new();
+/// let bounds = Aabb::from_arrays([4.0, -9.0, -9.0], [7.0, 9.0, 9.0]);
+/// let house = scene.insert(bounds);
+/// let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds)?);
+/// scene.set_mesh(house, mesh, Affine3A::IDENTITY)?;
+/// scene.set_occluder(house, true)?;
+/// let behind = scene.insert(Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0]));
+/// let mut visible = VisibleSet::new();
+/// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+/// VolumetricCuller::new().cull(&scene, &cell, &mut visible);
+/// assert!(visible.contains(&scene, house) && !visible.contains(&scene, behind));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct VolumetricCuller {
+    cursor: SceneCursor,
+    solids: Vec<Solid>,
+    octree: Octree,
+    blockers: Vec<[DVec3; 2]>,
+}
+
+impl Default for VolumetricCuller {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl VolumetricCuller {
+    /// Makes a culler.
+    pub const fn new() -> Self {
+        let octree = Octree { min: DVec3::ZERO, max: DVec3::ZERO, nodes: Vec::new() };
+        Self { cursor: SceneCursor::START, solids: Vec::new(), octree, blockers: Vec::new() }
+    }
+
+    /// Returns the extended blockers of the last call, in world space, as minimum and maximum corners. Empty
+    /// before the first call.
+    pub fn blockers(&self) -> &[[DVec3; 2]] {
+        &self.blockers
+    }
+
+    fn sync(&mut self, scene: &Scene) {
+        if self.cursor.is_current(scene) {
+            return;
+        }
+        self.cursor = SceneCursor::at(scene);
+        self.solids.clear();
+        let mut blockers = Vec::new();
+        for id in scene.ids() {
+            let Some((mesh, transform)) = scene.occluder(id) else { continue };
+            let pieces = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
+            for piece in pieces.iter().filter(|piece| piece.is_convex()) {
+                let blocker = Blocker::solid(piece, transform);
+                let points = blocker.vertices.iter();
+                let (min, max) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| {
+                    (min.min(p), max.max(p))
+                });
+                if min.is_finite() && max.is_finite() {
+                    let slack = blocker.slack;
+                    self.solids.push(Solid { object: id.index() as u32, min: min - slack, max: max + slack });
+                    blockers.push(blocker);
+                }
+            }
+        }
+        self.octree = Octree::new(&self.solids, &blockers);
+    }
+}
+
+impl RegionCuller for VolumetricCuller {
+    /// Returns [`Accuracy::Conservative`].
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    /// Removes the candidates that one blocker hides, or that touch only cells of the octree that are opaque
+    /// or hidden. Of a viewcell that planes cut, the whole box counts. A viewcell that is inverted or not
+    /// finite removes nothing.
+    fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
+        self.sync(scene);
+        self.blockers.clear();
+        let Some((min, max)) = cell_box(cell, scene.origin()) else {
+            return visible.retain(scene, |_, _| true);
+        };
+        let mut is_candidate = alloc::vec![false; scene.index_limit()];
+        visible.for_each_occluder(scene, |id| is_candidate[id.index()] = true);
+        let is_usable = |solid: &Solid| {
+            let meets = solid.min.cmple(max).all() && min.cmple(solid.max).all();
+            is_candidate[solid.object as usize] && !meets
+        };
+        let usable: Vec<bool> = self.solids.iter().map(is_usable).collect();
+        let mut space = Space::new(&self.octree, &usable);
+        let mut umbrae = Vec::new();
+        for leaf in space.largest(min, max) {
+            if umbrae.len() == BLOCKERS {
+                break;
+            }
+            let is_inside = |[min, max]: &[DVec3; 2]| min.cmple(leaf.min).all() && leaf.max.cmple(*max).all();
+            if space.hidden[leaf.node as usize] || self.blockers.iter().any(is_inside) {
+                continue;
+            }
+            let [low, high] = space.extended(leaf.min, leaf.max);
+            if let Some(umbra) = Umbra::new(&Blocker::cuboid(low, high), min, max) {
+                self.blockers.push([low, high]);
+                space.hide(&umbra);
+                umbrae.push(umbra);
+            }
+        }
+        let in_hidden_space = |bounds: &Aabb| {
+            bounds.is_proper() && space.is_blocked(bounds.min.as_dvec3(), bounds.max.as_dvec3(), true)
+        };
+        let mut stats = remove_hidden(scene, visible, &umbrae, Some(&in_hidden_space));
+        stats.occluders += umbrae.len() as u64;
+        self.blockers.iter_mut().flatten().for_each(|corner| *corner += scene.origin());
+        stats
+    }
+}
+
+/// Returns the box of a child, which has the upper half on the axes of the bits of `child`.
+fn child_box(min: DVec3, max: DVec3, child: usize) -> [DVec3; 2] {
+    let middle = min * 0.5 + max * 0.5;
+    let [mut low, mut high] = [min, max];
+    for axis in 0..3 {
+        if child >> axis & 1 != 0 { low[axis] = middle[axis] } else { high[axis] = middle[axis] }
+    }
+    [low, high]
+}
+
+impl Octree {
+    /// Divides space around the solids, largest cells first, where the boundary of a solid passes.
+    fn new(solids: &[Solid], blockers: &[Blocker]) -> Self {
+        let around = solids.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], solid| {
+            [min.min(solid.min), max.max(solid.max)]
+        });
+        let [min, max] = if solids.is_empty() { [DVec3::ZERO; 2] } else { around };
+        let behind: Vec<_> = blockers.iter().map(Umbra::interior).collect();
+        // A cube, somewhat larger than the solids.
+        let (middle, half) = (min * 0.5 + max * 0.5, (max - min).max_element() * 0.51);
+        let mut octree = Self { min: middle - half, max: middle + half, nodes: Vec::new() };
+        octree.nodes.push(Node { children: NONE, solid: NONE });
+        let mut queue = alloc::collections::VecDeque::new();
+        queue.push_back((0usize, [octree.min, octree.max], (0..solids.len() as u32).collect::<Vec<_>>()));
+        while let Some((node, [min, max], mut near)) = queue.pop_front() {
+            near.retain(|&solid| {
+                let Solid { min: low, max: high, .. } = solids[solid as usize];
+                low.cmple(max).all() && min.cmple(high).all()
+            });
+            let contains = |&solid: &u32| behind[solid as usize].classify_box(min, max) == Containment::Inside;
+            if let Some(solid) = near.iter().copied().find(contains) {
+                octree.nodes[node].solid = solid;
+            } else if !near.is_empty() && octree.nodes.len() + 8 <= NODES && min.cmplt(max).all() {
+                let first = octree.nodes.len();
+                octree.nodes[node].children = first as u32;
+                for child in 0..8 {
+                    octree.nodes.push(Node { children: NONE, solid: NONE });
+                    queue.push_back((first + child, child_box(min, max, child), near.clone()));
+                }
+            }
+        }
+        octree
+    }
+}
+
+/// An opaque leaf of the octree.
+struct Leaf {
+    node: u32,
+    min: DVec3,
+    max: DVec3,
+    rank: f64,
+}
+
+/// What is known of space from one viewcell.
+struct Space<'a> {
+    octree: &'a Octree,
+    /// Whether each solid may occlude.
+    usable: &'a [bool],
+    /// Whether each node is hidden from the viewcell, all of it.
+    hidden: Vec<bool>,
+}
+
+impl<'a> Space<'a> {
+    fn new(octree: &'a Octree, usable: &'a [bool]) -> Self {
+        Self { octree, usable, hidden: alloc::vec![false; octree.nodes.len()] }
+    }
+
+    fn is_opaque(&self, node: usize) -> bool {
+        self.usable.get(self.octree.nodes[node].solid as usize).is_some_and(|&usable| usable)
+    }
+
+    /// Returns the opaque leaves, those first that look largest from the box between two corners.
+    fn largest(&self, min: DVec3, max: DVec3) -> Vec<Leaf> {
+        let mut leaves = Vec::new();
+        let mut stack = alloc::vec![(0usize, [self.octree.min, self.octree.max])];
+        while let Some((node, [low, high])) = stack.pop() {
+            let children = self.octree.nodes[node].children;
+            if children != NONE {
+                let child = |i: usize| (children as usize + i, child_box(low, high, i));
+                stack.extend((0..8).map(child));
+            } else if self.is_opaque(node) {
+                let gap = (low - max).max(min - high).max(DVec3::ZERO);
+                let rank = (high - low).length_squared() / gap.length_squared().max(f64::MIN_POSITIVE);
+                leaves.push(Leaf { node: node as u32, min: low, max: high, rank });
+            }
+        }
+        leaves.sort_unstable_by(|a, b| b.rank.total_cmp(&a.rank).then(a.node.cmp(&b.node)));
+        leaves
+    }
+
+    /// Returns whether a box lies in space that is opaque or hidden. A cell that only touches the box counts
+    /// if `closed`. False for what reaches out of the octree.
+    fn is_blocked(&self, min: DVec3, max: DVec3, closed: bool) -> bool {
+        let root = [self.octree.min, self.octree.max];
+        root[0].cmple(min).all() && max.cmple(root[1]).all() && self.is_blocked_in(0, root, [min, max], closed)
+    }
+
+    fn is_blocked_in(&self, node: usize, [low, high]: [DVec3; 2], part: [DVec3; 2], closed: bool) -> bool {
+        let [min, max] = part;
+        let apart = if closed {
+            low.cmpgt(max).any() || min.cmpgt(high).any()
+        } else {
+            low.cmpge(max).any() || min.cmpge(high).any()
+        };
+        if apart || self.hidden[node] || self.is_opaque(node) {
+            return true;
+        }
+        let children = self.octree.nodes[node].children;
+        children != NONE
+            && (0..8).all(|i| self.is_blocked_in(children as usize + i, child_box(low, high, i), part, closed))
+    }
+
+    /// Extends a box of opaque space, side by side, by slabs that are opaque or hidden all through. Each slab
+    /// is as wide as the box has become: an extension of two sides at once would claim the edge between them
+    /// too.
+    fn extended(&self, min: DVec3, max: DVec3) -> [DVec3; 2] {
+        let size = max - min;
+        let mut bounds = [min, max];
+        let mut grew = true;
+        while grew {
+            grew = false;
+            for side in 0..6 {
+                let (axis, upper) = (side % 3, side / 3);
+                let mut by = size[axis];
+                loop {
+                    let (mut slab, mut wider) = (bounds, bounds);
+                    slab[1 - upper][axis] = bounds[upper][axis];
+                    slab[upper][axis] += if upper == 1 { by } else { -by };
+                    wider[upper][axis] = slab[upper][axis];
+                    // A slab without volume would prove nothing, and the loop would not end.
+                    if !(slab[0].cmplt(slab[1]).all() && self.is_blocked(slab[0], slab[1], false)) {
+                        break;
+                    }
+                    (bounds, grew) = (wider, true);
+                    by *= 2.0;
+                }
+            }
+        }
+        bounds
+    }
+
+    /// Notes which cells an umbra contains.
+    fn hide(&mut self, umbra: &Umbra) {
+        let root = [self.octree.min, self.octree.max];
+        self.hide_in(0, root, umbra);
+    }
+
+    fn hide_in(&mut self, node: usize, [min, max]: [DVec3; 2], umbra: &Umbra) {
+        if self.hidden[node] {
+            return;
+        }
+        match umbra.classify_box(min, max) {
+            Containment::Inside => self.hidden[node] = true,
+            Containment::Outside => {}
+            Containment::Crossing => {
+                let children = self.octree.nodes[node].children;
+                if children != NONE {
+                    let first = children as usize;
+                    (0..8).for_each(|i| self.hide_in(first + i, child_box(min, max, i), umbra));
+                    self.hidden[node] = self.hidden[first..first + 8].iter().all(|&hidden| hidden);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::OccluderMesh;
+    use visibility_core::glam::Affine3A;
+
+    fn space_of(boxes: &[([f32; 3], [f32; 3])]) -> Octree {
+        let (mut solids, mut blockers) = (Vec::new(), Vec::new());
+        for &(min, max) in boxes {
+            let mesh = OccluderMesh::cuboid(&Aabb::from_arrays(min, max)).unwrap();
+            solids.push(Solid { object: 0, min: mesh.bounds().min.as_dvec3(), max: mesh.bounds().max.as_dvec3() });
+            blockers.push(Blocker::solid(&mesh, &Affine3A::IDENTITY));
+        }
+        Octree::new(&solids, &blockers)
+    }
+
+    #[test]
+    fn blockers_grow_through_opaque_space_only() {
+        // An L of two boxes: a blocker must not take the corner between its legs.
+        let octree = space_of(&[([0.0, 0.0, 0.0], [16.0, 4.0, 8.0]), ([0.0, 3.0, 0.0], [4.0, 16.0, 8.0])]);
+        let usable = [true; 2];
+        let space = Space::new(&octree, &usable);
+        for leaf in space.largest(DVec3::splat(-9.0), DVec3::splat(-8.0)).iter().take(500) {
+            let [min, max] = space.extended(leaf.min, leaf.max);
+            assert!(min.cmple(leaf.min).all() && leaf.max.cmple(max).all());
+            assert!(min.min_element() > 0.0 && max.z < 8.0, "{min} {max}");
+            assert!(max.x < 4.0 || max.y < 4.0, "{min} {max} holds the corner");
+        }
+        let most = space.extended(DVec3::new(2.0, 1.0, 3.0), DVec3::new(2.5, 1.5, 3.5));
+        let size = most[1] - most[0];
+        assert!(size.max_element() > 12.0 && size.z > 6.0, "{size}");
+    }
+
+    #[test]
+    fn unusable_solids_are_not_opaque() {
+        let octree = space_of(&[([0.0; 3], [8.0; 3])]);
+        assert!(Space::new(&octree, &[false]).largest(DVec3::ZERO, DVec3::ONE).is_empty());
+        let space = Space::new(&octree, &[true]);
+        assert!(space.is_blocked(DVec3::splat(3.0), DVec3::splat(4.0), true));
+        assert!(!space.is_blocked(DVec3::splat(3.0), DVec3::splat(8.0), true), "the surface is not opaque");
+        assert!(!space.is_blocked(DVec3::splat(3.0), DVec3::splat(80.0), true), "nor is what is outside");
+    }
+}
