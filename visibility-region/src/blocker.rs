@@ -50,23 +50,20 @@ impl Blocker {
 
     /// Maps points of a mesh to scene coordinates. The blocker has no faces yet.
     fn placed(mesh: &OccluderMesh, transform: &Affine3A, points: impl Iterator<Item = DVec3>) -> Self {
-        let reach = f64::from(mesh.bounds().min.abs().max(mesh.bounds().max.abs()).max_element());
-        let dents = if mesh.is_convex() && !mesh.is_cuboid() { DENTS } else { 0.0 };
-        if *transform == Affine3A::IDENTITY {
-            return Self { vertices: points.collect(), slack: reach * dents, ..Self::default() };
+        let placement = Placement::new(mesh, transform);
+        let dents = if mesh.is_convex() && !mesh.is_cuboid() { placement.size * DENTS } else { 0.0 };
+        Self {
+            vertices: points.map(|p| placement.place(p)).collect(),
+            slack: placement.doubt + dents,
+            ..Self::default()
         }
-        let columns = transform.matrix3.to_cols_array_2d().map(|column| DVec3::from_array(column.map(f64::from)));
-        let translation = DVec3::from_array(transform.translation.to_array().map(f64::from));
-        let place = |p: DVec3| columns[0] * p.x + columns[1] * p.y + columns[2] * p.z + translation;
-        let largest = columns.iter().fold(0.0, |most: f64, column| most.max(column.abs().max_element()));
-        let sum = 3.0 * reach * largest;
-        let slack = (sum + translation.abs().max_element()) * TRANSFORMED + sum * dents;
-        Self { vertices: points.map(place).collect(), slack, ..Self::default() }
     }
 
     /// Makes the blocker that is a whole box.
     pub(crate) fn cuboid(min: DVec3, max: DVec3) -> Self {
-        let at = |corner: usize, bit: usize, axis: usize| if corner >> bit & 1 != 0 { max[axis] } else { min[axis] };
+        let at = |corner: usize, bit: usize, axis: usize| {
+            if corner >> bit & 1 != 0 { max[axis] } else { min[axis] }
+        };
         let vertices = (0..8).map(|i| DVec3::new(at(i, 0, 0), at(i, 1, 1), at(i, 2, 2))).collect();
         // Six quadrilaterals, counter-clockwise from outside; vertex i has the maximum of axis k in bit k.
         let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -79,10 +76,50 @@ impl Blocker {
     }
 }
 
-
 /// Returns the function that keeps the front of a triangle its front: under a mirroring transform its corners
 /// run the other way round.
 fn turn(transform: &Affine3A) -> impl Fn([u32; 3]) -> [u32; 3] {
     let is_mirrored = transform.matrix3.determinant() < 0.0;
     move |[a, b, c]| if is_mirrored { [a, c, b] } else { [a, b, c] }
+}
+
+/// The map from a mesh's coordinates to the scene's, in `f64`.
+pub(crate) struct Placement {
+    /// Columns of the linear part. `None` for the identity.
+    columns: Option<[DVec3; 3]>,
+    translation: DVec3,
+    /// Greatest sum of magnitudes for a coordinate of a placed vertex, in metres.
+    size: f64,
+    /// Doubt about each coordinate of a placed vertex, in metres; 0 for the identity.
+    pub(crate) doubt: f64,
+}
+
+impl Placement {
+    pub(crate) fn new(mesh: &OccluderMesh, transform: &Affine3A) -> Self {
+        let reach = f64::from(mesh.bounds().min.abs().max(mesh.bounds().max.abs()).max_element());
+        if *transform == Affine3A::IDENTITY {
+            return Self { columns: None, translation: DVec3::ZERO, size: reach, doubt: 0.0 };
+        }
+        let columns = transform.matrix3.to_cols_array_2d().map(|c| DVec3::from_array(c.map(f64::from)));
+        let translation = DVec3::from_array(transform.translation.to_array().map(f64::from));
+        let largest = columns.iter().fold(0.0, |most: f64, column| most.max(column.abs().max_element()));
+        let size = 3.0 * reach * largest + translation.abs().max_element();
+        Self { columns: Some(columns), translation, size, doubt: size * TRANSFORMED }
+    }
+
+    /// Maps a point of the mesh.
+    pub(crate) fn place(&self, p: DVec3) -> DVec3 {
+        match &self.columns {
+            Some(columns) => columns[0] * p.x + columns[1] * p.y + columns[2] * p.z + self.translation,
+            None => p,
+        }
+    }
+
+    /// Maps a vector, without the translation.
+    pub(crate) fn turn(&self, p: DVec3) -> DVec3 {
+        match &self.columns {
+            Some(columns) => columns[0] * p.x + columns[1] * p.y + columns[2] * p.z,
+            None => p,
+        }
+    }
 }

@@ -86,7 +86,8 @@ impl RegionCuller for ConvexBlockersCuller {
             let mut candidates = Vec::new();
             visible.for_each_occluder(scene, |id| {
                 if let Some((mesh, transform)) = scene.occluder(id) {
-                    let pieces = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
+                    let pieces =
+                        if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
                     pieces.iter().for_each(|piece| list(piece, transform, min, max, &mut candidates));
                 }
             });

@@ -103,9 +103,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         }
         self.points.iter_mut().for_each(|point| *point += scene.origin());
         let (low, high) = (min - 2.0 * near, max + 2.0 * near);
-        let meets = |bounds: &Aabb| {
-            bounds.min.as_dvec3().cmple(high).all() && low.cmple(bounds.max.as_dvec3()).all()
-        };
+        let meets =
+            |bounds: &Aabb| bounds.min.as_dvec3().cmple(high).all() && low.cmple(bounds.max.as_dvec3()).all();
         let kept = visible.retain(scene, |id, bounds| seen[id.index()] || meets(bounds));
         CullStats { visible: kept.visible, ..stats }
     }
@@ -194,17 +193,17 @@ fn shrink(
         // Each side of the parallelepiped moves inwards along its own axis.
         let volume = linear.determinant().abs();
         let area = |axis: usize| columns[(axis + 1) % 3].cross(columns[(axis + 2) % 3]).length();
-        let mut inner = [[0.0f32; 3]; 2];
+        let mut inner = [Vec3::ZERO; 2];
         for axis in 0..3 {
             let by = distance * area(axis) / volume * (1.0 + 1e-9);
             inner[0][axis] = ((f64::from(bounds.min[axis]) + by) as f32).next_up();
             inner[1][axis] = ((f64::from(bounds.max[axis]) - by) as f32).next_down();
-            // Also false for NaN, of a transform without volume.
-            if !(inner[0][axis] < inner[1][axis]) {
-                return None;
-            }
         }
-        let corners = Aabb::from_arrays(inner[0], inner[1]).corners();
+        // Nothing is left of NaN either, of a transform without volume.
+        if !inner[0].cmplt(inner[1]).all() {
+            return None;
+        }
+        let corners = Aabb::new(inner[0], inner[1]).corners();
         return Some(OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect());
     }
     // Scaled about its middle, the solid keeps of the distance between the middle and each face's plane what
@@ -218,7 +217,7 @@ fn shrink(
     // A NaN of a sliver or of a flat transform stays, and leaves nothing.
     let least = depth.fold(f64::INFINITY, |a, b| if b < a || b.is_nan() { b } else { a });
     let scale = 1.0 - distance / least * (1.0 + 1e-9);
-    if !(scale > 0.0) {
+    if scale.is_nan() || scale <= 0.0 {
         return None;
     }
     let place = |i: u32| (middle + (positions[i as usize].as_dvec3() - middle) * scale).as_vec3();
@@ -261,7 +260,10 @@ mod tests {
         assert!(inner.contains_point(bounds.min) && inner.contains_point(bounds.max));
         assert!((bounds.max - inner.max).abs().max_element() < 1e-4);
         assert!(shrunk(0.5).is_none(), "as thin as the distance");
-        assert!(shrink(&mesh, &Affine3A::IDENTITY, far, DVec3::splat(3.0), 0.25).is_none(), "met by the cell");
+        assert!(
+            shrink(&mesh, &Affine3A::IDENTITY, far, DVec3::splat(3.0), 0.25).is_none(),
+            "met by the cell"
+        );
         // Scaled by 2 along x, half the distance is enough there.
         let wide = Affine3A::from_scale(Vec3::new(2.0, 1.0, 1.0));
         let bounds = Aabb::from_points(shrink(&mesh, &wide, far, far, 0.25).unwrap().into_iter().flatten());
@@ -270,9 +272,15 @@ mod tests {
         let p = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
         let [a, b, c, d] = p;
         let top = Vec3::new(2.0, 2.0, 4.0);
-        let pyramid =
-            OccluderMesh::from_triangles(&[[a, c, b], [a, d, c], [a, b, top], [b, c, top], [c, d, top], [d, a, top]])
-                .unwrap();
+        let pyramid = OccluderMesh::from_triangles(&[
+            [a, c, b],
+            [a, d, c],
+            [a, b, top],
+            [b, c, top],
+            [c, d, top],
+            [d, a, top],
+        ])
+        .unwrap();
         let triangles = shrink(&pyramid, &Affine3A::IDENTITY, far, far, 0.25).unwrap();
         let points: Vec<DVec3> = triangles.iter().flatten().map(|p| p.as_dvec3()).collect();
         let inwards = [

@@ -63,9 +63,10 @@ impl Side {
 /// Returns the open half-spaces behind the faces of a blocker.
 fn behind(blocker: &Blocker) -> impl Iterator<Item = Side> + '_ {
     let vertex = |corner: usize| blocker.vertices[blocker.corners[corner] as usize];
-    blocker.faces.iter().map(move |face| {
-        Side::new(vertex(face.start), vertex(face.start + 2), vertex(face.start + 1))
-    })
+    blocker
+        .faces
+        .iter()
+        .map(move |face| Side::new(vertex(face.start), vertex(face.start + 2), vertex(face.start + 1)))
 }
 
 /// The region that a blocker hides from a box of viewpoints: an intersection of open half-spaces.
@@ -170,7 +171,10 @@ mod tests {
         assert_eq!(umbra.classify_box(min, max), Containment::Inside);
         let (min, max) = boxed(half + 1e-9);
         assert_eq!(umbra.classify_box(min, max), Containment::Crossing);
-        assert_eq!(umbra.classify_box(DVec3::new(-5.0, 0.0, 0.0), DVec3::new(-4.0, 1.0, 1.0)), Containment::Outside);
+        assert_eq!(
+            umbra.classify_box(DVec3::new(-5.0, 0.0, 0.0), DVec3::new(-4.0, 1.0, 1.0)),
+            Containment::Outside
+        );
     }
 
     #[test]

@@ -115,9 +115,8 @@ impl VolumetricCuller {
             for piece in pieces.iter().filter(|piece| piece.is_convex()) {
                 let blocker = Blocker::solid(piece, transform);
                 let points = blocker.vertices.iter();
-                let (min, max) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| {
-                    (min.min(p), max.max(p))
-                });
+                let (min, max) = points
+                    .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
                 if min.is_finite() && max.is_finite() {
                     let slack = blocker.slack;
                     self.solids.push(Solid { object: id.index() as u32, min: min - slack, max: max + slack });
@@ -207,7 +206,8 @@ impl Octree {
                 let Solid { min: low, max: high, .. } = solids[solid as usize];
                 low.cmple(max).all() && min.cmple(high).all()
             });
-            let contains = |&solid: &u32| behind[solid as usize].classify_box(min, max) == Containment::Inside;
+            let contains =
+                |&solid: &u32| behind[solid as usize].classify_box(min, max) == Containment::Inside;
             if let Some(solid) = near.iter().copied().find(contains) {
                 octree.nodes[node].solid = solid;
             } else if !near.is_empty() && octree.nodes.len() + 8 <= NODES && min.cmplt(max).all() {
@@ -272,7 +272,9 @@ impl<'a> Space<'a> {
     /// if `closed`. False for what reaches out of the octree.
     fn is_blocked(&self, min: DVec3, max: DVec3, closed: bool) -> bool {
         let root = [self.octree.min, self.octree.max];
-        root[0].cmple(min).all() && max.cmple(root[1]).all() && self.is_blocked_in(0, root, [min, max], closed)
+        root[0].cmple(min).all()
+            && max.cmple(root[1]).all()
+            && self.is_blocked_in(0, root, [min, max], closed)
     }
 
     fn is_blocked_in(&self, node: usize, [low, high]: [DVec3; 2], part: [DVec3; 2], closed: bool) -> bool {
@@ -287,7 +289,8 @@ impl<'a> Space<'a> {
         }
         let children = self.octree.nodes[node].children;
         children != NONE
-            && (0..8).all(|i| self.is_blocked_in(children as usize + i, child_box(low, high, i), part, closed))
+            && (0..8)
+                .all(|i| self.is_blocked_in(children as usize + i, child_box(low, high, i), part, closed))
     }
 
     /// Extends a box of opaque space, side by side, by slabs that are opaque or hidden all through. Each slab
@@ -354,7 +357,11 @@ mod tests {
         let (mut solids, mut blockers) = (Vec::new(), Vec::new());
         for &(min, max) in boxes {
             let mesh = OccluderMesh::cuboid(&Aabb::from_arrays(min, max)).unwrap();
-            solids.push(Solid { object: 0, min: mesh.bounds().min.as_dvec3(), max: mesh.bounds().max.as_dvec3() });
+            solids.push(Solid {
+                object: 0,
+                min: mesh.bounds().min.as_dvec3(),
+                max: mesh.bounds().max.as_dvec3(),
+            });
             blockers.push(Blocker::solid(&mesh, &Affine3A::IDENTITY));
         }
         Octree::new(&solids, &blockers)

@@ -24,7 +24,11 @@ pub fn parse(text: &str) -> Result<[f64; 6], String> {
 /// The error is a message for a person.
 pub fn parse_size(text: &str) -> Result<[f64; 3], String> {
     let numbers = numbers::<3>(text)?;
-    if numbers.iter().all(|&size| size > 0.0) { Ok(numbers) } else { Err("a size must be positive".to_owned()) }
+    if numbers.iter().all(|&size| size > 0.0) {
+        Ok(numbers)
+    } else {
+        Err("a size must be positive".to_owned())
+    }
 }
 
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
@@ -74,7 +78,11 @@ fn grown(world: &World, eye: DVec3, size: DVec3) -> Option<Viewcell> {
     for _ in 0..STEPS {
         for side in 0..6 {
             let (axis, mut to_min, mut to_max) = (side % 3, min, max);
-            if side < 3 { to_min[axis] -= step[axis] } else { to_max[axis] += step[axis] }
+            if side < 3 {
+                to_min[axis] -= step[axis]
+            } else {
+                to_max[axis] += step[axis]
+            }
             if !stopped[side] && is_free(world, to_min, to_max, &mut found) {
                 (min, max) = (to_min, to_max);
             } else {

@@ -82,11 +82,13 @@ impl<'a> Judge<'a> {
                     let (axis, min, max) = (face / 2, min - eye, max - eye);
                     let depth = if face % 2 == 0 { max[axis] } else { -min[axis] };
                     // NaN bounds count as ahead.
-                    !(depth < 0.0) && [1, 2].map(|i| (axis + i) % 3).iter().all(|&i| !(min[i].max(-max[i]) > depth))
+                    !(depth < 0.0)
+                        && [1, 2].map(|i| (axis + i) % 3).iter().all(|&i| !(min[i].max(-max[i]) > depth))
                 };
-                let drawn = occluders.iter().filter(|(_, corners)| is_ahead(*corners)).map(|&(index, _)| {
-                    (index, world.source.objects[index as usize].triangles.as_slice())
-                });
+                let drawn = occluders
+                    .iter()
+                    .filter(|(_, corners)| is_ahead(*corners))
+                    .map(|&(index, _)| (index, world.source.objects[index as usize].triangles.as_slice()));
                 for object in buffer.draw(view, world.origin(), drawn)?.objects() {
                     seen[object.key as usize] |= object.pixels > 0;
                 }

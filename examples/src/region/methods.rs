@@ -80,12 +80,12 @@ impl Method for SamplingCuller {
 
 /// Returns the twelve edges of a box.
 pub fn box_edges(min: DVec3, max: DVec3) -> impl Iterator<Item = [DVec3; 2]> {
-    let corner = move |i: usize| {
-        DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min)
-    };
-    (0..8).flat_map(|i| [1, 2, 4].map(|bit| (i, i | bit))).filter(|(i, j)| i != j).map(move |(i, j)| {
-        [corner(i), corner(j)]
-    })
+    let corner =
+        move |i: usize| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min);
+    (0..8)
+        .flat_map(|i| [1, 2, 4].map(|bit| (i, i | bit)))
+        .filter(|(i, j)| i != j)
+        .map(move |(i, j)| [corner(i), corner(j)])
 }
 
 /// Reads the number of a dial. The error is a message for a person.
@@ -111,7 +111,8 @@ pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Box<dyn Method>)>
     list.split(',')
         .map(|text| {
             let text: String = text.split_whitespace().collect();
-            let (name, dial) = text.split_once(':').map_or((&text[..], None), |(name, dial)| (name, Some(dial)));
+            let (name, dial) =
+                text.split_once(':').map_or((&text[..], None), |(name, dial)| (name, Some(dial)));
             let entry = METHODS.iter().find(|entry| entry.name == name).ok_or_else(|| {
                 format!("there is no method `{name}`, only {}", known().collect::<Vec<_>>().join(", "))
             })?;

@@ -25,7 +25,8 @@ impl Judged {
 
     /// Returns the objects that samples see and a trial does not report, ascending: false hidden.
     pub fn false_hidden(&self, trial: &Trial) -> Vec<u32> {
-        let is_lost = |&index: &u32| self.sampled[index as usize] && trial.reported.binary_search(&index).is_err();
+        let is_lost =
+            |&index: &u32| self.sampled[index as usize] && trial.reported.binary_search(&index).is_err();
         (0..self.sampled.len() as u32).filter(is_lost).collect()
     }
 }

@@ -49,7 +49,8 @@ pub fn draw(
     for [from, to] in lines {
         canvas.line(map.place(*from), map.place(*to), LINE);
     }
-    let corner = |right: DVec3, ahead: DVec3| map.right * right.dot(map.right) + map.ahead * ahead.dot(map.ahead);
+    let corner =
+        |right: DVec3, ahead: DVec3| map.right * right.dot(map.right) + map.ahead * ahead.dot(map.ahead);
     let outline = [
         corner(cell_min, cell_min),
         corner(cell_max, cell_min),

@@ -162,6 +162,7 @@ impl RegionCuller for SamplingCuller {
             rays: self.rays,
             found: Bits::new(scene.index_limit()),
             explored: Bits::new(self.tree.len()),
+            found_triangles: Vec::new(),
             queue: VecDeque::new(),
             wanted: Bits::new(scene.index_limit()),
             missing: 0,
@@ -205,8 +206,10 @@ struct Search<'a> {
     wanted: Bits,
     /// Number of candidates not found.
     missing: usize,
-    /// Triangles that are or were in the queue.
+    /// Triangles seen so far.
     explored: Bits,
+    /// The same, in the order of finding.
+    found_triangles: Vec<TriangleIndex>,
     /// Triangles whose borders are to be sampled, each with the viewpoint that it was found from.
     queue: VecDeque<(DVec3, TriangleIndex)>,
     /// Object, viewpoint and point of the object for each object found.
@@ -224,14 +227,23 @@ impl Search<'_> {
     fn run(&mut self, eyes: &Eyes<'_>, candidates: &[usize]) {
         let all = self.rays;
         // Parts of the rays for cubes, random rays and borders; the rest goes to objects not found.
-        let parts = [1, 2, 5].map(|eighths| all - all / 8 * eighths);
+        let parts = [1, 2, 6].map(|eighths| all - all / 8 * eighths);
         self.cubes(eyes, parts[0]);
         while self.goes_on(parts[1]) {
             let Some(eye) = eyes.random(&mut self.random) else { return };
             let direction = self.random.direction();
             self.send(eye, eye + direction);
         }
-        self.borders(eyes, parts[2]);
+        let mut before = usize::MAX;
+        while self.goes_on(parts[2]) && self.rays < before {
+            before = self.rays;
+            self.borders(eyes, parts[2]);
+            // Again, from other viewpoints.
+            for triangle in self.found_triangles.clone() {
+                let Some(eye) = eyes.random(&mut self.random) else { return };
+                self.queue.push_back((eye, triangle));
+            }
+        }
         self.directed(eyes, candidates);
         self.borders(eyes, 0);
     }
@@ -267,12 +279,13 @@ impl Search<'_> {
         while self.goes_on(reserve) {
             let Some((eye, triangle)) = self.queue.pop_front() else { return };
             for side in 0..3 {
-                let beyond = self.past_edge(triangle, side);
+                let inside = self.inside(triangle);
+                let beyond = self.past_edge(triangle, side, inside);
                 if let Some(end) = self.send(eye, beyond) {
                     // Something nearer hides the place past the edge, or there is a gap behind the edge.
                     let (x, blocker) =
                         if end.blocked { (beyond, end.triangle) } else { (end.point, triangle) };
-                    self.reverse(eyes, x, blocker);
+                    self.reverse(eyes, x, blocker, if end.blocked { end.point } else { beyond });
                 }
             }
         }
@@ -292,11 +305,11 @@ impl Search<'_> {
                 let x = self.inside(triangle);
                 let mut end = self.send(eye, x);
                 for _ in 0..DETOURS {
-                    let Some(End { triangle: blocker, blocked: true, .. }) = end else { break };
+                    let Some(End { triangle: blocker, blocked: true, point }) = end else { break };
                     if self.found.contains(object) {
                         break;
                     }
-                    end = self.reverse(eyes, x, blocker);
+                    end = self.reverse(eyes, x, blocker, point);
                 }
             }
             if self.rays == before {
@@ -305,11 +318,11 @@ impl Search<'_> {
         }
     }
 
-    /// Sends a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle. `None`
-    /// without such a viewpoint.
-    fn reverse(&mut self, eyes: &Eyes<'_>, x: DVec3, triangle: TriangleIndex) -> Option<End> {
+    /// Sends a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle, which blocks a
+    /// ray to `x` at `near`. `None` without such a viewpoint.
+    fn reverse(&mut self, eyes: &Eyes<'_>, x: DVec3, triangle: TriangleIndex, near: DVec3) -> Option<End> {
         let side = self.random.below(3);
-        let gap = self.past_edge(triangle, side);
+        let gap = self.past_edge(triangle, side, near);
         let eye = eyes.on_line(x, gap, &mut self.random)?;
         self.send(eye, x)
     }
@@ -324,13 +337,20 @@ impl Search<'_> {
         a + (b - a) * u + (c - a) * v
     }
 
-    /// Returns a random point in the plane of a triangle, a little outside of one of its edges.
-    fn past_edge(&mut self, triangle: TriangleIndex, side: usize) -> DVec3 {
+    /// Returns a point in the plane of a triangle, a little outside of one of its edges: beside `near` three
+    /// times of four, otherwise anywhere along the edge.
+    fn past_edge(&mut self, triangle: TriangleIndex, side: usize, near: DVec3) -> DVec3 {
         let corners = self.tree.corners(triangle).map(|p| p.as_dvec3());
         let [a, b, c] = [0, 1, 2].map(|i| corners[(side + i) % 3]);
-        // Slightly beyond the ends too, to pass the corners.
-        let p = a + (b - a) * (self.random.unit() * 1.02 - 0.01);
-        p + (p - c) * self.random.small()
+        let edge = b - a;
+        let along = |p: DVec3| (p - a).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE);
+        let part = match self.random.below(4) {
+            // Slightly beyond the ends too, to pass the corners.
+            0 => self.random.unit() * 1.02 - 0.01,
+            _ => along(near).clamp(-0.01, 1.01),
+        };
+        let outwards = a + edge * along(c) - c;
+        a + edge * part + outwards * self.random.small()
     }
 
     /// Sends a ray through `target` and notes what it sees. `None` if the ray cannot be sent, or ends
@@ -345,6 +365,7 @@ impl Search<'_> {
                 self.lines.push((object, eye, ray.at(at)));
             }
             if self.explored.insert(triangle as usize) {
+                self.found_triangles.push(triangle);
                 self.queue.push_back((eye, triangle));
             }
         }

@@ -35,8 +35,8 @@ impl Random {
         DVec3::X
     }
 
-    /// Returns a fraction between 2^-11 and 1/2. Each of ten octaves is equally likely.
+    /// Returns a fraction between 2^-27 and 1/2. Each of 26 octaves is equally likely.
     pub(super) fn small(&mut self) -> f64 {
-        (0.5 + 0.5 * self.unit()) / (1u64 << (1 + self.below(10))) as f64
+        (0.5 + 0.5 * self.unit()) / (1u64 << (1 + self.below(26))) as f64
     }
 }

@@ -115,13 +115,15 @@ impl Ray {
         if last + rounding < 0.0 {
             return None;
         }
+        let sum = sides[0] + sides[1] + sides[2];
+        let margin = margins[0] + margins[1] + margins[2];
         let certain = every(&|i| sides[i] > margins[i]) || every(&|i| sides[i] < -margins[i]);
-        if !certain {
+        // Where the ray runs almost in the plane of the triangle, the place of the meeting is not known.
+        if !certain || sum.abs() < 1024.0 * margin {
             return Some(Meeting { least: first - rounding, most: f64::INFINITY });
         }
-        let sum = sides[0] + sides[1] + sides[2];
         let at = (sides[0] * t[0] + sides[1] * t[1] + sides[2] * t[2]) / sum;
-        let doubt = 4.0 * (margins[0] + margins[1] + margins[2]) / sum.abs() * (last - first) + 2.0 * rounding;
+        let doubt = 4.0 * margin / sum.abs() * (last - first) + 2.0 * rounding;
         if at + doubt < 0.0 {
             return None;
         }

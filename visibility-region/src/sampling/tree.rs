@@ -2,17 +2,17 @@
 //! Complex Scenes", 1986), split at the median.
 
 use super::ray::Ray;
+use crate::blocker::Placement;
 use alloc::vec::Vec;
-use visibility_core::glam::Vec3;
+use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::SceneCursor;
 use visibility_core::{Aabb, OccluderMesh, Scene};
 
 /// Greatest number of triangles in a leaf.
 const LEAF: usize = 4;
 
-/// Doubt about a coordinate that was transformed and rounded to `f32`, of the greatest magnitude involved:
-/// four times the error bound of [`Aabb::transformed`].
-const TRANSFORMED: f64 = 12.0 * f32::EPSILON as f64;
+/// Error of a coordinate that was rounded to `f32`, of its magnitude. A half would do.
+const ROUNDED: f64 = f32::EPSILON as f64;
 
 /// A triangle of the tree by its index.
 pub(super) type TriangleIndex = u32;
@@ -110,16 +110,18 @@ impl TriangleTree {
             if !triangles.is_empty() {
                 self.corners.extend(triangles.iter().filter(|t| t.iter().all(|p| p.is_finite())));
             } else if let Some((mesh, transform)) = scene.occluder(id) {
-                let positions = mesh.positions();
-                let reach = mesh.bounds().min.abs().max(mesh.bounds().max.abs()).max_element();
-                let largest = transform.matrix3.to_cols_array().into_iter().fold(0.0, |a: f32, x| a.max(x.abs()));
-                let sum = 3.0 * f64::from(reach) * f64::from(largest)
-                    + f64::from(transform.translation.abs().max_element());
-                owner.slack = (sum * TRANSFORMED) as f32;
-                let placed = |i: u32| transform.transform_point3(positions[i as usize]);
-                self.corners.extend(
-                    mesh.triangles().iter().map(|t| t.map(placed)).filter(|t| t.iter().all(|p| p.is_finite())),
-                );
+                let placement = Placement::new(mesh, transform);
+                let placed = |i: u32| placement.place(mesh.positions()[i as usize].as_dvec3());
+                let mut largest = 0.0f64;
+                let mut place = |i: u32| {
+                    largest = largest.max(placed(i).abs().max_element());
+                    placed(i).as_vec3()
+                };
+                let triangles = mesh.triangles().iter().map(|t| t.map(&mut place));
+                self.corners.extend(triangles.filter(|t| t.iter().all(|p| p.is_finite())));
+                if *transform != Affine3A::IDENTITY {
+                    owner.slack = (placement.doubt + largest * ROUNDED) as f32;
+                }
             } else if object.bounds.is_finite() {
                 let corners = object.bounds.corners();
                 owner.blocks = false;
@@ -244,7 +246,7 @@ impl TriangleTree {
         for hit in hits.iter().filter(|hit| hit.most < f64::INFINITY) {
             let free = if Some(hit.object) == first_object { second } else { first.map(|hit| hit.least) };
             if hit.most < free.unwrap_or(f64::INFINITY) {
-                seen.push((hit.object, hit.triangle, hit.most.max(0.0)));
+                seen.push((hit.object, hit.triangle, 0.5 * (hit.least.max(0.0) + hit.most.max(0.0))));
             }
         }
         let ends = seen.iter().filter(|(object, ..)| Some(*object) == first_object);

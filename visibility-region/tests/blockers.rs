@@ -1,0 +1,229 @@
+//! Tests of the cullers by blockers against rays: no object that a ray sees is hidden, in worlds of boxes that
+//! touch, overlap, share planes and stand askew.
+//!
+//! `cargo test --release -p visibility-region --test blockers -- --ignored` runs 100 times as many worlds.
+
+use visibility_core::geometry::Containment;
+use visibility_core::glam::{Affine3A, DAffine3, DVec3, EulerRot, Quat, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, Object, OccluderMesh, RegionCuller, Scene, View, VisibleSet,
+};
+use visibility_region::{ConvexBlockersCuller, SamplingCuller, ShrunkCuller, VolumetricCuller};
+use visibility_testing::Random;
+
+/// Hides from a point what a single cuboid among the occluders hides: each segment to a corner of the box
+/// passes the inside of the cuboid. Works with slabs in the coordinates of the mesh, unlike the crate.
+struct PointShadows;
+
+impl PointShadows {
+    /// Returns whether the segment passes the inside of the box, shrunk by a margin.
+    fn passes(bounds: &Aabb, from: DVec3, to: DVec3) -> bool {
+        let (mut enter, mut leave) = (0.0f64, 1.0f64 - 1e-7);
+        for axis in 0..3 {
+            let (o, d) = (from[axis], to[axis] - from[axis]);
+            let (low, high) = (f64::from(bounds.min[axis]) + 1e-6, f64::from(bounds.max[axis]) - 1e-6);
+            if d.abs() < 1e-12 {
+                if o < low || o > high {
+                    return false;
+                }
+                continue;
+            }
+            let (a, b) = ((low - o) / d, (high - o) / d);
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        enter + 1e-7 < leave
+    }
+}
+
+impl Culler for PointShadows {
+    fn name(&self) -> &str {
+        "point shadows"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let mut cuboids = Vec::new();
+        visible.for_each_occluder(scene, |id| {
+            let (mesh, transform) = scene.occluder(id).expect("occluders of the copy have meshes");
+            let columns = transform.matrix3.to_cols_array_2d().map(|c| DVec3::from_array(c.map(f64::from)));
+            let [x, y, z] = columns;
+            let translation = DVec3::from_array(transform.translation.to_array().map(f64::from));
+            let inverse =
+                DAffine3 { matrix3: visibility_core::glam::DMat3::from_cols(x, y, z), translation }.inverse();
+            cuboids.push((*mesh.bounds(), inverse));
+        });
+        let visibility_core::view::Eye::Point(eye) = view.eye(scene.origin()) else {
+            return CullStats::default();
+        };
+        visible.retain(scene, |_, bounds| {
+            let corners = bounds.corners().map(|corner| corner.as_dvec3());
+            !cuboids.iter().any(|(cuboid, inverse)| {
+                let eye = inverse.transform_point3(eye);
+                corners.iter().all(|&corner| Self::passes(cuboid, eye, inverse.transform_point3(corner)))
+            })
+        })
+    }
+}
+
+/// Makes a world of boxes: corners on a grid, so that many touch or share planes; one in five turned; one in
+/// five is glass; thin walls, and single two-sided triangles.
+fn world(random: &mut Random, scale: f32) -> Scene {
+    let mut scene = Scene::new();
+    for _ in 0..60 {
+        let grid = |random: &mut Random, most: i32| random.between(-most, most) as f32 * 0.5;
+        let at = Vec3::new(grid(random, 24), grid(random, 24), grid(random, 6));
+        let size = if random.one_in(3) {
+            Vec3::new(
+                grid(random, 3).abs() + 0.25,
+                grid(random, 16).abs() + 1.0,
+                grid(random, 12).abs() + 1.0,
+            )
+        } else {
+            Vec3::new(1.0, 1.0, 1.0) * (0.5 + grid(random, 8).abs())
+        };
+        let local = Aabb::new(at * scale, (at + size) * scale);
+        let is_occluder = !random.one_in(5);
+        let id = scene.insert(Object { occluder: is_occluder, ..Object::new(local) });
+        if random.one_in(8) {
+            let [a, b, c] = [local.min, Vec3::new(local.max.x, local.min.y, local.max.z), local.max];
+            let mesh = OccluderMesh::from_triangles(&[[a, b, c]]);
+            let Ok(mesh) = mesh else { continue };
+            let mesh = scene.add_mesh(mesh.with_two_sided(random.one_in(2)));
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+            continue;
+        }
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&local).unwrap());
+        let mut transform = Affine3A::IDENTITY;
+        if random.one_in(5) {
+            let turn = Quat::from_euler(EulerRot::XYZ, random.unit() as f32, random.unit() as f32, 3.0);
+            let mirror = Vec3::new(if random.one_in(2) { -1.0 } else { 1.0 }, 1.0, 1.5);
+            transform = Affine3A::from_scale_rotation_translation(mirror, turn, Vec3::X * scale);
+        }
+        scene.set_local_bounds(id, local).unwrap();
+        scene.set_mesh(id, mesh, transform).unwrap();
+    }
+    // Small things to be hidden, some of them flat against a wall.
+    for _ in 0..120 {
+        let at = Vec3::from_array(core::array::from_fn(|_| random.between(-28, 28) as f32 * 0.5));
+        let size = if random.one_in(2) { Vec3::new(0.25, 0.25, 0.0) } else { Vec3::splat(0.3) };
+        scene.insert(Aabb::new(at * scale, (at + size) * scale));
+    }
+    scene
+}
+
+#[derive(Default, Debug)]
+struct Verdict {
+    /// Objects seen by a ray.
+    seen: usize,
+    /// Objects hidden, by culler.
+    hidden: [usize; 3],
+    /// Objects hidden although a ray sees them.
+    lost: usize,
+}
+
+fn trials(worlds: u64, rays: usize, scale: f32) -> Verdict {
+    let mut verdict = Verdict::default();
+    let mut convex = ConvexBlockersCuller::new();
+    let mut volumetric = VolumetricCuller::new();
+    let mut shrunk = ShrunkCuller::new(PointShadows, 2);
+    for seed in 0..worlds {
+        let mut random = Random(seed);
+        let scene = world(&mut random, scale);
+        let at = random.vector(8.0) * DVec3::new(1.0, 1.0, 0.25);
+        let size = DVec3::new(random.range(0.0, 2.0), random.range(0.1, 2.0), random.range(0.1, 1.0));
+        let scale = f64::from(scale);
+        let cell = Viewcell::from_box(at * scale, (at + size) * scale);
+        let mut rays = SamplingCuller::new().with_rays(rays).with_seed(seed);
+        rays.cull(&scene, &cell, &mut VisibleSet::new());
+        verdict.seen += rays.sight_lines().len();
+        let cullers: [&mut dyn RegionCuller; 3] = [&mut convex, &mut volumetric, &mut shrunk];
+        for (culler, hidden) in cullers.into_iter().zip(&mut verdict.hidden) {
+            assert_eq!(culler.accuracy(), Accuracy::Conservative);
+            let mut visible = VisibleSet::new();
+            let stats = culler.cull(&scene, &cell, &mut visible);
+            *hidden += scene.len() - visible.count(&scene);
+            assert_eq!(stats.visible as usize, visible.count(&scene));
+            for line in rays.sight_lines() {
+                if !visible.contains(&scene, line.id) {
+                    verdict.lost += 1;
+                    eprintln!("seed {seed}: object {} is hidden, but seen by {line:?}", line.id);
+                }
+            }
+        }
+    }
+    verdict
+}
+
+#[test]
+fn nothing_that_a_ray_sees_is_hidden() {
+    let verdict = trials(80, 6000, 1.0);
+    println!("{verdict:?}");
+    assert_eq!(verdict.lost, 0, "{verdict:?}");
+    assert!(verdict.seen > 2500, "{verdict:?}");
+    assert!(verdict.hidden.iter().all(|&hidden| hidden > 500), "each hides something: {verdict:?}");
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn nothing_that_a_ray_sees_is_hidden_in_many_worlds() {
+    let verdict = trials(15_000, 6000, 1.0);
+    assert_eq!(verdict.lost, 0, "{verdict:?}");
+}
+
+#[test]
+fn scale_does_not_matter() {
+    let of_size_1 = trials(6, 1000, 1.0);
+    for scale in [1e-15, 1e-3, 1e6, 1e15] {
+        let verdict = trials(6, 1000, scale);
+        assert_eq!(verdict.lost, 0);
+        // The shrunk occluders are tested by absolute margins above.
+        assert!(verdict.hidden[0].abs_diff(of_size_1.hidden[0]) < 20, "{scale}: {verdict:?} {of_size_1:?}");
+    }
+}
+
+/// A wall, and tiles in front of it, on it, flush with it, and behind it.
+#[test]
+fn what_shares_the_plane_of_a_blocker_is_seen() {
+    let wall = Aabb::from_arrays([4.0, -9.0, -9.0], [8.0, 9.0, 9.0]);
+    let mut scene = Scene::new();
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall).unwrap());
+    let id = scene.insert(Object { occluder: true, ..Object::new(wall) });
+    scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+    let tile = |x: [f32; 2]| Aabb::from_arrays([x[0], 0.0, 0.0], [x[1], 1.0, 1.0]);
+    let seen = [[3.0, 3.5], [3.5, 4.0], [4.0, 4.0], [4.0, 4.5]].map(|x| scene.insert(tile(x)));
+    let hidden = [[8.0, 8.5], [8.25, 9.0]].map(|x| scene.insert(tile(x)));
+    let never = scene.insert(Object { never_cull: true, ..Object::new(tile([9.0, 9.5])) });
+    let improper = scene.insert(Aabb::from_arrays([9.0, f32::NAN, 0.0], [9.5, 1.0, 1.0]));
+    let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+    let cullers: [&mut dyn RegionCuller; 3] = [
+        &mut ConvexBlockersCuller::new(),
+        &mut VolumetricCuller::new(),
+        &mut ShrunkCuller::new(PointShadows, 4),
+    ];
+    for culler in cullers {
+        let mut visible = VisibleSet::new();
+        culler.cull(&scene, &cell, &mut visible);
+        assert!(seen.iter().chain([&id, &never, &improper]).all(|&id| visible.contains(&scene, id)));
+        assert!(hidden.iter().all(|&id| !visible.contains(&scene, id)));
+        // A cell inside the wall, one that reaches into it, and no proper cell at all.
+        for (min, max) in [(5.0, 6.0), (0.0, 5.0), (1.0, 0.0), (f64::NAN, 1.0), (f64::NEG_INFINITY, 0.0)] {
+            let cell = Viewcell::from_box(DVec3::splat(min), DVec3::splat(max));
+            let mut visible = VisibleSet::new();
+            culler.cull(&scene, &cell, &mut visible);
+            assert_eq!(visible.count(&scene), scene.len(), "{min} {max}");
+        }
+        // Removed from the scene, the wall hides nothing any more.
+        let mut open = scene.clone();
+        open.set_occluder(id, false).unwrap();
+        let mut visible = VisibleSet::new();
+        culler.cull(&open, &cell, &mut visible);
+        assert_eq!(visible.count(&open), open.len());
+        culler.cull(&Scene::new(), &cell, &mut VisibleSet::new());
+    }
+    assert_eq!(wall.classify_aabb(&tile([5.0, 6.0])), Containment::Inside);
+}
