@@ -5,7 +5,9 @@ use crate::walkthrough::World;
 use glam::DVec3;
 use visibility_core::{Culler, RegionCuller};
 use visibility_hzb::{Hzb, HzbCuller};
-use visibility_region::{ConvexBlockersCuller, SamplingCuller, ShrunkCuller, VolumetricCuller};
+use visibility_region::{
+    ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VolumetricCuller,
+};
 
 /// A culler from viewcells that can be drawn.
 pub trait Method: RegionCuller {
@@ -28,6 +30,7 @@ pub struct Entry {
 
 /// All methods.
 pub const METHODS: &[Entry] = &[
+    Entry { name: "sweep", dial: "", make: |_, _| Ok(Box::new(ExtendedProjectionCuller::new())) },
     Entry { name: "convex", dial: "", make: |_, _| Ok(Box::new(ConvexBlockersCuller::new())) },
     Entry {
         name: "rays",
@@ -51,6 +54,8 @@ pub const METHODS: &[Entry] = &[
     },
     Entry { name: "volume", dial: "", make: |_, _| Ok(Box::new(VolumetricCuller::new())) },
 ];
+
+impl Method for ExtendedProjectionCuller {}
 
 impl Method for VolumetricCuller {
     fn lines(&self) -> Vec<[DVec3; 2]> {

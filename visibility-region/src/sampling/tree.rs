@@ -243,7 +243,9 @@ impl TriangleTree {
             blockers().filter(|hit| hit.object != first.object).min_by(by_least).map(|hit| hit.least)
         });
         let first_object = first.map(|hit| hit.object);
-        for hit in hits.iter().filter(|hit| hit.most < f64::INFINITY) {
+        // Blockers beyond the limit are not all listed, so nothing there is known to be seen: the back of the
+        // object that ends the ray, for one.
+        for hit in hits.iter().filter(|hit| hit.most < f64::INFINITY && hit.most <= limit) {
             let free = if Some(hit.object) == first_object { second } else { first.map(|hit| hit.least) };
             if hit.most < free.unwrap_or(f64::INFINITY) {
                 seen.push((hit.object, hit.triangle, 0.5 * (hit.least.max(0.0) + hit.most.max(0.0))));
