@@ -114,12 +114,4 @@ impl Placement {
             None => p,
         }
     }
-
-    /// Maps a vector, without the translation.
-    pub(crate) fn turn(&self, p: DVec3) -> DVec3 {
-        match &self.columns {
-            Some(columns) => columns[0] * p.x + columns[1] * p.y + columns[2] * p.z,
-            None => p,
-        }
-    }
 }

@@ -193,12 +193,11 @@ fn shrink(
         // Each side of the parallelepiped moves inwards along its own axis.
         let volume = linear.determinant().abs();
         let area = |axis: usize| columns[(axis + 1) % 3].cross(columns[(axis + 2) % 3]).length();
-        let mut inner = [Vec3::ZERO; 2];
-        for axis in 0..3 {
-            let by = distance * area(axis) / volume * (1.0 + 1e-9);
-            inner[0][axis] = ((f64::from(bounds.min[axis]) + by) as f32).next_up();
-            inner[1][axis] = ((f64::from(bounds.max[axis]) - by) as f32).next_down();
-        }
+        let by = [0, 1, 2].map(|axis| distance * area(axis) / volume * (1.0 + 1e-9));
+        let by = DVec3::from_array(by);
+        let low = (bounds.min.as_dvec3() + by).as_vec3().to_array().map(f32::next_up);
+        let high = (bounds.max.as_dvec3() - by).as_vec3().to_array().map(f32::next_down);
+        let inner = [low, high].map(Vec3::from_array);
         // Nothing is left of NaN either, of a transform without volume.
         if !inner[0].cmplt(inner[1]).all() {
             return None;

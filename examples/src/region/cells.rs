@@ -76,17 +76,17 @@ fn grown(world: &World, eye: DVec3, size: DVec3) -> Option<Viewcell> {
     let step = size * ((0.5 - SEED) / f64::from(STEPS));
     let mut stopped = [false; 6];
     for _ in 0..STEPS {
-        for side in 0..6 {
+        for (side, stopped) in stopped.iter_mut().enumerate() {
             let (axis, mut to_min, mut to_max) = (side % 3, min, max);
             if side < 3 {
                 to_min[axis] -= step[axis]
             } else {
                 to_max[axis] += step[axis]
             }
-            if !stopped[side] && is_free(world, to_min, to_max, &mut found) {
+            if !*stopped && is_free(world, to_min, to_max, &mut found) {
                 (min, max) = (to_min, to_max);
             } else {
-                stopped[side] = true;
+                *stopped = true;
             }
         }
     }

@@ -81,9 +81,10 @@ impl<'a> Judge<'a> {
                 let is_ahead = |[min, max]: [DVec3; 2]| {
                     let (axis, min, max) = (face / 2, min - eye, max - eye);
                     let depth = if face % 2 == 0 { max[axis] } else { -min[axis] };
+                    let beside = |i: usize| min[i].max(-max[i]) > depth;
                     // NaN bounds count as ahead.
-                    !(depth < 0.0)
-                        && [1, 2].map(|i| (axis + i) % 3).iter().all(|&i| !(min[i].max(-max[i]) > depth))
+                    let apart = depth < 0.0 || beside((axis + 1) % 3) || beside((axis + 2) % 3);
+                    !apart
                 };
                 let drawn = occluders
                     .iter()

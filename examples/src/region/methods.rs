@@ -17,6 +17,12 @@ pub trait Method: RegionCuller {
     }
 }
 
+/// A method, or a message for a person.
+pub type Made = Result<Box<dyn Method>, String>;
+
+/// A method with its text on the command line.
+pub type Named = (String, Box<dyn Method>);
+
 /// An entry of the table of methods.
 pub struct Entry {
     /// Name on the command line.
@@ -25,7 +31,7 @@ pub struct Entry {
     pub dial: &'static str,
     /// Makes the method for a world, with the text after the colon if there is any. The error is a message
     /// for a person.
-    pub make: fn(Option<&str>, &World) -> Result<Box<dyn Method>, String>,
+    pub make: fn(Option<&str>, &World) -> Made,
 }
 
 /// All methods.
@@ -112,7 +118,7 @@ pub fn known() -> impl Iterator<Item = String> {
 /// # Errors
 ///
 /// Returns a message if a method is unknown, or its dial cannot be used.
-pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Box<dyn Method>)>, String> {
+pub fn parse(list: &str, world: &World) -> Result<Vec<Named>, String> {
     list.split(',')
         .map(|text| {
             let text: String = text.split_whitespace().collect();
