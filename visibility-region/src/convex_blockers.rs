@@ -21,8 +21,8 @@ const BLOCKERS: usize = 128;
 /// Hides what a single convex blocker hides from all of a viewcell. Conservative.
 ///
 /// Blockers are the convex solids among the occluder meshes of the candidates, and the largest triangles of
-/// the other meshes. Of these, the 128 that look largest from the viewcell are used. A solid that the viewcell
-/// meets hides nothing.
+/// the other meshes. Of these, the 128 that look largest from the viewcell are used. A solid that the
+/// viewcell meets hides nothing.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};

@@ -1,11 +1,11 @@
-//! Visibility from a region by points and shrunk occluders: what occluders that are smaller by `e` hide from a
-//! point, the occluders themselves hide from all viewpoints within `e` of the point.
+//! Visibility from a region by points and shrunk occluders: what occluders that are smaller by `e` hide from
+//! a point, the occluders themselves hide from all viewpoints within `e` of the point.
 //!
 //! This work is based on: Wonka, Wimmer and Schmalstieg, "Visibility Preprocessing with Occluder Fusion for
 //! Urban Walkthroughs", 2000. If the segment from the point `p` to `x` meets the shrunk occluder at `c`, then
-//! the segment from `q`, with `|p - q| <= e`, to `x` passes within `e` of `c`, inside the occluder itself. The
-//! points cover the boundary of the viewcell's box, since a line of sight from within crosses it. Any culler
-//! from a point will do, and its occluder fusion becomes that from the viewcell.
+//! the segment from `q`, with `|p - q| <= e`, to `x` passes within `e` of `c`, inside the occluder itself.
+//! The points cover the boundary of the viewcell's box, since a line of sight from within crosses it. Any
+//! culler from a point will do, and its occluder fusion becomes that from the viewcell.
 //!
 //! Occluders thinner than `2 e` vanish, so thin walls hide nothing from a viewcell of metres.
 
@@ -34,8 +34,8 @@ const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 /// without those that the viewcell meets; the other triangles of a mesh are left out.
 ///
 /// # Cost
-/// A copy of the scene's bounds for each viewcell, and six views for each point: with `n` points to a side, up
-/// to `6 n n` points.
+/// A copy of the scene's bounds for each viewcell, and six views for each point: with `n` points to a side,
+/// up to `6 n n` points.
 #[derive(Clone, Debug)]
 pub struct ShrunkCuller<C> {
     culler: C,
@@ -134,8 +134,8 @@ fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3
     distance
 }
 
-/// Copies the bounds of a scene, relative to its origin, and gives the copies of the candidates that occlude a
-/// shrunk mesh. Returns the copy with the objects' ids in `scene`, by their index in the copy.
+/// Copies the bounds of a scene, relative to its origin, and gives the copies of the candidates that occlude
+/// a shrunk mesh. Returns the copy with the objects' ids in `scene`, by their index in the copy.
 fn shrunk_scene(
     scene: &Scene,
     visible: &VisibleSet,

@@ -36,10 +36,11 @@ impl Side {
     /// # Rounding
     /// Let U, V and W be the greatest magnitudes of the coordinates of `u`, `v` and `x - anchor`, for all
     /// corners `x` of the box. The determinant is computed as in `sampling/ray.rs`, with an error below 44u U
-    /// V W, where one side has `|d| <= 1` there and W here. The corner is chosen by the signs of a normal that
-    /// errs by 8.3u U V on each axis, so another corner is lower by less than 25u U V W. The margin is 128u.
-    /// Vertices that are known up to `slack` change each of `u`, `v` and `x - anchor` by 2 slack on an axis,
-    /// and the determinant of six terms by 12 slack (V W + U W + U V), to first order; the margin is 16.
+    /// V W, where one side has `|d| <= 1` there and W here. The corner is chosen by the signs of a normal
+    /// that errs by 8.3u U V on each axis, so another corner is lower by less than 25u U V W. The margin is
+    /// 128u. Vertices that are known up to `slack` change each of `u`, `v` and `x - anchor` by 2 slack on an
+    /// axis, and the determinant of six terms by 12 slack (V W + U W + U V), to first order; the margin is
+    /// 16.
     fn classify(&self, min: DVec3, max: DVec3, slack: f64) -> Containment {
         let [u, v] = self.sizes;
         let (min, max) = (min - self.anchor, max - self.anchor);
@@ -117,7 +118,8 @@ impl Umbra {
         Some(Self { sides, slack: *slack })
     }
 
-    /// Returns the interior of a convex polyhedron: the intersection of the open half-spaces behind its faces.
+    /// Returns the interior of a convex polyhedron: the intersection of the open half-spaces behind its
+    /// faces.
     pub(crate) fn interior(blocker: &Blocker) -> Self {
         Self { sides: behind(blocker).collect(), slack: blocker.slack }
     }

@@ -1,5 +1,5 @@
-//! Tests of the sampling culler: rays leave no closed room, however its walls are cut into triangles, and find
-//! what shows through narrow gaps.
+//! Tests of the sampling culler: rays leave no closed room, however its walls are cut into triangles, and
+//! find what shows through narrow gaps.
 
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::pvs::Viewcell;
@@ -8,8 +8,8 @@ use visibility_core::{Aabb, Accuracy, Object, ObjectId, OccluderMesh, RegionCull
 use visibility_region::SamplingCuller;
 use visibility_testing::Random;
 
-/// Cuts a rectangle, given by a corner and two sides, into triangles: at random, with vertices on the edges of
-/// others.
+/// Cuts a rectangle, given by a corner and two sides, into triangles: at random, with vertices on the edges
+/// of others.
 fn cut(at: Vec3, u: Vec3, v: Vec3, depth: usize, random: &mut Random, out: &mut Vec<Triangle>) {
     if depth == 0 {
         out.extend([[at, at + u, at + u + v], [at, at + u + v, at + v]]);

@@ -12,8 +12,8 @@ const STEPS: u32 = 16;
 /// Part of the wanted size that a viewcell begins with.
 const SEED: f64 = 1e-3;
 
-/// Reads a box from six numbers separated by commas: minimum x, y, z and maximum x, y, z, in metres. The error
-/// is a message for a person.
+/// Reads a box from six numbers separated by commas: minimum x, y, z and maximum x, y, z, in metres. The
+/// error is a message for a person.
 pub fn parse(text: &str) -> Result<[f64; 6], String> {
     let numbers = numbers::<6>(text)?;
     let inverted = (0..3).any(|axis| numbers[axis] > numbers[axis + 3]);
@@ -103,8 +103,8 @@ fn is_free(world: &World, min: DVec3, max: DVec3, found: &mut Vec<ObjectId>) -> 
     })
 }
 
-/// Returns whether a triangle touches a box, by separating axes (Akenine-Moller, "Fast 3D Triangle-Box Overlap
-/// Testing", 2001).
+/// Returns whether a triangle touches a box, by separating axes (Akenine-Moller, "Fast 3D Triangle-Box
+/// Overlap Testing", 2001).
 fn touches(triangle: &[Vec3; 3], center: DVec3, half: DVec3) -> bool {
     let p = triangle.map(|p| p.as_dvec3() - center);
     let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];

@@ -1,5 +1,5 @@
-//! Picture of a viewcell from above: the objects that samples see, those that a method reports, and lines that
-//! show how the method found its answer.
+//! Picture of a viewcell from above: the objects that samples see, those that a method reports, and lines
+//! that show how the method found its answer.
 
 use super::output::Judged;
 use super::trial::Trial;

@@ -318,8 +318,8 @@ impl Search<'_> {
         }
     }
 
-    /// Sends a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle, which blocks a
-    /// ray to `x` at `near`. `None` without such a viewpoint.
+    /// Sends a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle, which blocks
+    /// a ray to `x` at `near`. `None` without such a viewpoint.
     fn reverse(&mut self, eyes: &Eyes<'_>, x: DVec3, triangle: TriangleIndex, near: DVec3) -> Option<End> {
         let side = self.random.below(3);
         let gap = self.past_edge(triangle, side, near);
