@@ -3,7 +3,7 @@
 use crate::cell_query::CellQuery;
 use crate::chain::ChainScratch;
 use crate::sight::CellBox;
-use crate::triangles::SceneTriangles;
+use crate::triangles::{SceneTriangles, TargetObject};
 use crate::verdict::{CellVerdicts, Verdict};
 use alloc::{sync::Arc, vec, vec::Vec};
 use visibility_core::pvs::Viewcell;
@@ -22,6 +22,11 @@ pub enum Effort {
     /// objects that no ray finds are removed. If n random segments to an object were all blocked, the
     /// unblocked share of all segments to it is below 3 / n, with a confidence of 95 %.
     Rays(u32),
+    /// Rays, then for each object a certified bound on its visible share: the share of segments from faces of
+    /// the viewcell to faces of the object's box, measured by area, that is not proven blocked. An object is
+    /// removed if the bound is at most this share, seen by a ray or not: it is hardly visible. Approximate.
+    /// A share that is negative or NaN counts as 0.
+    Share(f64),
     /// Rays, then proofs. What is neither seen nor proven hidden stays. The number is the clearance in
     /// metres: an object is removed if no segment to it keeps a distance of six times the clearance from all
     /// occluders. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
@@ -38,6 +43,8 @@ pub struct Settings {
     pub aimed_rays: u32,
     /// Whether objects that no ray found are proven hidden, or else removed without proof.
     pub proves: bool,
+    /// Share for [`Effort::Share`], 0 for other efforts.
+    pub share: f64,
     /// Clearance in metres, see [`Effort::Exact`].
     pub clearance: f64,
     /// Whether proofs are kept in the [`CellVerdicts`]. False by default.
@@ -47,12 +54,13 @@ pub struct Settings {
 impl Settings {
     /// Returns the settings for an effort. A clearance that is negative, NaN or infinite counts as 0.
     pub fn new(effort: Effort) -> Self {
-        let (rays, aimed_rays, proves, clearance) = match effort {
-            Effort::Rays(n) => (n.saturating_mul(64), n, false, 0.0),
-            Effort::Exact(c) => (100_000, 200, true, c),
+        let (rays, aimed_rays, proves, clearance, share) = match effort {
+            Effort::Rays(n) => (n.saturating_mul(64), n, false, 0.0, 0.0),
+            Effort::Share(share) => (100_000, 200, false, 0.0, share.max(0.0)),
+            Effort::Exact(c) => (100_000, 200, true, c, 0.0),
         };
         let clearance = if clearance.is_finite() && clearance > 0.0 { clearance } else { 0.0 };
-        Self { rays, aimed_rays, proves, clearance, keep_proofs: false }
+        Self { rays, aimed_rays, proves, share, clearance, keep_proofs: false }
     }
 }
 
@@ -90,12 +98,13 @@ pub struct ExactCuller {
     triangles: Arc<SceneTriangles>,
     settings: Settings,
     scratch: Option<ChainScratch>,
+    last: Option<CellVerdicts>,
 }
 
 impl ExactCuller {
     /// Makes a culler for the triangles of a scene.
     pub fn new(triangles: Arc<SceneTriangles>, settings: Settings) -> Self {
-        Self { triangles, settings, scratch: None }
+        Self { triangles, settings, scratch: None, last: None }
     }
 
     /// Decides all objects from a viewcell. All are open for a viewcell that is empty, not finite, or beyond
@@ -104,30 +113,68 @@ impl ExactCuller {
         self.decide(cell, &|_| true)
     }
 
+    /// Returns the triangles that the culler works on.
+    pub fn triangles(&self) -> &Arc<SceneTriangles> {
+        &self.triangles
+    }
+
+    /// Returns what the last [`cull`](RegionCuller::cull) found: verdicts for the candidates, open for other
+    /// objects. `None` before the first, and after one that removed nothing because the scene had changed.
+    pub fn last(&self) -> Option<&CellVerdicts> {
+        self.last.as_ref()
+    }
+
     fn decide(&mut self, cell: &Viewcell, is_asked: &dyn Fn(usize) -> bool) -> CellVerdicts {
-        let triangles = &self.triangles;
-        match CellBox::new(cell, triangles.origin) {
-            Some(cell) => CellQuery::run(triangles, cell, &self.settings, is_asked, &mut self.scratch),
-            None => CellVerdicts {
-                verdicts: vec![Verdict::Open; triangles.objects.len()],
-                proofs: Vec::new(),
-                rays: 0,
-                nodes: 0,
-            },
+        decide(&self.triangles, &self.settings, cell, is_asked, &mut self.scratch)
+    }
+}
+
+/// Decides objects from a viewcell; all are open if the viewcell cannot be used.
+pub(crate) fn decide(
+    triangles: &SceneTriangles,
+    settings: &Settings,
+    cell: &Viewcell,
+    is_asked: &dyn Fn(usize) -> bool,
+    scratch: &mut Option<ChainScratch>,
+) -> CellVerdicts {
+    match CellBox::new(cell, triangles.origin) {
+        Some(cell) => CellQuery::run(triangles, cell, settings, is_asked, scratch),
+        None => CellVerdicts {
+            verdicts: vec![Verdict::Open; triangles.objects.len()],
+            proofs: Vec::new(),
+            rays: 0,
+            nodes: 0,
+        },
+    }
+}
+
+impl CellVerdicts {
+    /// Returns whether an object stays.
+    pub(crate) fn keeps(&self, place: usize, object: &TargetObject, settings: &Settings) -> bool {
+        match self.verdicts[place] {
+            Verdict::Seen(_) => true,
+            Verdict::Hidden | Verdict::Hardly(_) => false,
+            // Where nothing can be said of an object, it is not removed.
+            Verdict::Open => {
+                settings.proves || settings.share > 0.0 || object.is_open || object.first == object.end
+            }
         }
     }
 }
 
 impl RegionCuller for ExactCuller {
     fn accuracy(&self) -> Accuracy {
-        match (self.settings.proves, self.settings.clearance > 0.0) {
-            (false, _) => Accuracy::Aggressive,
-            (true, false) => Accuracy::Conservative,
-            (true, true) => Accuracy::Exact,
+        let Settings { proves, share, clearance, .. } = self.settings;
+        match (proves, share > 0.0, clearance > 0.0) {
+            (_, true, _) => Accuracy::Approximate,
+            (false, false, _) => Accuracy::Aggressive,
+            (true, false, false) => Accuracy::Conservative,
+            (true, false, true) => Accuracy::Exact,
         }
     }
 
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
+        self.last = None;
         if !self.triangles.is_current(scene) {
             return visible.retain(scene, |_, _| true);
         }
@@ -138,17 +185,14 @@ impl RegionCuller for ExactCuller {
         });
         let triangles = self.triangles.clone();
         let found = self.decide(cell, &|place| marks[triangles.objects[place].id.index()]);
-        for (object, verdict) in triangles.objects.iter().zip(&found.verdicts) {
-            marks[object.id.index()] = match verdict {
-                Verdict::Seen(_) => true,
-                Verdict::Hidden => false,
-                // Where nothing can be said of an object, it is not removed.
-                Verdict::Open => self.settings.proves || object.is_open || object.first == object.end,
-            };
+        marks.fill(true);
+        for (place, object) in triangles.objects.iter().enumerate() {
+            marks[object.id.index()] = found.keeps(place, object, &self.settings);
         }
         let mut stats = visible.retain(scene, |id, _| marks[id.index()]);
         stats.nodes += found.nodes;
         stats.tests += found.rays;
+        self.last = Some(found);
         stats
     }
 }

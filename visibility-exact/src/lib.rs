@@ -4,7 +4,9 @@
 //! - [`SceneTriangles`] are the triangles of a scene, prepared once.
 //! - [`ExactCuller`] decides the objects of a scene from a viewcell: seen, along a line of sight that
 //!   certainly misses all triangles; hidden, with a [`Proof`]; or open, which counts as visible. An
-//!   [`Effort`] chooses between rays alone, which miss what is hardly visible, and proofs.
+//!   [`Effort`] chooses between rays alone, which miss what is hardly visible, certified bounds on visible
+//!   shares, and proofs.
+//! - [`ExactBaker`] does so for many viewcells, as a bake that ends in a PVS.
 //!
 //! Based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility Culling", 2002. Its
 //! question and its query architecture are kept. Instead of subtracting occluded lines in Pluecker space, a
@@ -16,6 +18,7 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod baker;
 mod cell_query;
 mod chain;
 mod check;
@@ -29,11 +32,13 @@ mod rays;
 mod rows;
 mod search;
 mod shaft;
+mod share;
 mod sight;
 mod triangle_tree;
 mod triangles;
 mod verdict;
 
+pub use baker::{BakeScratch, BakedCell, ExactBaker, ExactOutcome};
 pub use check::ProofError;
 pub use culler::{Effort, ExactCuller, Settings};
 pub use proof::Proof;

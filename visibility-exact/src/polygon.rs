@@ -52,6 +52,21 @@ impl Polygon {
         (0..self.n).map(|i| self.v[i].distance(self.v[(i + 1) % self.n])).fold(0.0, f64::max)
     }
 
+    /// Returns the length of the longest side across a direction, a unit vector or 0, and how
+    /// [`halves`](Self::halves) halves it.
+    pub(crate) fn extent_across(&self, direction: DVec3) -> (f64, bool) {
+        let side = |k: usize| self.v[(k + 1) % self.n] - self.v[k % self.n];
+        let width = |k: usize| {
+            if direction == DVec3::ZERO { side(k).length() } else { side(k).cross(direction).length() }
+        };
+        let widest = (0..self.n).map(width).fold(0.0, f64::max);
+        if self.n != 4 {
+            return (widest, false);
+        }
+        let first_is_longer = side(0).length() + side(2).length() >= side(1).length() + side(3).length();
+        (widest, (width(0) + width(2) >= width(1) + width(3)) != first_is_longer)
+    }
+
     fn push(&mut self, corner: DVec3, zero: u8) -> bool {
         let fits = self.n < MOST;
         if fits {

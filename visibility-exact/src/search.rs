@@ -74,7 +74,7 @@ pub(crate) struct Search<'a> {
     pub(crate) steps: Vec<Step>,
     pub(crate) stats: SearchStats,
     /// The start of the last surface that blocked a node, tried first for the next.
-    hint: u32,
+    pub(crate) hint: u32,
 }
 
 impl<'a> Search<'a> {
@@ -100,14 +100,7 @@ impl<'a> Search<'a> {
     /// Answers for a target. Returns the answer and the number of nodes used. After [`Answer::Hidden`] the
     /// proof is in [`steps`](Self::steps).
     pub(crate) fn solve_target(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
-        (self.skip, self.target_vertices) = (NONE, [NONE; 3]);
-        if let Target::Triangle(t) = target
-            && self.clearance == 0.0
-        {
-            (self.skip, self.target_vertices) = (t, self.triangles.vertices(t));
-        }
-        (self.budget, self.used) = (budget, 0);
-        self.steps.clear();
+        self.begin(target, budget);
         let mut answer = Answer::Hidden;
         for sight in sights(self.triangles, &self.cell, target, self.clearance, 4.0 * self.delta) {
             match self.node(&sight, 0) {
@@ -124,6 +117,18 @@ impl<'a> Search<'a> {
         (answer, self.used)
     }
 
+    /// Prepares for nodes of a target.
+    pub(crate) fn begin(&mut self, target: Target, budget: Budget) {
+        (self.skip, self.target_vertices) = (NONE, [NONE; 3]);
+        if let Target::Triangle(t) = target
+            && self.clearance == 0.0
+        {
+            (self.skip, self.target_vertices) = (t, self.triangles.vertices(t));
+        }
+        (self.budget, self.used) = (budget, 0);
+        self.steps.clear();
+    }
+
     fn node(&mut self, sight: &Sight, depth: u32) -> Answer {
         if self.used >= self.budget.nodes {
             return Answer::Undecided;
@@ -137,12 +142,7 @@ impl<'a> Search<'a> {
         match line {
             Err(clear) => answer = Some(Answer::Visible(clear)),
             Ok(line) if !hits.is_empty() => {
-                hits.sort_unstable_by(|&a, &b| {
-                    self.triangles.area(b).total_cmp(&self.triangles.area(a)).then(a.cmp(&b))
-                });
-                if let Some(at) = hits.iter().position(|&hit| hit == self.hint) {
-                    hits.swap(0, at);
-                }
+                self.sort_starts(&mut hits);
                 let shaft = Shaft::new(&sight.p, &sight.q, self.delta);
                 for &start in hits.iter().take(STARTS) {
                     self.stats.surfaces += 1;
@@ -163,7 +163,7 @@ impl<'a> Search<'a> {
         if let Some(answer) = answer {
             return answer;
         }
-        if depth >= DIVIDE_FROM && (depth - DIVIDE_FROM).is_multiple_of(3) {
+        if self.budget.divided > 0 && depth >= DIVIDE_FROM && (depth - DIVIDE_FROM).is_multiple_of(3) {
             let mut left = self.budget.divided;
             match self.divide(sight, &mut Vec::new(), &mut left, 0) {
                 Answer::Undecided => {}
@@ -176,19 +176,23 @@ impl<'a> Search<'a> {
         self.halve(sight, depth, obstacle)
     }
 
-    /// Halves the polygon that the obstacle is farther from, seen along the line: there it moves most.
-    fn halve(&mut self, sight: &Sight, depth: u32, obstacle: Option<(Obstacle, Segment)>) -> Answer {
-        let at = obstacle.map_or(0.5, |([a, b], line)| {
-            let along = line.q - line.p;
-            let place = |x: DVec3| ((x - line.p).dot(along) / along.length_squared()).clamp(0.02, 0.98);
-            let at = (place(a) + place(b) + place((a + b) * 0.5)) / 3.0;
-            if at.is_nan() { 0.5 } else { at }
+    /// Orders triangles that a line crosses: the one that blocked the last node first, then the largest.
+    pub(crate) fn sort_starts(&self, hits: &mut [u32]) {
+        hits.sort_unstable_by(|&a, &b| {
+            self.triangles.area(b).total_cmp(&self.triangles.area(a)).then(a.cmp(&b))
         });
-        let of_p = sight.p.size() * (1.0 - at) >= sight.q.size() * at;
+        if let Some(at) = hits.iter().position(|&hit| hit == self.hint) {
+            hits.swap(0, at);
+        }
+    }
+
+    /// Answers for the halves of a node.
+    fn halve(&mut self, sight: &Sight, depth: u32, obstacle: Option<(Obstacle, Segment)>) -> Answer {
+        let Halving { of_p, across } = best_halving(sight, obstacle);
         let mark = self.steps.len();
-        self.steps.push(Step::Halves { of_p, across: false });
+        self.steps.push(Step::Halves { of_p, across });
         let mut all = Answer::Hidden;
-        for half in sight.halves(of_p, false) {
+        for half in sight.halves(of_p, across) {
             match self.node(&half, depth + 1) {
                 Answer::Hidden => {}
                 Answer::Visible(line) => return Answer::Visible(line),
@@ -208,7 +212,7 @@ impl<'a> Search<'a> {
 
     /// Returns a segment through the middle of a node with the triangles that it certainly crosses in `hits`,
     /// nearby segments where the middle meets edges only; `Err` with a segment that certainly misses all.
-    fn crossed_line(&self, sight: &Sight, hits: &mut Vec<u32>) -> Result<Segment, Segment> {
+    pub(crate) fn crossed_line(&self, sight: &Sight, hits: &mut Vec<u32>) -> Result<Segment, Segment> {
         let (p, q) = (sight.p.corners(), sight.q.corners());
         let mut line = self.middle(sight);
         for attempt in 0..3 {
@@ -238,6 +242,28 @@ impl<'a> Search<'a> {
     pub(crate) fn probe(&self, line: Segment, most: usize, hits: &mut Vec<u32>) -> bool {
         self.triangles.tree.crossed(line.p, line.q, self.skip, most, hits)
     }
+}
+
+/// A way to halve a node.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct Halving {
+    pub(crate) of_p: bool,
+    pub(crate) across: bool,
+}
+
+/// Chooses the halving after which the node's lines pass an obstacle on fewer sides: of the polygon that
+/// looks wider from the obstacle, in the direction in which it is wider across the obstacle's edge.
+pub(crate) fn best_halving(sight: &Sight, obstacle: Option<(Obstacle, Segment)>) -> Halving {
+    let (mut at, mut edge) = (0.5, DVec3::ZERO);
+    if let Some(([a, b], line)) = obstacle {
+        let along = line.q - line.p;
+        let place = |x: DVec3| ((x - line.p).dot(along) / along.length_squared()).clamp(0.02, 0.98);
+        let mean = (place(a) + place(b) + place((a + b) * 0.5)) / 3.0;
+        (at, edge) = (if mean.is_nan() { 0.5 } else { mean }, (b - a).normalize_or_zero());
+    }
+    let (p, q) = (sight.p.extent_across(edge), sight.q.extent_across(edge));
+    let of_p = p.0 * (1.0 - at) >= q.0 * at;
+    Halving { of_p, across: if of_p { p.1 } else { q.1 } }
 }
 
 impl Sight {

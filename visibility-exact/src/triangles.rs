@@ -281,6 +281,21 @@ impl SceneTriangles {
         self.areas[i as usize]
     }
 
+    /// Returns numbers that determine the triangles and which of them occlude.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
+        let objects = self.objects.iter().flat_map(|object| {
+            let bounds = object.min.to_array().into_iter().chain(object.max.to_array()).map(f64::to_bits);
+            let numbers = [object.id.index() as u64, object.first.into(), object.end.into()];
+            numbers.into_iter().chain(bounds).chain([object.is_open.into()])
+        });
+        let triangles = self.corners.iter().zip(&self.occludes).flat_map(|(corners, &occludes)| {
+            let bits = corners.iter().flat_map(|corner| corner.to_array()).map(|x| x.to_bits().into());
+            bits.chain([u64::from(occludes)])
+        });
+        let origin = self.origin.to_array().map(f64::to_bits);
+        origin.into_iter().chain(objects).chain(triangles)
+    }
+
     pub(crate) fn vertices(&self, i: u32) -> [u32; 3] {
         self.vertices[i as usize]
     }

@@ -26,7 +26,10 @@ pub enum Verdict {
     Seen(Witness),
     /// The object is proven hidden, up to the clearance.
     Hidden,
-    /// Neither was found. Counts as visible.
+    /// At most this share of the segments to the object's box, measured by area at both ends, is unblocked. A
+    /// certified bound, from 0 to 1, at most the share that [`Effort::Share`](crate::Effort::Share) asks for.
+    Hardly(f64),
+    /// None of these was found. Counts as visible.
     Open,
 }
 
@@ -63,13 +66,13 @@ impl CellVerdicts {
         triangles.objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
     }
 
-    /// Returns the numbers of objects seen, hidden and open.
+    /// Returns the numbers of objects seen, hidden and open. Hardly visible objects count as hidden.
     pub fn counts(&self) -> [usize; 3] {
         let mut counts = [0; 3];
         for verdict in &self.verdicts {
             counts[match verdict {
                 Verdict::Seen(_) => 0,
-                Verdict::Hidden => 1,
+                Verdict::Hidden | Verdict::Hardly(_) => 1,
                 Verdict::Open => 2,
             }] += 1;
         }

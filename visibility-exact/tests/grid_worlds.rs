@@ -107,7 +107,7 @@ fn decide(kind: Kind, worlds: std::ops::Range<u64>, c: f64, shots: usize) -> [us
         let (_, verdict) = found.iter(&triangles).next().unwrap();
         match verdict {
             Verdict::Seen(_) => counts[0] += 1,
-            Verdict::Open => counts[2] += 1,
+            Verdict::Open | Verdict::Hardly(_) => counts[2] += 1,
             Verdict::Hidden => {
                 counts[1] += 1;
                 let (greatest, _) = shoot(&cell, &objects, shots, &mut random);

@@ -1,0 +1,107 @@
+//! Certified bounds on the visible share of a target: how many of the segments to it may be unblocked.
+//!
+//! The segments from P to Q are measured by area of P times area of Q. Nodes that a surface blocks are taken
+//! off, largest nodes first, until what is left is below a bound. What is not blocked counts as unblocked.
+
+use crate::chain::Obstacle;
+use crate::search::{Budget, Halving, Search, Segment, best_halving};
+use crate::shaft::Shaft;
+use crate::sight::{Sight, Target, sights};
+use alloc::collections::BinaryHeap;
+use core::cmp::Ordering;
+
+/// A node that is not proven blocked, ordered by its share of all segments.
+struct Node {
+    share: f64,
+    /// Number of the node, which orders nodes of equal shares.
+    number: u32,
+    sight: Sight,
+    /// Edge that kept the parent from being blocked, and a line by it.
+    obstacle: Option<(Obstacle, Segment)>,
+}
+
+impl Ord for Node {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.share.total_cmp(&other.share).then(other.number.cmp(&self.number))
+    }
+}
+
+impl PartialOrd for Node {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Node {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Node {}
+
+impl Search<'_> {
+    /// Returns an upper bound on the unblocked share of the segments to a target, from 0 to 1. Stops once the
+    /// bound is at most `enough`, or after `nodes` nodes.
+    pub(crate) fn share(&mut self, target: Target, enough: f64, nodes: u32) -> f64 {
+        self.begin(target, Budget { nodes, divided: 0 });
+        // Without a pad: polygons in one plane, which see nothing of each other, must not count.
+        let all = sights(self.triangles, &self.cell, target, self.clearance, 0.0);
+        let measure = |sight: &Sight| sight.p.normal().length() * sight.q.normal().length();
+        let total: f64 = all.iter().map(measure).sum();
+        if total == 0.0 {
+            // A flat viewcell or target: segments cannot be measured by area.
+            return if all.is_empty() { 0.0 } else { 1.0 };
+        }
+        let mut open: BinaryHeap<Node> = (0..)
+            .zip(all)
+            .map(|(number, sight)| Node { share: measure(&sight) / total, number, sight, obstacle: None })
+            .collect();
+        let mut left = 1.0;
+        for number in 0..nodes {
+            if left <= enough {
+                break;
+            }
+            let Some(node) = open.pop() else { break };
+            self.stats.nodes += 1;
+            let (blocked, obstacle) = self.is_blocked(&node.sight);
+            if blocked {
+                left -= node.share;
+                continue;
+            }
+            // A line that nothing blocks passes by the edge that was in the way before.
+            let obstacle = obstacle.or(node.obstacle);
+            let Halving { of_p, across } = best_halving(&node.sight, obstacle);
+            let halves = node.sight.halves(of_p, across);
+            let measures = halves.each_ref().map(measure);
+            for (k, (sight, part)) in halves.into_iter().zip(measures).enumerate() {
+                let share = node.share * part / (measures[0] + measures[1]);
+                open.push(Node { share, number: 64 + 2 * number + k as u32, sight, obstacle });
+            }
+        }
+        // Sums of shares round to less than 1e-9.
+        if open.is_empty() { 0.0 } else { (left + 1e-9).clamp(0.0, 1.0) }
+    }
+
+    /// Returns whether a surface certainly blocks a node, and if not, which edge is in the way, if any.
+    fn is_blocked(&mut self, sight: &Sight) -> (bool, Option<(Obstacle, Segment)>) {
+        let mut hits = core::mem::take(&mut self.hits);
+        let (mut blocked, mut obstacle) = (false, None);
+        if let Ok(line) = self.crossed_line(sight, &mut hits) {
+            self.sort_starts(&mut hits);
+            let shaft = Shaft::new(&sight.p, &sight.q, self.delta);
+            for &start in hits.iter().take(2) {
+                match self.close(sight, &shaft, start, line) {
+                    Ok(_) => {
+                        self.hint = start;
+                        blocked = true;
+                        break;
+                    }
+                    Err(edge) => obstacle = obstacle.or(Some((edge, line))),
+                }
+            }
+        }
+        self.hits = hits;
+        (blocked, obstacle)
+    }
+}

@@ -1,0 +1,97 @@
+//! Bakes: rows of a PVS, the same however often a bake is interrupted; damaged state is refused.
+
+mod common;
+
+use common::{cuboid, scene};
+use visibility_core::bake::{Bake, Baker};
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Viewcell, ViewcellId, Viewcells};
+use visibility_exact::{Effort, ExactBaker, SceneTriangles, Settings};
+use visibility_testing::Random;
+
+/// Blocks on a plain, and viewcells between them.
+fn town() -> (SceneTriangles, Viewcells) {
+    let mut random = Random(4);
+    let mut objects = Vec::new();
+    for x in 0..7 {
+        for y in 0..7 {
+            let min = DVec3::new(f64::from(x) * 4.0, f64::from(y) * 4.0, 0.0);
+            objects.push(cuboid(min, min + DVec3::new(3.0, 3.0, f64::from(random.between(2, 6)))));
+        }
+    }
+    let cell = |k: u32| {
+        let min = DVec3::new(3.2 + f64::from(k % 6) * 4.0, 3.2 + f64::from(k / 6) * 4.0, 0.5);
+        Viewcell::from_box(min, min + DVec3::new(0.6, 0.6, 1.0))
+    };
+    (SceneTriangles::new(&scene(&objects)), Viewcells::new((0..20).map(cell)))
+}
+
+fn settings() -> Settings {
+    Settings { rays: 300, aimed_rays: 5, ..Settings::new(Effort::Exact(1e-4)) }
+}
+
+#[test]
+fn an_interrupted_bake_comes_to_the_same_pvs() {
+    let (triangles, cells) = town();
+    let baker = || ExactBaker::new(&triangles, &cells, settings());
+    let whole = Bake::new(baker()).run();
+    let mut bake = Bake::new(baker());
+    loop {
+        bake = Bake::resume(baker(), &bake.save()).unwrap();
+        if bake.advance().is_none() {
+            break;
+        }
+    }
+    let parts = bake.finish();
+    assert!(whole.complete && parts == whole);
+    let pvs = whole.to_pvs().unwrap();
+    assert_eq!(pvs.as_bytes(), parts.to_pvs().unwrap().as_bytes());
+    for (number, cell) in (0..).zip(&whole.cells) {
+        for target in 0..49 {
+            let kept = cell.seen.contains(&target) || cell.open.contains(&target);
+            assert_eq!(pvs.sees(ViewcellId(number), target), kept);
+        }
+        assert!(cell.seen.len() < 45, "{} objects are seen", cell.seen.len());
+    }
+    assert!(whole.gap() < 0.02, "{}", whole.gap());
+}
+
+#[test]
+fn a_bake_that_ends_early_leaves_objects_open() {
+    let (triangles, cells) = town();
+    let mut bake = Bake::new(ExactBaker::new(&triangles, &cells, settings()));
+    bake.advance().unwrap();
+    let outcome = bake.finish();
+    assert!(!outcome.complete && outcome.gap() > 0.0);
+    assert_eq!(outcome.cells[19].open.len(), 49);
+}
+
+#[test]
+fn state_of_another_bake_and_damaged_state_are_refused() {
+    let (triangles, cells) = town();
+    let mut bake = Bake::new(ExactBaker::new(&triangles, &cells, settings()));
+    bake.advance().unwrap();
+    let saved = bake.save();
+    let other = Settings { clearance: 2e-4, ..settings() };
+    assert!(Bake::resume(ExactBaker::new(&triangles, &cells, other), &saved).is_err());
+    let fewer = Viewcells::new(cells.cells()[1..].to_vec());
+    assert!(Bake::resume(ExactBaker::new(&triangles, &fewer, settings()), &saved).is_err());
+    let mut random = Random(3);
+    for _ in 0..200 {
+        let mut bytes = saved.clone();
+        let at = random.below(bytes.len());
+        bytes[at] ^= 1 << random.below(8);
+        assert!(Bake::resume(ExactBaker::new(&triangles, &cells, settings()), &bytes).is_err());
+    }
+    // Random content under a true checksum: refused or loaded, without panic.
+    let baker = ExactBaker::new(&triangles, &cells, settings());
+    let format = visibility_core::binary_format::Format { magic: *b"VISIBAKE", version: 3 };
+    for _ in 0..300 {
+        let mut state =
+            visibility_core::binary_format::Writer::new(format, ExactBaker::KIND, baker.fingerprint());
+        state.u64(0);
+        state.u32(0);
+        state.u32s((0..random.below(90)).map(|_| random.below(4) as u32 * random.below(60) as u32));
+        let _ = Bake::resume(ExactBaker::new(&triangles, &cells, settings()), &state.finish());
+    }
+}

@@ -1,0 +1,88 @@
+//! Planted truth: a target behind three walls of planks, each with a hole around one secret line, and the
+//! same with the holes closed by planks that overlap by as much.
+
+mod common;
+
+use common::{Triangle, check, clearance, prepared, quad};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
+use visibility_testing::Random;
+
+/// The cell about the origin, the target (object 0) at x = 30, and walls between.
+fn world(random: &mut Random, gap: f64, closed: bool) -> (Viewcell, Vec<Vec<Triangle>>, [DVec3; 2]) {
+    let cell = Viewcell::from_box(DVec3::new(-1.5, -1.5, -0.5), DVec3::new(1.5, 1.5, 0.5));
+    let center = DVec3::new(30.0, random.range(-5.0, 5.0), random.range(-5.0, 5.0));
+    let shifts = [DVec3::Y, DVec3::Z - DVec3::Y, -DVec3::Z];
+    let target = shifts.map(|shift| (center + shift + random.vector(1.5)).as_vec3());
+    let t = target.map(Vec3::as_dvec3);
+    let p = (cell.min + cell.max) * 0.5 + random.vector(1.0) * DVec3::new(1.5, 1.5, 0.5);
+    let (a, b) = (random.range(0.2, 0.45), random.range(0.2, 0.45));
+    let q = t[0] + (t[1] - t[0]) * a + (t[2] - t[0]) * b;
+    let d = (q - p).normalize();
+    let mut objects = vec![vec![target]];
+    for wall in 0..3 {
+        let x = 6.0 + 7.0 * f64::from(wall) + random.range(0.0, 3.0);
+        let at = p + d * ((x - p.x) / d.x);
+        let n = (DVec3::X + random.vector(0.5) * DVec3::new(0.0, 1.0, 1.0)).normalize();
+        let angle = random.range(0.0, 3.0);
+        let (u, v) = (n.cross(DVec3::Z).normalize(), n.cross(n.cross(DVec3::Z)).normalize());
+        let (u, v) = (u * angle.cos() + v * angle.sin(), v * angle.cos() - u * angle.sin());
+        // Four planks around the hole, in layers, so that none are coplanar.
+        let (r, h) = (60.0, if closed { -gap * 0.5 } else { gap * 0.5 });
+        let layer = gap.min(1.0);
+        for (a, b, c, e, off) in [
+            (-r, -h, -r, r, 0.0),
+            (h, r, -r, r, if closed { gap * 0.01 } else { 0.0 }),
+            (-h - 6.0, h + 6.0, -r, -h, 0.02 * layer),
+            (-h - 6.0, h + 6.0, h, r, 0.03 * layer),
+        ] {
+            let place = |x: f64, y: f64| at + u * x + v * y + n * off;
+            objects.push(quad(place(a, c), place(b, c), place(b, e), place(a, e)));
+        }
+    }
+    (cell, objects, [p, q])
+}
+
+/// Returns for open and closed holes how many targets were seen, hidden and open.
+fn decide(gap: f64, worlds: std::ops::Range<u64>) -> [[usize; 3]; 2] {
+    let mut counts = [[0; 3]; 2];
+    for (number, closed) in worlds.flat_map(|number| [(number, false), (number, true)]) {
+        let (cell, objects, [p, q]) = world(&mut Random(number), gap, closed);
+        let triangles = prepared(&objects);
+        let settings = Settings::new(Effort::Exact((gap * 0.05).min(1e-4)));
+        let settings = Settings { rays: 50, aimed_rays: 5, keep_proofs: true, ..settings };
+        let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
+        check(&objects, &triangles, &found);
+        let verdict = found.iter(&triangles).next().unwrap().1;
+        let is_clear = clearance(&objects, 0, p, q) > 6.0 * settings.clearance;
+        assert!(!is_clear || verdict != Verdict::Hidden, "gap {gap}, world {number}");
+        let kind = match verdict {
+            Verdict::Seen(_) => 0,
+            Verdict::Hidden => 1,
+            _ => 2,
+        };
+        counts[usize::from(closed)][kind] += 1;
+    }
+    counts
+}
+
+#[test]
+fn open_holes_are_found_and_closed_ones_proven() {
+    for gap in [1.0, 0.1, 1e-2, 1e-3, 1e-4] {
+        let [open, closed] = decide(gap, 0..12);
+        println!("gap {gap}: seen, hidden, open {open:?}; closed {closed:?}");
+        assert!(closed[0] == 0, "{gap}");
+        assert!(gap < 1e-2 || open[2] <= 2, "{gap}: {open:?}");
+        assert!(gap < 1e-2 || closed[2] <= 3, "{gap}: {closed:?}");
+    }
+}
+
+#[test]
+#[ignore = "long: 100,000 worlds"]
+fn many_gaps() {
+    for gap in [1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5] {
+        let [open, closed] = decide(gap, 0..8_500);
+        println!("gap {gap}: seen, hidden, open {open:?}; closed {closed:?}");
+    }
+}
