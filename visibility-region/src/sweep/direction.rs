@@ -51,6 +51,26 @@ impl CellBox {
         error.is_finite().then_some(Self { axes, center, half, error })
     }
 
+    /// Returns a point of the scene relative to the middle of the box, along its axes.
+    pub(crate) fn to_axes(self, p: DVec3) -> DVec3 {
+        DVec3::from_array(self.axes.map(|axis| axis.dot(p))) - self.center
+    }
+
+    /// Returns half the extent of the box along its axes.
+    pub(crate) fn half(&self) -> DVec3 {
+        self.half
+    }
+
+    /// Returns a bound on the error of coordinates relative to the box, in metres.
+    pub(crate) fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// Returns whether the axes are a left-handed system.
+    pub(crate) fn is_mirrored(&self) -> bool {
+        self.axes[0].cross(self.axes[1]).dot(self.axes[2]) < 0.0
+    }
+
     /// Returns direction `index`, 0 to 5: out of the box along its axis `index % 3`, forwards for indices
     /// below 3.
     pub(crate) fn direction(&self, index: usize) -> Direction {

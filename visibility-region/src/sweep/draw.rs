@@ -17,7 +17,10 @@
 //! contour of one leaf does not cut what another covers.
 
 use super::direction::{Direction, LocalBox};
+use super::facing::facing;
+use super::pieces::{Piece, Pieces};
 use super::ray_map::{PixelRect, RayMap, SIDE};
+use super::surfaces::Surfaces;
 use super::window::{SLACK, Window};
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
@@ -27,10 +30,10 @@ use visibility_core::glam::{Affine3A, DVec3};
 /// `SLACK / 2^10`.
 const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
 
-/// A mesh, or one part of a mesh, placed in local coordinates of a direction.
+/// An occluder placed in local coordinates of a direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Occluder<'a> {
-    mesh: &'a OccluderMesh,
+    shape: Shape<'a>,
     /// Map from mesh coordinates to local coordinates.
     rows: [DVec3; 3],
     offset: DVec3,
@@ -39,6 +42,15 @@ pub(crate) struct Occluder<'a> {
     /// True if the map mirrors, so that front faces run clockwise in local coordinates.
     mirrored: bool,
     pub(crate) bounds: LocalBox,
+}
+
+/// What an occluder is drawn from.
+#[derive(Clone, Copy, Debug)]
+enum Shape<'a> {
+    /// A mesh, or one part of a mesh, in coordinates of its own.
+    Mesh(&'a OccluderMesh),
+    /// A piece of surfaces: its triangles, all of which face the cell, and the segments that bound it.
+    Piece { surfaces: &'a Surfaces, triangles: &'a [u32], contour: &'a [u32] },
 }
 
 impl<'a> Occluder<'a> {
@@ -71,7 +83,28 @@ impl<'a> Occluder<'a> {
             hi[axis] += a.max(b).element_sum();
         }
         let bounds = LocalBox { lo, hi };
-        Some(Self { mesh, rows, offset, error, mirrored: determinant < 0.0, bounds })
+        let shape = Shape::Mesh(mesh);
+        Some(Self { shape, rows, offset, error, mirrored: determinant < 0.0, bounds })
+    }
+
+    /// Places a piece.
+    pub(crate) fn piece(
+        direction: &Direction,
+        surfaces: &'a Surfaces,
+        pieces: &'a Pieces,
+        piece: &'a Piece,
+    ) -> Self {
+        let far = piece.bounds.min.abs().max(piece.bounds.max.abs()).as_dvec3().element_sum();
+        let (triangles, contour) = (pieces.triangles(piece), pieces.contour(piece));
+        Self {
+            shape: Shape::Piece { surfaces, triangles, contour },
+            rows: direction.rows,
+            offset: -DVec3::from_array(direction.offset),
+            // As above, with a transform that does not round.
+            error: 16.0 * f64::EPSILON * far + direction.error,
+            mirrored: false,
+            bounds: direction.local_box(&piece.bounds),
+        }
     }
 
     fn local(&self, p: visibility_core::glam::Vec3) -> DVec3 {
@@ -109,14 +142,20 @@ impl<'a> Occluder<'a> {
 /// Scratch memory for drawing.
 #[derive(Debug)]
 pub(crate) struct Pen {
-    inside: RayMap,
-    contour: RayMap,
+    brush: Brush,
     vertices: Vec<DVec3>,
-    /// For each triangle, 1 if it faces the whole cell, -1 if its back does, 0 if neither; and 2 once it is
-    /// in a piece.
+    /// For each triangle, 1 if it faces the whole cell, -1 if its back does, 0 if neither; twice that once it
+    /// is in a piece.
     facing: Vec<i8>,
     stack: Vec<u32>,
     piece: Vec<u32>,
+}
+
+/// The two maps that one piece is drawn on.
+#[derive(Debug)]
+struct Brush {
+    inside: RayMap,
+    contour: RayMap,
 }
 
 /// A part of the contour, swept: the rectangle of the pixels that it may be seen in, in pixel coordinates
@@ -136,8 +175,7 @@ struct Target<'a> {
 impl Pen {
     pub(crate) fn new() -> Self {
         Self {
-            inside: RayMap::new(),
-            contour: RayMap::new(),
+            brush: Brush { inside: RayMap::new(), contour: RayMap::new() },
             vertices: Vec::new(),
             facing: Vec::new(),
             stack: Vec::new(),
@@ -160,16 +198,36 @@ impl Pen {
             return false;
         }
         let target = Target { direction, window, near, rect };
-        self.vertices.clear();
-        self.vertices.extend(occluder.mesh.positions().iter().map(|&p| occluder.local(p)));
-        let (fronts, backs) = self.classify(direction, occluder);
-        if fronts {
-            self.draw_chain(map, &target, occluder.mesh, 1);
-        }
-        if backs && occluder.mesh.is_two_sided() && !(fronts && occluder.mesh.is_closed()) {
-            self.draw_chain(map, &target, occluder.mesh, -1);
+        match occluder.shape {
+            Shape::Mesh(mesh) => self.draw_mesh(map, &target, occluder, mesh),
+            Shape::Piece { surfaces, triangles, contour } => {
+                let triangles = triangles
+                    .iter()
+                    .map(|&t| surfaces.triangles[t as usize].corners.map(|p| occluder.local(p)));
+                let contour =
+                    contour.iter().map(|&s| surfaces.segments[s as usize].map(|p| occluder.local(p)));
+                self.brush.draw(map, &target, triangles, contour);
+            }
         }
         true
+    }
+
+    fn draw_mesh(
+        &mut self,
+        map: &mut RayMap,
+        target: &Target<'_>,
+        occluder: &Occluder<'_>,
+        mesh: &OccluderMesh,
+    ) {
+        self.vertices.clear();
+        self.vertices.extend(mesh.positions().iter().map(|&p| occluder.local(p)));
+        let (fronts, backs) = self.classify(target.direction, occluder, mesh);
+        if fronts {
+            self.draw_chain(map, target, mesh, 1);
+        }
+        if backs && mesh.is_two_sided() && !(fronts && mesh.is_closed()) {
+            self.draw_chain(map, target, mesh, -1);
+        }
     }
 
     /// Returns whether the errors of vertices stay below the slack in pixels on this plane.
@@ -186,28 +244,22 @@ impl Pen {
 
     /// Classifies the triangles by the side that faces the viewcell. Returns whether there are any that show
     /// it their front, and their back.
-    fn classify(&mut self, direction: &Direction, occluder: &Occluder<'_>) -> (bool, bool) {
+    fn classify(
+        &mut self,
+        direction: &Direction,
+        occluder: &Occluder<'_>,
+        mesh: &OccluderMesh,
+    ) -> (bool, bool) {
         let half = DVec3::new(direction.half[0], direction.half[1], direction.depth * 0.5);
         let center = DVec3::new(0.0, 0.0, -half.z);
-        let sign = if occluder.mirrored { -1.0 } else { 1.0 };
         let (mut fronts, mut backs) = (false, false);
         self.facing.clear();
-        for t in occluder.mesh.triangles() {
-            let [a, b, c] = t.map(|i| self.vertices[i as usize]);
-            let (e, f, to) = (b - a, c - a, center - a);
-            let normal = e.cross(f) * sign;
-            // A plane that cuts the cell has both sides facing some of it. The height of the middle over the
-            // plane must exceed what the corners differ from it, and the rounding of the product: of e, f
-            // and `to` each by 2 `error` and, all in all, 16 EPSILON of the product.
-            let size = e.abs().max(f.abs()).element_sum();
-            let distance = to.abs().element_sum() + half.element_sum();
-            let margin = size * (size + distance) * (16.0 * occluder.error)
-                + size * size * (distance * (16.0 * f64::EPSILON));
-            let (height, reach) = (normal.dot(to), normal.abs().dot(half) + margin);
-            let facing = i8::from(height > reach) - i8::from(height < -reach);
-            fronts |= facing > 0;
-            backs |= facing < 0;
-            self.facing.push(facing);
+        for t in mesh.triangles() {
+            let corners = t.map(|i| self.vertices[i as usize]);
+            let side = facing(corners, center, half, occluder.error, occluder.mirrored);
+            fronts |= side > 0;
+            backs |= side < 0;
+            self.facing.push(side);
         }
         (fronts, backs)
     }
@@ -219,9 +271,17 @@ impl Pen {
                 continue;
             }
             self.collect_piece(mesh, first as u32, side);
-            let piece = core::mem::take(&mut self.piece);
-            self.draw_piece(map, target, mesh, &piece, side);
-            self.piece = piece;
+            let (vertices, facing, piece) = (&self.vertices, &self.facing, &self.piece);
+            let corners = |t: u32| mesh.triangles()[t as usize].map(|i| vertices[i as usize]);
+            let contour = piece.iter().flat_map(|&t| {
+                let (edges, corners) = (mesh.triangle_edges()[t as usize], corners(t));
+                (0..3).filter_map(move |corner| {
+                    let other = neighbour(mesh, edges[corner], t);
+                    let inner = other.is_some_and(|other| facing[other as usize] == 2 * side);
+                    (!inner).then_some([corners[corner], corners[(corner + 1) % 3]])
+                })
+            });
+            self.brush.draw(map, target, piece.iter().map(|&t| corners(t)), contour);
         }
     }
 
@@ -242,62 +302,50 @@ impl Pen {
             }
         }
     }
+}
 
-    fn draw_piece(
+impl Brush {
+    /// Adds to `map` the pixels that a piece covers. `contour` are the edges that bound it, before it is cut.
+    fn draw(
         &mut self,
         map: &mut RayMap,
         target: &Target<'_>,
-        mesh: &OccluderMesh,
-        piece: &[u32],
-        side: i8,
+        triangles: impl Iterator<Item = [DVec3; 3]> + Clone,
+        contour: impl Iterator<Item = [DVec3; 2]>,
     ) {
         let Target { window, near, rect, .. } = *target;
         let mut filled = false;
-        for &triangle in piece {
-            let mut polygon =
-                Polygon::of(mesh.triangles()[triangle as usize].map(|i| self.vertices[i as usize]));
-            polygon.clip(near, 1.0);
-            polygon.clip(window.d, -1.0);
-            filled |= fill(&mut self.inside, &polygon, window, rect);
+        for triangle in triangles.clone() {
+            filled |= fill(&mut self.inside, &Polygon::cut(triangle, near, window.d), window, rect);
         }
-        if filled && map.lacks(&self.inside, rect) && self.draw_contour(target, mesh, piece, side) {
-            map.add_difference(&self.inside, &self.contour, rect);
+        if !filled {
+            return;
         }
-        if filled {
-            self.inside.clear_rect(rect);
+        if map.lacks(&self.inside, rect) {
+            let known = triangles.into_iter().all(|triangle| self.sweep_cuts(target, triangle))
+                && contour.into_iter().all(|[a, b]| self.sweep_edge(target, a, b));
+            if known {
+                map.add_difference(&self.inside, &self.contour, rect);
+            }
             self.contour.clear_rect(rect);
         }
+        self.inside.clear_rect(rect);
     }
 
-    /// Draws the contour of a piece. Returns false if a position is too far away to compute with.
-    fn draw_contour(&mut self, target: &Target<'_>, mesh: &OccluderMesh, piece: &[u32], side: i8) -> bool {
+    /// Draws the edges that the plane and the near cut leave of a triangle. Returns false if a position is too
+    /// far away to compute with.
+    fn sweep_cuts(&mut self, target: &Target<'_>, triangle: [DVec3; 3]) -> bool {
         let Target { window, near, .. } = *target;
-        for &triangle in piece {
-            let corners = mesh.triangles()[triangle as usize].map(|i| self.vertices[i as usize]);
-            for (corner, edge) in mesh.triangle_edges()[triangle as usize].into_iter().enumerate() {
-                // All triangles of a side are in pieces when their neighbours are drawn, or are of the other.
-                let inner = neighbour(mesh, edge, triangle)
-                    .is_some_and(|other| self.facing[other as usize] == 2 * side);
-                if !inner && !self.sweep_edge(target, corners[corner], corners[(corner + 1) % 3]) {
-                    return false;
-                }
-            }
-            if corners.iter().all(|p| p.z > near && p.z < window.d) {
-                continue;
-            }
-            let mut polygon = Polygon::of(corners);
-            polygon.clip(near, 1.0);
-            polygon.clip(window.d, -1.0);
-            let points = polygon.points();
-            for (i, &a) in points.iter().enumerate() {
-                let b = points[(i + 1) % points.len()];
-                let cut = (a.z == near && b.z == near) || (a.z == window.d && b.z == window.d);
-                if cut && !self.sweep_edge(target, a, b) {
-                    return false;
-                }
-            }
+        if triangle.iter().all(|p| p.z > near && p.z < window.d) {
+            return true;
         }
-        true
+        let polygon = Polygon::cut(triangle, near, window.d);
+        let points = polygon.points();
+        points.iter().enumerate().all(|(i, &a)| {
+            let b = points[(i + 1) % points.len()];
+            let cut = (a.z == near && b.z == near) || (a.z == window.d && b.z == window.d);
+            !cut || self.sweep_edge(target, a, b)
+        })
     }
 
     /// Marks the pixels in which a contour edge is seen from any viewpoint of the cell, as far as the edge is
@@ -350,8 +398,12 @@ struct Polygon {
 }
 
 impl Polygon {
-    fn of([a, b, c]: [DVec3; 3]) -> Self {
-        Self { points: [a, b, c, c, c], count: 3 }
+    /// Returns the part of a triangle between two depths.
+    fn cut([a, b, c]: [DVec3; 3], near: f64, far: f64) -> Self {
+        let mut polygon = Self { points: [a, b, c, c, c], count: 3 };
+        polygon.clip(near, 1.0);
+        polygon.clip(far, -1.0);
+        polygon
     }
 
     fn points(&self) -> &[DVec3] {

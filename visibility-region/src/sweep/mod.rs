@@ -3,9 +3,12 @@
 mod culler;
 pub(crate) mod direction;
 mod draw;
+mod facing;
 mod occludees;
+mod pieces;
 pub(crate) mod planes;
 pub(crate) mod ray_map;
+mod surfaces;
 pub(crate) mod window;
 
 pub use culler::ExtendedProjectionCuller;
@@ -19,7 +22,7 @@ use window::Window;
 
 /// Number of planes behind an occluder that it is drawn on, besides those that cut it. Each reprojection
 /// loses up to a pixel around what is covered, so drawing once more keeps more than reprojecting.
-const AGAIN: usize = 2;
+const AGAIN: usize = 6;
 
 /// The map of a sweep along one direction, and scratch memory. One value serves any number of sweeps.
 #[derive(Debug)]

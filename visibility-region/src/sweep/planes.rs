@@ -9,7 +9,9 @@
 use super::direction::{Direction, LocalBox};
 use super::draw::Occluder;
 use super::occludees::Item;
+use super::pieces::Pieces;
 use super::ray_map::SIDE;
+use super::surfaces::Surfaces;
 use alloc::vec::Vec;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 use visibility_core::{Aabb, Scene};
@@ -51,7 +53,7 @@ impl Cone {
         // The first plane: a twentieth of the cell's width, which a person passes in a step, but for tiny
         // cells not below what the precision and the number of planes allow.
         let first = (0.05 * direction.widest()).max(1e-3 * deepest).min(0.5 * deepest);
-        (first > 0.0).then_some(Self { slopes, first, deepest, near: 0.02 * first })
+        (first > 0.0).then_some(Self { slopes, first, deepest, near: 0.5 * first })
     }
 
     /// Returns the range of the cone at a depth, along the lateral axis `lat`.
@@ -81,8 +83,11 @@ impl Cone {
                 // Views from both ends of the cell lose this much of it. Thin parts close to the plane lose
                 // less than the whole, so at most half is taken off.
                 let lost = direction.half[lat] * (far - near) / near;
-                let extent = b.hi[lat] - b.lo[lat];
-                let width = b.hi[lat].min(high) - b.lo[lat].max(low) - lost.min(0.5 * extent);
+                // Seen from the middle of the cell's front, the near end appears larger by this ratio.
+                let ratio = far / near;
+                let (left, right) = (b.lo[lat].min(b.lo[lat] * ratio), b.hi[lat].max(b.hi[lat] * ratio));
+                let width = right.min(high) - left.max(low);
+                let width = width - lost.min(0.5 * width);
                 let share = width / (high - low);
                 if share * SIDE as f64 >= 1.0 { share } else { 0.0 }
             })
@@ -97,14 +102,34 @@ pub(crate) struct Candidate<'a> {
     share: f64,
 }
 
+/// The occluders of one viewcell: pieces of surfaces, and meshes that are not among the surfaces.
+#[derive(Clone, Copy)]
+pub(crate) struct Occluders<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) surfaces: &'a Surfaces,
+    pub(crate) pieces: &'a Pieces,
+}
+
 /// Collects the occluders that may cover something of the cone, nearest first.
 pub(crate) fn occluders<'a>(
-    scene: &'a Scene,
+    Occluders { scene, surfaces, pieces }: Occluders<'a>,
     direction: &Direction,
     cone: &Cone,
     stack: &mut Vec<Option<usize>>,
 ) -> Vec<Candidate<'a>> {
     let mut all = Vec::new();
+    let mut push = |occluder: Occluder<'a>, joins| {
+        let share = cone.share(direction, &occluder.bounds);
+        if share > 0.0 && occluder.is_precise(direction) {
+            // A piece of several objects is long, and planes right behind its parts serve it better.
+            all.push(Candidate { occluder, share: if joins { 0.0 } else { share } });
+        }
+    };
+    for piece in pieces.all() {
+        if cone.meets(direction, &direction.local_box(&piece.bounds)) {
+            push(Occluder::piece(direction, surfaces, pieces, piece), piece.joins);
+        }
+    }
     stack.push(None);
     while let Some(node) = stack.pop() {
         SceneHierarchy.for_each_child(scene, node, &mut |child, bounds: Aabb| {
@@ -114,14 +139,15 @@ pub(crate) fn occluders<'a>(
             match child {
                 Child::Node(node) => stack.push(Some(node)),
                 Child::Object(id) => {
+                    if surfaces.contains(id.index()) {
+                        return;
+                    }
                     let Some((mesh, transform)) = scene.occluder(id) else { return };
                     let parts =
                         if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
                     for part in parts {
-                        let Some(occluder) = Occluder::new(direction, part, transform) else { continue };
-                        let share = cone.share(direction, &occluder.bounds);
-                        if share > 0.0 && occluder.is_precise(direction) {
-                            all.push(Candidate { occluder, share });
+                        if let Some(occluder) = Occluder::new(direction, part, transform) {
+                            push(occluder, false);
                         }
                     }
                 }
@@ -137,7 +163,7 @@ pub(crate) fn distances(direction: &Direction, cone: &Cone, occluders: &[Candida
     let mut behind: Vec<(f64, f64)> = occluders
         .iter()
         .map(|c| (c.occluder.bounds.hi.z + direction.guard(), c.share))
-        .filter(|(d, _)| *d > cone.first && *d < cone.deepest)
+        .filter(|(d, share)| *share > 0.0 && *d > cone.first && *d < cone.deepest)
         .collect();
     behind.sort_by(|a, b| a.0.total_cmp(&b.0));
     // Of planes that nearly coincide the last is behind the occluders of all.

@@ -1,0 +1,222 @@
+//! Pieces of surfaces that face a viewcell, each with its contour.
+//!
+//! Every triangle that shows the whole cell one side is turned to face the cell. Two such triangles on one
+//! segment that run along it in opposite ways are *paired*: a ray that crosses the segment leaves one and
+//! enters the other, so the segment bounds neither. Sides that are left over bound the chain: together they
+//! are its contour, as the signed sum of sides on a segment demands. Of several possible partners a side
+//! takes the one that lies flattest beside it. Walls between houses of a row, where three triangles meet on
+//! an edge, are so left aside, and the fronts and roofs of the row become one surface.
+//!
+//! Triangles that are paired, directly or by others, are a piece.
+
+use super::direction::CellBox;
+use super::facing::facing;
+use super::surfaces::Surfaces;
+use alloc::vec::Vec;
+use visibility_core::Aabb;
+use visibility_core::glam::DVec3;
+
+/// The pieces of one viewcell.
+#[derive(Debug, Default)]
+pub(crate) struct Pieces {
+    /// For each triangle of the surfaces, 1 if its front faces the whole cell, -1 if its back occludes and
+    /// does, otherwise 0.
+    facing: Vec<i8>,
+    parent: Vec<u32>,
+    /// Segments of the contour, each with a triangle on it, before they are sorted by piece.
+    bounding: Vec<(u32, u32)>,
+    triangles: Vec<u32>,
+    contours: Vec<u32>,
+    pieces: Vec<Piece>,
+    plus: Vec<u32>,
+    minus: Vec<u32>,
+}
+
+/// A piece: ranges of the lists of its pieces.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Piece {
+    pub(crate) bounds: Aabb,
+    triangles: [u32; 2],
+    contour: [u32; 2],
+    /// True if the piece joins triangles of several parts of meshes.
+    pub(crate) joins: bool,
+}
+
+impl Pieces {
+    /// Finds the pieces of surfaces. First come those of single parts of meshes, then those that join several.
+    pub(crate) fn find(&mut self, surfaces: &Surfaces, cell: &CellBox) {
+        self.triangles.clear();
+        self.contours.clear();
+        self.pieces.clear();
+        self.facing.clear();
+        self.facing.extend(surfaces.triangles.iter().map(|surface| {
+            let facing = cell.facing(surface.corners.map(|p| p.as_dvec3()));
+            if surface.two_sided { facing } else { facing.max(0) }
+        }));
+        for joins in [false, true] {
+            self.pair(surfaces, joins);
+            self.collect(surfaces, joins);
+        }
+    }
+
+    pub(crate) fn all(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// Returns the triangles of a piece.
+    pub(crate) fn triangles(&self, piece: &Piece) -> &[u32] {
+        &self.triangles[piece.triangles[0] as usize..piece.triangles[1] as usize]
+    }
+
+    /// Returns the segments that bound a piece.
+    pub(crate) fn contour(&self, piece: &Piece) -> &[u32] {
+        &self.contours[piece.contour[0] as usize..piece.contour[1] as usize]
+    }
+
+    /// Returns the number of bytes in use.
+    #[cfg(test)]
+    pub(crate) fn memory(&self) -> usize {
+        self.facing.len()
+            + 4 * (self.parent.len() + 2 * self.bounding.len() + self.triangles.len())
+            + 4 * self.contours.len()
+            + self.pieces.len() * size_of::<Piece>()
+    }
+
+    /// Pairs the drawn triangles on each segment; across parts of meshes if `joins`.
+    fn pair(&mut self, surfaces: &Surfaces, joins: bool) {
+        self.parent.clear();
+        self.parent.extend(0..surfaces.triangles.len() as u32);
+        self.bounding.clear();
+        let part = |triangle: u32| surfaces.triangles[triangle as usize].part;
+        for segment in 0..surfaces.segments.len() {
+            self.plus.clear();
+            self.minus.clear();
+            for &side in surfaces.sides(segment) {
+                let (triangle, forward) = (side / 2, side % 2 == 1);
+                match self.facing[triangle as usize] {
+                    0 => {}
+                    facing if (facing > 0) == forward => self.plus.push(triangle),
+                    _ => self.minus.push(triangle),
+                }
+            }
+            while let Some(first) = self.plus.pop() {
+                let fits = |&(_, &other): &(usize, &u32)| joins || part(first) == part(other);
+                let partners = self.minus.iter().enumerate().filter(fits);
+                let partner = if self.minus.len() == 1 {
+                    partners.map(|(at, _)| at).next()
+                } else {
+                    let flat = |other: u32| self.flatness(surfaces, first, other);
+                    partners.max_by(|a, b| flat(*a.1).total_cmp(&flat(*b.1))).map(|(at, _)| at)
+                };
+                match partner {
+                    Some(at) => {
+                        let other = self.minus.swap_remove(at);
+                        unite(&mut self.parent, first, other);
+                    }
+                    None => self.bounding.push((first, segment as u32)),
+                }
+            }
+            self.bounding.extend(self.minus.iter().map(|&triangle| (triangle, segment as u32)));
+        }
+    }
+
+    /// Returns the cosine of the angle between two drawn triangles, turned to face the cell, times its
+    /// magnitude.
+    fn flatness(&self, surfaces: &Surfaces, a: u32, b: u32) -> f64 {
+        let [m, n] = [a, b].map(|triangle| {
+            let [p, q, r] = surfaces.triangles[triangle as usize].corners.map(|p| p.as_dvec3());
+            (q - p).cross(r - p) * f64::from(self.facing[triangle as usize])
+        });
+        let dot = m.dot(n);
+        dot * dot.abs() / (m.length_squared() * n.length_squared())
+    }
+
+    /// Lists the pieces that [`pair`](Self::pair) found; only those of several parts if `joins`.
+    fn collect(&mut self, surfaces: &Surfaces, joins: bool) {
+        let (facing, parent) = (&self.facing, &mut self.parent);
+        let first_piece = self.pieces.len();
+        // The representative of a piece is its first triangle, so it comes before the others.
+        let mut number = alloc::vec![u32::MAX; facing.len()];
+        for triangle in 0..facing.len() as u32 {
+            if facing[triangle as usize] == 0 {
+                continue;
+            }
+            let root = find(parent, triangle);
+            let surface = &surfaces.triangles[triangle as usize];
+            if root == triangle {
+                number[root as usize] = self.pieces.len() as u32;
+                let bounds = Aabb::from_points(surface.corners);
+                self.pieces.push(Piece { bounds, triangles: [0; 2], contour: [0; 2], joins: false });
+            }
+            let piece = &mut self.pieces[number[root as usize] as usize];
+            piece.bounds = piece.bounds.union(&Aabb::from_points(surface.corners));
+            piece.joins |= surface.part != surfaces.triangles[root as usize].part;
+            piece.triangles[1] += 1;
+        }
+        if joins {
+            // Pieces of one part are there already.
+            let pieces = &mut self.pieces;
+            let mut kept = first_piece;
+            let mut renumber = alloc::vec![u32::MAX; pieces.len() - first_piece];
+            for at in first_piece..pieces.len() {
+                if pieces[at].joins {
+                    pieces[kept] = pieces[at];
+                    renumber[at - first_piece] = kept as u32;
+                    kept += 1;
+                }
+            }
+            pieces.truncate(kept);
+            for number in number.iter_mut().filter(|number| **number != u32::MAX) {
+                *number = renumber[*number as usize - first_piece];
+            }
+        }
+        for &(triangle, _) in &self.bounding {
+            if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
+                piece.contour[1] += 1;
+            }
+        }
+        let (mut triangle, mut segment) = (self.triangles.len() as u32, self.contours.len() as u32);
+        for piece in &mut self.pieces[first_piece..] {
+            let counts = [piece.triangles[1], piece.contour[1]];
+            (piece.triangles, piece.contour) = ([triangle; 2], [segment; 2]);
+            (triangle, segment) = (triangle + counts[0], segment + counts[1]);
+        }
+        self.triangles.resize(triangle as usize, 0);
+        self.contours.resize(segment as usize, 0);
+        for triangle in (0..facing.len() as u32).filter(|&triangle| facing[triangle as usize] != 0) {
+            if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
+                self.triangles[piece.triangles[1] as usize] = triangle;
+                piece.triangles[1] += 1;
+            }
+        }
+        for &(triangle, segment) in &self.bounding {
+            if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
+                self.contours[piece.contour[1] as usize] = segment;
+                piece.contour[1] += 1;
+            }
+        }
+    }
+}
+
+fn unite(parent: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (find(parent, a), find(parent, b));
+    // The first triangle of a piece represents it.
+    parent[a.max(b) as usize] = a.min(b);
+}
+
+fn find(parent: &mut [u32], mut at: u32) -> u32 {
+    while parent[at as usize] != at {
+        parent[at as usize] = parent[parent[at as usize] as usize];
+        at = parent[at as usize];
+    }
+    at
+}
+
+impl CellBox {
+    /// Returns 1 if the front of a triangle of the scene faces all of the box, -1 if its back does, 0 if its
+    /// plane cuts the box or nearly does.
+    fn facing(&self, corners: [DVec3; 3]) -> i8 {
+        let corners = corners.map(|p| self.to_axes(p));
+        facing(corners, DVec3::ZERO, self.half(), self.error(), self.is_mirrored())
+    }
+}

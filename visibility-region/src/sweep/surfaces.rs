@@ -1,0 +1,173 @@
+//! The opaque surfaces of a scene, with the segments along which their triangles meet.
+//!
+//! Occluders that touch hide more together than each by itself: no ray passes between two walls that share
+//! an edge. Triangles meet along segments: two sides of triangles with equal ends, or the common part of two
+//! sides on one line along an axis, as where a long wall meets two short ones. Positions are compared bit by
+//! bit, so nothing is joined that is not joined exactly.
+
+use alloc::vec::Vec;
+use visibility_core::Scene;
+use visibility_core::glam::{Affine3A, Vec3};
+use visibility_core::scene::Triangle;
+
+/// Triangles of all occluders whose mesh coordinates are scene coordinates, and their segments.
+#[derive(Debug, Default)]
+pub(crate) struct Surfaces {
+    pub(crate) triangles: Vec<Surface>,
+    pub(crate) segments: Vec<[Vec3; 2]>,
+    /// First element of `sides` of each segment, and the end of the last.
+    starts: Vec<u32>,
+    /// Sides of triangles on each segment, as twice the index of the triangle, plus 1 if the triangle runs
+    /// from the first end to the second.
+    sides: Vec<u32>,
+    /// One bit for each object index: whether its triangles are here.
+    objects: Vec<u64>,
+}
+
+/// A triangle of an object.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    pub(crate) corners: Triangle,
+    /// Number of the [part](visibility_core::OccluderMesh::parts) that the triangle is of, of all parts of all
+    /// objects.
+    pub(crate) part: u32,
+    /// Whether the back occludes too.
+    pub(crate) two_sided: bool,
+}
+
+/// A side of a triangle, on the line that `key` names.
+struct LineSide {
+    /// Axis and the two other coordinates, for a line along an axis. Otherwise 3, and a number of each end.
+    key: [u32; 3],
+    /// Ends along the axis, ascending; for lines of other directions both 0.
+    ends: [f32; 2],
+    points: [Vec3; 2],
+    /// As in [`Surfaces::sides`], for the points in their order.
+    side: u32,
+}
+
+/// A line with so many segments for each of its sides is not divided: its sides join where they have equal
+/// ends. This bounds memory where many long sides and many short ones lie on one line.
+const MOST_SEGMENTS: usize = 16;
+
+impl Surfaces {
+    /// Collects the surfaces of a scene. Takes O(n log n) time for n triangles.
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let mut all = Self { objects: alloc::vec![0; scene.index_limit().div_ceil(64)], ..Self::default() };
+        let mut number = 0;
+        for id in scene.ids() {
+            let Some((mesh, transform)) = scene.occluder(id) else { continue };
+            if *transform != Affine3A::IDENTITY {
+                continue;
+            }
+            all.objects[id.index() / 64] |= 1 << (id.index() % 64);
+            let parts = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
+            for part in parts {
+                // No back of a closed mesh is seen from outside.
+                let two_sided = part.is_two_sided() && !part.is_closed();
+                all.triangles.extend(part.triangles().iter().map(|t| Surface {
+                    // Adding zero makes zeros of both signs equal.
+                    corners: t.map(|i| part.positions()[i as usize] + 0.0),
+                    part: number,
+                    two_sided,
+                }));
+                number += 1;
+            }
+        }
+        all.find_segments();
+        all
+    }
+
+    /// Returns whether the object with an index has its triangles here.
+    pub(crate) fn contains(&self, object: usize) -> bool {
+        self.objects.get(object / 64).is_some_and(|word| word >> (object % 64) & 1 != 0)
+    }
+
+    /// Returns the sides on a segment, as twice the index of the triangle, plus 1 if the triangle runs from
+    /// the first end to the second.
+    pub(crate) fn sides(&self, segment: usize) -> &[u32] {
+        &self.sides[self.starts[segment] as usize..self.starts[segment + 1] as usize]
+    }
+
+    fn find_segments(&mut self) {
+        let mut sides = self.line_sides();
+        sides.sort_unstable_by(|a, b| a.key.cmp(&b.key).then(a.side.cmp(&b.side)));
+        let mut cuts: Vec<f32> = Vec::new();
+        for line in sides.chunk_by(|a, b| a.key == b.key) {
+            if line[0].key[0] == 3 {
+                self.push_segment(line[0].points, line.iter().map(|side| side.side));
+                continue;
+            }
+            cuts.clear();
+            cuts.extend(line.iter().flat_map(|side| side.ends));
+            cuts.sort_unstable_by(f32::total_cmp);
+            cuts.dedup();
+            let at = |x: f32| cuts.partition_point(|&cut| cut < x);
+            let count: usize = line.iter().map(|side| at(side.ends[1]) - at(side.ends[0])).sum();
+            let mut pieces: Vec<([u32; 2], u32)> = Vec::new();
+            for side in line {
+                let [low, high] = side.ends.map(|x| at(x) as u32);
+                if count > MOST_SEGMENTS * line.len() {
+                    pieces.push(([low, high], side.side));
+                } else {
+                    pieces.extend((low..high).map(|i| ([i, i + 1], side.side)));
+                }
+            }
+            pieces.sort_unstable();
+            let axis = line[0].key[0] as usize;
+            for group in pieces.chunk_by(|a, b| a.0 == b.0) {
+                let ends = group[0].0.map(|cut| {
+                    let mut point = line[0].points[0];
+                    point[axis] = cuts[cut as usize];
+                    point
+                });
+                self.push_segment(ends, group.iter().map(|piece| piece.1));
+            }
+        }
+        self.starts.push(self.sides.len() as u32);
+    }
+
+    fn push_segment(&mut self, ends: [Vec3; 2], sides: impl Iterator<Item = u32>) {
+        self.starts.push(self.sides.len() as u32);
+        self.segments.push(ends);
+        self.sides.extend(sides);
+    }
+
+    /// Returns the sides of all triangles with the lines that they are on.
+    fn line_sides(&self) -> Vec<LineSide> {
+        let bits = |p: Vec3| p.to_array().map(f32::to_bits);
+        // Equal corners get equal numbers.
+        let mut points: Vec<[u32; 3]> = self.triangles.iter().flat_map(|t| t.corners).map(bits).collect();
+        points.sort_unstable();
+        points.dedup();
+        let number = |p: Vec3| points.partition_point(|q| *q < bits(p)) as u32;
+        let mut sides = Vec::with_capacity(3 * self.triangles.len());
+        for (index, surface) in (0..).zip(&self.triangles) {
+            for corner in 0..3 {
+                let (a, b) = (surface.corners[corner], surface.corners[(corner + 1) % 3]);
+                let same = [a.x == b.x, a.y == b.y, a.z == b.z];
+                if same.iter().filter(|&&same| same).count() == 2 {
+                    let axis = same.iter().position(|same| !same).unwrap_or(0);
+                    let forward = a[axis] < b[axis];
+                    let (low, high) = if forward { (a, b) } else { (b, a) };
+                    sides.push(LineSide {
+                        key: [axis as u32, low[(axis + 1) % 3].to_bits(), low[(axis + 2) % 3].to_bits()],
+                        ends: [low[axis], high[axis]],
+                        points: [low, high],
+                        side: 2 * index + u32::from(forward),
+                    });
+                } else {
+                    let (p, q) = (number(a), number(b));
+                    let forward = p < q;
+                    sides.push(LineSide {
+                        key: [3, p.min(q), p.max(q)],
+                        ends: [0.0; 2],
+                        points: if forward { [a, b] } else { [b, a] },
+                        side: 2 * index + u32::from(forward),
+                    });
+                }
+            }
+        }
+        sides
+    }
+}
