@@ -316,7 +316,9 @@ impl Brush {
         let Target { window, near, rect, .. } = *target;
         let mut filled = false;
         for triangle in triangles.clone() {
-            filled |= fill(&mut self.inside, &Polygon::cut(triangle, near, window.d), window, rect);
+            if triangle.iter().any(|p| p.z < window.d) && triangle.iter().any(|p| p.z > near) {
+                filled |= fill(&mut self.inside, map, &Polygon::cut(triangle, near, window.d), window, rect);
+            }
         }
         if !filled {
             return;
@@ -441,26 +443,33 @@ impl Polygon {
 
 /// Sets the pixels of `rect` in which a polygon, seen from the middle of the cell's front, meets the middle
 /// line of the pixel's row. Returns whether there are any.
-fn fill(map: &mut RayMap, polygon: &Polygon, window: &Window, rect: PixelRect) -> bool {
+fn fill(inside: &mut RayMap, map: &RayMap, polygon: &Polygon, window: &Window, rect: PixelRect) -> bool {
     let count = polygon.count;
     if count < 3 {
         return false;
     }
     let mut p = [[0.0; 2]; 5];
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
     for (p, at) in p.iter_mut().zip(polygon.points()) {
         let scale = window.d / at.z;
         *p = [window.pixel(at.x * scale, 0), window.pixel(at.y * scale, 1)];
         (low, high) = (low.min(p[1]), high.max(p[1]));
+        (left, right) = (left.min(p[0]), right.max(p[0]));
     }
     let (first, last) = (low.max(rect.y[0] as f64), high.min(rect.y[1] as f64 + 1.0));
     // NaN fills nothing, too.
-    let meets = first <= last;
+    let (left, right) = (left.max(rect.x[0] as f64), right.min(rect.x[1] as f64 + 0.5));
+    let meets = first <= last && left <= right;
     if !meets {
         return false;
     }
+    let (first, last) = (first as usize, (last as usize).min(rect.y[1]));
+    if map.all_set(PixelRect { x: [left as usize, right as usize], y: [first, last] }) {
+        return false;
+    }
     let mut any = false;
-    for row in first as usize..=(last as usize).min(rect.y[1]) {
+    for row in first..=last {
         let y = row as f64 + 0.5;
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
         for i in 0..count {
@@ -472,7 +481,7 @@ fn fill(map: &mut RayMap, polygon: &Polygon, window: &Window, rect: PixelRect) -
         }
         let (left, right) = (left.max(rect.x[0] as f64), right.min(rect.x[1] as f64 + 0.5));
         if left <= right {
-            map.set_span(row, left as usize, right as usize);
+            inside.set_span(row, left as usize, right as usize);
             any = true;
         }
     }

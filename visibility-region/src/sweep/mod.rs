@@ -24,6 +24,9 @@ use window::Window;
 /// loses up to a pixel around what is covered, so drawing once more keeps more than reprojecting.
 const AGAIN: usize = 6;
 
+/// Depth at which pieces of several meshes are cut on the side of the cell, as a fraction of the plane's.
+const CUT: f64 = 0.3;
+
 /// The map of a sweep along one direction, and scratch memory. One value serves any number of sweeps.
 #[derive(Debug)]
 pub(crate) struct Sweep {
@@ -83,8 +86,11 @@ impl Sweep {
         let mut drawn = 0;
         let (pen, map) = (&mut self.pen, &mut self.map);
         self.open.retain_mut(|(index, again)| {
-            let occluder = &occluders[*index].occluder;
-            drawn += u64::from(pen.draw(map, direction, &window, occluder, cone.near));
+            let candidate = &occluders[*index];
+            let occluder = &candidate.occluder;
+            // A long piece is cut closer to the plane: what is nearer was drawn on the planes before.
+            let near = if candidate.joins { cone.near.max(CUT * window.d) } else { cone.near };
+            drawn += u64::from(pen.draw(map, direction, &window, occluder, near));
             *again -= usize::from(occluder.bounds.hi.z <= window.d);
             *again > 0
         });

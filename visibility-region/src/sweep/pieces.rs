@@ -16,6 +16,11 @@ use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
 
+/// Greatest number of triangles of a piece. Whole floors and streets could be one piece: such a piece begins
+/// near the cell and ends far away, so it would be drawn on every plane, and its own contours would cut much of
+/// what it covers. Several smaller pieces are drawn faster and cover no less.
+const MOST_TRIANGLES: u32 = 256;
+
 /// The pieces of one viewcell.
 #[derive(Debug, Default)]
 pub(crate) struct Pieces {
@@ -23,6 +28,8 @@ pub(crate) struct Pieces {
     /// does, otherwise 0.
     facing: Vec<i8>,
     parent: Vec<u32>,
+    /// Number of triangles of the piece that each triangle represents.
+    count: Vec<u32>,
     /// Segments of the contour, each with a triangle on it, before they are sorted by piece.
     bounding: Vec<(u32, u32)>,
     triangles: Vec<u32>,
@@ -73,19 +80,12 @@ impl Pieces {
         &self.contours[piece.contour[0] as usize..piece.contour[1] as usize]
     }
 
-    /// Returns the number of bytes in use.
-    #[cfg(test)]
-    pub(crate) fn memory(&self) -> usize {
-        self.facing.len()
-            + 4 * (self.parent.len() + 2 * self.bounding.len() + self.triangles.len())
-            + 4 * self.contours.len()
-            + self.pieces.len() * size_of::<Piece>()
-    }
-
     /// Pairs the drawn triangles on each segment; across parts of meshes if `joins`.
     fn pair(&mut self, surfaces: &Surfaces, joins: bool) {
         self.parent.clear();
         self.parent.extend(0..surfaces.triangles.len() as u32);
+        self.count.clear();
+        self.count.resize(surfaces.triangles.len(), 1);
         self.bounding.clear();
         let part = |triangle: u32| surfaces.triangles[triangle as usize].part;
         for segment in 0..surfaces.segments.len() {
@@ -111,7 +111,9 @@ impl Pieces {
                 match partner {
                     Some(at) => {
                         let other = self.minus.swap_remove(at);
-                        unite(&mut self.parent, first, other);
+                        if !unite(&mut self.parent, &mut self.count, first, other) {
+                            self.bounding.extend([(first, segment as u32), (other, segment as u32)]);
+                        }
                     }
                     None => self.bounding.push((first, segment as u32)),
                 }
@@ -198,10 +200,21 @@ impl Pieces {
     }
 }
 
-fn unite(parent: &mut [u32], a: u32, b: u32) {
+/// Makes the pieces of two triangles one. Returns false if they are different and too large for that.
+fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (find(parent, a), find(parent, b));
+    if a == b {
+        return true;
+    }
     // The first triangle of a piece represents it.
-    parent[a.max(b) as usize] = a.min(b);
+    let (root, other) = (a.min(b), a.max(b));
+    let sum = count[a as usize] + count[b as usize];
+    if sum > MOST_TRIANGLES {
+        return false;
+    }
+    count[root as usize] = sum;
+    parent[other as usize] = root;
+    true
 }
 
 fn find(parent: &mut [u32], mut at: u32) -> u32 {

@@ -100,6 +100,8 @@ impl Cone {
 pub(crate) struct Candidate<'a> {
     pub(crate) occluder: Occluder<'a>,
     share: f64,
+    /// Whether the occluder is a piece that joins several meshes.
+    pub(crate) joins: bool,
 }
 
 /// The occluders of one viewcell: pieces of surfaces, and meshes that are not among the surfaces.
@@ -122,7 +124,7 @@ pub(crate) fn occluders<'a>(
         let share = cone.share(direction, &occluder.bounds);
         if share > 0.0 && occluder.is_precise(direction) {
             // A piece of several objects is long, and planes right behind its parts serve it better.
-            all.push(Candidate { occluder, share: if joins { 0.0 } else { share } });
+            all.push(Candidate { occluder, share: if joins { 0.0 } else { share }, joins });
         }
     };
     for piece in pieces.all() {
