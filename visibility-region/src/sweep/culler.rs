@@ -51,9 +51,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Collects the surfaces of the scene anew if occluders have changed. Takes O(n log n) time for n triangles
-    /// then, otherwise time in proportion to the changes. [`cull`](RegionCuller::cull) calls this; called
-    /// before a culler is cloned, it lets all clones share the surfaces.
+    /// Collects the surfaces of the scene anew if occluders have changed. Takes O(n log n) time for n
+    /// triangles then, otherwise time in proportion to the changes. [`cull`](RegionCuller::cull) calls this;
+    /// called before a culler is cloned, it lets all clones share the surfaces.
     pub fn sync(&mut self, scene: &Scene) {
         let known = match self.cursor.follow(scene) {
             Changes::Everything => false,

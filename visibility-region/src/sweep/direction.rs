@@ -5,8 +5,8 @@
 //! sections 3.1 and 4.3): a ray is followed along each lateral axis by itself.
 //!
 //! Local coordinates are an affine image of scene coordinates. Lines stay lines under such a map, so nothing
-//! here depends on the axes being exactly orthogonal or of unit length: it suffices that the viewcell, mapped,
-//! lies within the box of [`Direction::half`] and [`Direction::depth`].
+//! here depends on the axes being exactly orthogonal or of unit length: it suffices that the viewcell,
+//! mapped, lies within the box of [`Direction::half`] and [`Direction::depth`].
 
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, pvs::Viewcell};
@@ -121,8 +121,8 @@ impl Direction {
         LocalBox { lo: DVec3::new(x.0, y.0, z.0) - offset, hi: DVec3::new(x.1, y.1, z.1) - offset }
     }
 
-    /// Returns the distance between a plane and what is certainly behind it, or what certainly ends before it,
-    /// in metres. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
+    /// Returns the distance between a plane and what is certainly behind it, or what certainly ends before
+    /// it, in metres. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
     /// [`error`](Self::error); a plane's own distance is exact.
     pub(crate) fn guard(&self) -> f64 {
         8.0 * self.error

@@ -8,8 +8,8 @@
 //! from viewpoint v to point p of the plane, count the triangles of the chain that it crosses. The count can
 //! change with v and p only where the ray crosses an edge that bounds the chain: an edge with one drawn
 //! triangle, or a cut. (Across an edge of two drawn triangles the ray leaves one and enters the other, since
-//! both face the viewpoint.) So if from no viewpoint such an edge, the *contour*, is seen in a pixel, then the
-//! count is the same for all rays through the pixel; and if one ray certainly crosses a triangle, all do.
+//! both face the viewpoint.) So if from no viewpoint such an edge, the *contour*, is seen in a pixel, then
+//! the count is the same for all rays through the pixel; and if one ray certainly crosses a triangle, all do.
 //! A pixel is covered if one ray from the middle of the cell's front crosses a drawn triangle in it, and no
 //! contour edge, swept over all viewpoints and widened by the bound on rounding, meets it.
 //!
@@ -67,8 +67,8 @@ impl<'a> Occluder<'a> {
         let magnitude = translation.abs().element_sum()
             + (0..3).map(|axis| columns[axis].abs().element_sum() * far[axis]).sum::<f64>();
         // The products of rows and columns round three products and two sums, those with a vertex as many,
-        // and the offset is added: with u = EPSILON / 2, less than 16 u of the magnitude, and the offset's own
-        // error is the direction's.
+        // and the offset is added: with u = EPSILON / 2, less than 16 u of the magnitude, and the offset's
+        // own error is the direction's.
         let error = 16.0 * f64::EPSILON * magnitude + direction.error;
         let determinant = rows[0].cross(rows[1]).dot(rows[2]);
         let size: f64 = rows.iter().map(|row| row.abs().element_sum()).product();
@@ -232,8 +232,8 @@ impl Pen {
 
     /// Returns whether the errors of vertices stay below the slack in pixels on this plane.
     fn decides(direction: &Direction, window: &Window, occluder: &Occluder<'_>, near: f64) -> bool {
-        // A vertex at (x, z) is seen at x + (x - v) (d - z) / (z + w). With w >= 0 and |v| <= h its derivative
-        // by x is at most d / z, that by z at most (|x| + h) d / z^2.
+        // A vertex at (x, z) is seen at x + (x - v) (d - z) / (z + w). With w >= 0 and |v| <= h its
+        // derivative by x is at most d / z, that by z at most (|x| + h) d / z^2.
         let LocalBox { lo, hi } = occluder.bounds;
         let z = lo.z.max(near);
         (0..2).all(|lat| {
@@ -334,8 +334,8 @@ impl Brush {
         self.inside.clear_rect(rect);
     }
 
-    /// Draws the edges that the plane and the near cut leave of a triangle. Returns false if a position is too
-    /// far away to compute with.
+    /// Draws the edges that the plane and the near cut leave of a triangle. Returns false if a position is
+    /// too far away to compute with.
     fn sweep_cuts(&mut self, target: &Target<'_>, triangle: [DVec3; 3]) -> bool {
         let Target { window, near, .. } = *target;
         if triangle.iter().all(|p| p.z > near && p.z < window.d) {

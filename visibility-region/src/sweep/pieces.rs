@@ -17,8 +17,8 @@ use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of triangles of a piece. Whole floors and streets could be one piece: such a piece begins
-/// near the cell and ends far away, so it would be drawn on every plane, and its own contours would cut much of
-/// what it covers. Several smaller pieces are drawn faster and cover no less.
+/// near the cell and ends far away, so it would be drawn on every plane, and its own contours would cut much
+/// of what it covers. Several smaller pieces are drawn faster and cover no less.
 const MOST_TRIANGLES: u32 = 256;
 
 /// The pieces of one viewcell.
@@ -50,7 +50,8 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Finds the pieces of surfaces. First come those of single parts of meshes, then those that join several.
+    /// Finds the pieces of surfaces. First come those of single parts of meshes, then those that join
+    /// several.
     pub(crate) fn find(&mut self, surfaces: &Surfaces, cell: &CellBox) {
         self.triangles.clear();
         self.contours.clear();

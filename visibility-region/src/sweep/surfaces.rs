@@ -28,8 +28,8 @@ pub(crate) struct Surfaces {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) corners: Triangle,
-    /// Number of the [part](visibility_core::OccluderMesh::parts) that the triangle is of, of all parts of all
-    /// objects.
+    /// Number of the [part](visibility_core::OccluderMesh::parts) that the triangle is of, of all parts of
+    /// all objects.
     pub(crate) part: u32,
     /// Whether the back occludes too.
     pub(crate) two_sided: bool,
