@@ -13,7 +13,7 @@
 //! face are farther off, but on the right side. Underflow loses less than the least normal number.
 
 use super::columns::{BLOCK, Columns};
-use super::frame::{FACES, Frame};
+use super::frame::Frame;
 use visibility_core::Aabb;
 use visibility_core::scene::Boxes64;
 
@@ -86,9 +86,9 @@ impl<const N: usize> Relative<N> {
         Self { x: around(0), y: around(1), z: around(2) }
     }
 
-    /// Returns depth and lateral coordinates in a face, least and greatest.
+    /// Returns depth and lateral coordinates in the face `FACE`, least and greatest.
     #[inline(always)]
-    fn turned(&self, face: usize) -> [[[f32; N]; 2]; 2] {
+    fn turned<const FACE: usize>(&self) -> [[[f32; N]; 2]; 2] {
         let negated = |of: &[[f32; N]; 2]| {
             let mut out = [[0.0; N]; 2];
             for lane in 0..N {
@@ -96,7 +96,7 @@ impl<const N: usize> Relative<N> {
             }
             out
         };
-        match face {
+        match FACE {
             0 => [self.x, self.y],
             1 => [self.y, negated(&self.x)],
             2 => [negated(&self.x), negated(&self.y)],
@@ -105,8 +105,8 @@ impl<const N: usize> Relative<N> {
     }
 
     #[inline(always)]
-    fn parts(&self, face: usize, half: f32) -> Parts<N> {
-        let [[near, far], [right, left]] = self.turned(face);
+    fn parts<const FACE: usize>(&self, half: f32) -> Parts<N> {
+        let [[near, far], [right, left]] = self.turned::<FACE>();
         let mut parts = Parts {
             meets: [false; N],
             from: [0.0; N],
@@ -141,6 +141,36 @@ impl<const N: usize> Relative<N> {
 }
 
 impl Columns {
+    /// Tests the lanes of `state.0`, candidates that are hidden in the faces so far, in the face `FACE`.
+    /// Removes those that are not hidden there, and adds those that meet the face to `state.1`.
+    #[inline(always)]
+    fn hidden_in_face<const FACE: usize, const N: usize>(
+        &self,
+        relative: &Relative<N>,
+        state: &mut (u64, u64),
+    ) {
+        let (hidden, met) = state;
+        let seen = self.seen(FACE);
+        let (begin, last) = (seen.start as f32, seen.end as f32 - 1.0);
+        let parts = relative.parts::<FACE>(0.5 * self.per_face() as f32);
+        let mut left = *hidden;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize % N;
+            left &= left - 1;
+            // Beside the wedge, or beside the columns in view.
+            if !parts.meets[lane] || parts.to[lane] < begin || parts.from[lane] >= last + 1.0 {
+                continue;
+            }
+            *met |= 1 << lane;
+            let first = parts.from[lane].max(begin) as i32 as usize;
+            let last = parts.to[lane].min(last) as i32 as usize;
+            let (w, low, high) = (parts.inverse_depth[lane], parts.low[lane], parts.high[lane]);
+            if !self.is_behind(FACE, first, last, w, low, high) {
+                *hidden &= !(1 << lane);
+            }
+        }
+    }
+
     /// Returns the lanes of `candidates` in which each point of the box that the view may see is certainly
     /// hidden.
     #[inline(always)]
@@ -151,43 +181,30 @@ impl Columns {
         candidates: u64,
     ) -> u64 {
         let relative = Relative::new(eye, boxes);
-        let half = 0.5 * self.per_face() as f32;
-        let (mut beside, mut proper) = (0u64, 0u64);
+        let mut open = 0;
         for lane in 0..N {
             let (x, y, z) = (&relative.x, &relative.y, &relative.z);
             let is_beside = (x[0][lane] > 0.0) | (x[1][lane] < 0.0) | (y[0][lane] > 0.0) | (y[1][lane] < 0.0);
             let is_proper =
                 (x[0][lane] <= x[1][lane]) & (y[0][lane] <= y[1][lane]) & (z[0][lane] <= z[1][lane]);
-            beside |= u64::from(is_beside) << lane;
-            proper |= u64::from(is_proper) << lane;
+            open |= u64::from(!(is_beside & is_proper)) << lane;
         }
         // Lanes that are hidden in the faces so far, and those that meet some face.
-        let (mut hidden, mut met) = (candidates & beside & proper, 0);
-        for face in 0..FACES {
-            let seen = self.seen(face);
-            if seen.is_empty() {
-                continue;
-            }
-            let parts = relative.parts(face, half);
-            let (begin, last) = (seen.start as f32, (seen.end - 1) as f32);
-            let mut left = hidden;
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize % N;
-                left &= left - 1;
-                // Beside the wedge, or beside the columns in view.
-                if !parts.meets[lane] || parts.to[lane] < begin || parts.from[lane] >= last + 1.0 {
-                    continue;
-                }
-                met |= 1 << lane;
-                let first = parts.from[lane].max(begin) as usize;
-                let last = parts.to[lane].min(last) as usize;
-                let (w, low, high) = (parts.inverse_depth[lane], parts.low[lane], parts.high[lane]);
-                if !self.is_behind(face, first, last, w, low, high) {
-                    hidden &= !(1 << lane);
-                }
-            }
+        let mut state = (candidates & !open, 0);
+        let is_seen = |face: usize| !self.seen(face).is_empty();
+        if is_seen(0) {
+            self.hidden_in_face::<0, N>(&relative, &mut state);
         }
-        hidden & met
+        if is_seen(1) {
+            self.hidden_in_face::<1, N>(&relative, &mut state);
+        }
+        if is_seen(2) {
+            self.hidden_in_face::<2, N>(&relative, &mut state);
+        }
+        if is_seen(3) {
+            self.hidden_in_face::<3, N>(&relative, &mut state);
+        }
+        state.0 & state.1
     }
 
     /// Returns whether each column from `first` to `last` of a face has a step that hides what is at inverse
@@ -209,7 +226,9 @@ impl Columns {
         let count = blocks.len();
         for (index, block) in blocks.iter().enumerate() {
             let spared = before | if index + 1 == count { behind } else { 0 };
-            if block.hides(inverse_depth, low, high) | spared != all {
+            if !block.is_hidden_throughout(inverse_depth, low, high)
+                && block.hides(inverse_depth, low, high) | spared != all
+            {
                 return false;
             }
             before = 0;

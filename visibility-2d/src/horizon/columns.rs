@@ -40,6 +40,8 @@ pub(crate) const BLOCK: usize = 8;
 /// The steps of eight neighbouring columns, by step and column: tested together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
+    /// What all columns hide, each with the step of the highest top.
+    common: Step,
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
     high: [[f32; BLOCK]; STEPS],
@@ -47,6 +49,7 @@ pub(crate) struct Block {
 
 impl Block {
     const OPEN: Self = Self {
+        common: Step::OPEN,
         inverse_depth: [[Step::OPEN.inverse_depth; BLOCK]; STEPS],
         low: [[Step::OPEN.low; BLOCK]; STEPS],
         high: [[Step::OPEN.high; BLOCK]; STEPS],
@@ -66,9 +69,36 @@ impl Block {
         self.high[step][column] = value.high;
     }
 
+    /// Computes `common` anew.
+    fn summarize(&mut self) {
+        let mut all = Step { inverse_depth: f32::INFINITY, low: f32::NEG_INFINITY, high: f32::INFINITY };
+        for column in 0..BLOCK {
+            let mut highest = self.step(0, column);
+            for step in 1..STEPS {
+                let other = self.step(step, column);
+                highest = if other.high > highest.high { other } else { highest };
+            }
+            all = Step {
+                inverse_depth: all.inverse_depth.min(highest.inverse_depth),
+                low: all.low.max(highest.low),
+                high: all.high.min(highest.high),
+            };
+        }
+        self.common = all;
+    }
+
+    /// Returns whether all columns hide what is at inverse depth `inverse_depth` or less, between the heights
+    /// `low` and `high`, each with the step of the highest top.
+    #[inline(always)]
+    pub(crate) fn is_hidden_throughout(&self, inverse_depth: f32, low: f32, high: f32) -> bool {
+        let Step { inverse_depth: w, low: from, high: to } = self.common;
+        (w > inverse_depth) & (from < low) & (to > high)
+    }
+
     /// Returns a mask of the columns with a step that hides what is at inverse depth `inverse_depth` or less,
     /// between the heights `low` and `high`.
-    #[inline(always)]
+    // Not inlined, since it compiles to vector instructions only by itself.
+    #[inline(never)]
     pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
         // Masks by selection, without shifts: SSE2 shifts all lanes by the same number.
         const BITS: [u32; BLOCK] = [1, 2, 4, 8, 16, 32, 64, 128];
@@ -94,7 +124,7 @@ pub(crate) struct Columns {
     seen: [Range<usize>; FACES],
     outline: Outline,
     /// Scratch of [`draw`](Self::draw), one entry per side of a column: top, negated bottom, inverse depth.
-    sides: Vec<[f64; 3]>,
+    sides: [Vec<f64>; 3],
 }
 
 impl Columns {
@@ -105,7 +135,7 @@ impl Columns {
             blocks: vec![Block::OPEN; per_face.div_ceil(BLOCK) * FACES],
             seen: [const { 0..0 }; FACES],
             outline: Outline::default(),
-            sides: vec![[0.0; 3]; per_face + 1],
+            sides: core::array::from_fn(|_| vec![0.0; per_face + 1]),
         }
     }
 
@@ -169,27 +199,33 @@ impl Columns {
         if begin >= end {
             return;
         }
-        let mut sides = core::mem::take(&mut self.sides);
-        sides[begin..=end].fill([f64::INFINITY; 3]);
-        sample(&mut sides[begin..=end], begin, upper, error, 0, 1.0);
-        sample(&mut sides[begin..=end], begin, lower, error, 1, -1.0);
-        let blocks = self.face_mut(face);
-        for (column, pair) in (begin..end).zip(sides[begin..=end].windows(2)) {
+        let sides = &mut self.sides;
+        sides.iter_mut().for_each(|entries| entries[begin..=end].fill(f64::INFINITY));
+        let [highs, lows, inverse_depths] = sides;
+        sample(&mut highs[begin..=end], &mut inverse_depths[begin..=end], begin, upper, error, 1.0);
+        sample(&mut lows[begin..=end], &mut inverse_depths[begin..=end], begin, lower, error, -1.0);
+        let count = self.per_face.div_ceil(BLOCK);
+        let blocks = &mut self.blocks[face * count..][..count];
+        for column in begin..end {
             let least =
-                |slot: usize| if pair[0][slot] < pair[1][slot] { pair[0][slot] } else { pair[1][slot] };
-            // Rounding to `f32` errs by half a step, which the next step inwards exceeds.
+                |of: &[f64]| (if of[column] < of[column + 1] { of[column] } else { of[column + 1] }) as f32;
+            let (high, low, inverse_depth) = (least(highs), -least(lows), least(inverse_depths));
+            // Rounding to `f32` errs by 2^-24 of a number, or by the least denormal number.
             let step = Step {
-                inverse_depth: (least(2) as f32).next_down(),
-                low: (-least(1) as f32).next_up(),
-                high: (least(0) as f32).next_down(),
+                inverse_depth: inverse_depth - inverse_depth * INWARDS,
+                low: low + (low.abs() * INWARDS + f32::MIN_POSITIVE),
+                high: high - (high.abs() * INWARDS + f32::MIN_POSITIVE),
             };
-            if step.low < step.high && step.inverse_depth > 0.0 {
+            if step.low < step.high && step.inverse_depth >= f32::MIN_POSITIVE {
                 insert(&mut blocks[column / BLOCK], column % BLOCK, step);
             }
         }
-        self.sides = sides;
+        blocks[begin / BLOCK..end.div_ceil(BLOCK)].iter_mut().for_each(Block::summarize);
     }
 }
+
+/// Part of itself by which a number is moved inwards after rounding to `f32`, twice the unit round-off.
+const INWARDS: f32 = f32::EPSILON;
 
 /// Returns the least whole number that is not less.
 fn ceil(x: f64) -> f64 {
@@ -197,42 +233,42 @@ fn ceil(x: f64) -> f64 {
     if whole < x { whole + 1.0 } else { whole }
 }
 
-/// Lowers, for each side of a column that `sides` holds from the right side of column `begin` on, the entries
-/// `slot` and 2 to the height (times `sense`) and the inverse depth of an outline there, less the error
-/// bounds.
+/// Lowers, for each side of a column from the right side of column `begin` on, `heights` and `inverse_depths`
+/// to the height (times `sense`) and the inverse depth of an outline there, less the error bounds.
 fn sample(
-    sides: &mut [[f64; 3]],
+    heights: &mut [f64],
+    inverse_depths: &mut [f64],
     begin: usize,
     outline: &[Corner],
     error: &CornerError,
-    slot: usize,
     sense: f64,
 ) {
-    let last = (begin + sides.len() - 1) as f64;
+    let last = (begin + heights.len() - 1) as f64;
     for pair in outline.windows(2) {
         // The sides that the exact edge may cross.
         let (from, to) = (pair[0].column - error.column, pair[1].column + error.column);
         if to < begin as f64 || from > last {
             continue;
         }
-        let edge = Edge::new(pair[0], pair[1], error);
-        let from = ceil(from.max(begin as f64)) as usize;
-        let to = (to.min(last)) as usize;
-        for side in from..=to {
-            let (inverse_depth, height) = edge.at(side as f64, sense);
-            let entry = &mut sides[side - begin];
-            if height < entry[slot] {
-                entry[slot] = height;
-            }
-            if inverse_depth < entry[2] {
-                entry[2] = inverse_depth;
-            }
+        let edge = Edge::new(pair[0], pair[1], error, sense);
+        let from = ceil(from.max(begin as f64));
+        let range = from as usize - begin..(to.min(last)) as usize + 1 - begin;
+        let Some(heights) = heights.get_mut(range.clone()) else { continue };
+        let (mut inverse_depth, mut height) = edge.at(from);
+        for (h, w) in heights.iter_mut().zip(&mut inverse_depths[range]) {
+            *h = if height < *h { height } else { *h };
+            *w = if inverse_depth < *w { inverse_depth } else { *w };
+            (inverse_depth, height) = (inverse_depth + edge.inverse_depth_slope, height + edge.slope);
         }
     }
 }
 
 /// Adds a step to a column of a block. If the column is full, the lowest top goes.
 fn insert(block: &mut Block, column: usize, step: Step) {
+    // Most columns are drawn once.
+    if block.high.iter().all(|high| high[column] == f32::NEG_INFINITY) {
+        return block.set_step(0, column, step);
+    }
     // Behind the farther of two steps whose heights meet, the union of both heights is hidden.
     let mut steps: [Step; STEPS] = core::array::from_fn(|old| block.step(old, column));
     let mut new = step;

@@ -13,14 +13,20 @@
 //! `t`, heights by `d (1 + |s|)`, and inverse depths by `d / x`. An edge between two such corners is, at any
 //! column, off by at most the error of the heights and, for the errors of the columns at both ends, by its
 //! slope times these; if the edge is at least four times as wide as that error, the exact slope is at most
-//! twice the computed one and a part of the height's error. Hence the `2 (height + slope * column)` of
-//! [`Edge`], which also holds the rounding of the interpolation.
+//! twice the computed one and a part of the height's error: `2 (height + slope * column)`. Another such sum
+//! covers a column beyond the ends of the computed edge by the error of columns, and the rounding of the
+//! interpolation: a sum of at most 2^15 steps, each rounded by `u` of a number that is at most the greatest
+//! height or inverse depth.
 
 use super::frame::{Frame, turned};
 use alloc::vec::Vec;
 
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
+
+/// Bound on the units of round-off of a sum along an edge: one for each of the at most 2^14 columns of a
+/// face, and those of its first term.
+const STEPS: f64 = 32768.0;
 
 /// An upright segment inside of an occluder, in metres relative to the scene's origin.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -127,8 +133,8 @@ impl Outline {
         let d = 2.0 * e * least;
         self.error = CornerError {
             column: half * d * (1.0 + tangent) + 8.0 * U * half * (1.0 + tangent),
-            height: d * (1.0 + height) + 4.0 * U * height,
-            inverse_depth: (d + 4.0 * U) * least,
+            height: d * (1.0 + height) + STEPS * U * height,
+            inverse_depth: (d + STEPS * U) * least,
         };
         self.projected.sort_unstable_by(|a, b| a.column.total_cmp(&b.column));
         self.upper.clear();
@@ -185,53 +191,48 @@ fn push_to_hull(chain: &mut Vec<Corner>, corner: Corner, sense: f64) {
     chain.push(corner);
 }
 
-/// An edge of an outline as a function of the column, with bounds on its error.
+/// An edge of an outline as a function of the column: its inverse depth and its height, less their error
+/// bounds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
-    from: Corner,
-    to: Corner,
-    is_steep: bool,
-    slope: f64,
-    inverse_depth_slope: f64,
-    height_error: f64,
-    inverse_depth_error: f64,
+    /// First column of the edge, and the inverse depth and the height there, less the error bounds.
+    column: f64,
+    inverse_depth: f64,
+    height: f64,
+    /// Growth of both from column to column.
+    pub(crate) inverse_depth_slope: f64,
+    pub(crate) slope: f64,
 }
 
 impl Edge {
-    /// Makes the edge between two successive corners of an outline.
-    pub(crate) fn new(from: Corner, to: Corner, error: &CornerError) -> Self {
+    /// Makes the edge between two successive corners of an outline, with heights times `sense`, 1 or -1. A
+    /// steep edge has the lesser of both ends everywhere.
+    pub(crate) fn new(from: Corner, to: Corner, error: &CornerError, sense: f64) -> Self {
         let width = to.column - from.column;
         let is_steep = width.is_nan() || width <= 4.0 * error.column;
         let per = if is_steep { 0.0 } else { 1.0 / width };
-        let slope = (to.height - from.height) * per;
+        let slope = sense * (to.height - from.height) * per;
         let inverse_depth_slope = (to.inverse_depth - from.inverse_depth) * per;
+        let (mut height, mut inverse_depth) = (sense * from.height, from.inverse_depth);
+        if is_steep {
+            height = height.min(sense * to.height);
+            inverse_depth = inverse_depth.min(to.inverse_depth);
+        }
         Self {
-            from,
-            to,
-            is_steep,
-            slope,
+            column: from.column,
+            inverse_depth: inverse_depth
+                - 4.0 * (error.inverse_depth + error.column * inverse_depth_slope.abs()),
+            height: height - 4.0 * (error.height + error.column * slope.abs()),
             inverse_depth_slope,
-            height_error: 2.0 * (error.height + error.column * slope.abs()),
-            inverse_depth_error: 2.0 * (error.inverse_depth + error.column * inverse_depth_slope.abs()),
+            slope,
         }
     }
 
-    /// Returns, at a column, the inverse depth and the height times `sense`, 1 or -1, both less their error
-    /// bounds. Columns beyond the edge's ends count as the nearer end. A steep edge has the lesser of both
-    /// ends everywhere.
+    /// Returns inverse depth and height at a column of the edge, or beyond its ends by at most the error of
+    /// columns.
     #[inline]
-    pub(crate) fn at(&self, column: f64, sense: f64) -> (f64, f64) {
-        let (from, to) = (&self.from, &self.to);
-        let (inverse_depth, height) = if self.is_steep {
-            (from.inverse_depth.min(to.inverse_depth), (sense * from.height).min(sense * to.height))
-        } else {
-            let end = if column < to.column { column } else { to.column };
-            let along = if end > from.column { end - from.column } else { 0.0 };
-            (
-                from.inverse_depth + self.inverse_depth_slope * along,
-                sense * (from.height + self.slope * along),
-            )
-        };
-        (inverse_depth - self.inverse_depth_error, height - self.height_error)
+    pub(crate) fn at(&self, column: f64) -> (f64, f64) {
+        let along = column - self.column;
+        (self.inverse_depth + self.inverse_depth_slope * along, self.height + self.slope * along)
     }
 }
