@@ -11,6 +11,7 @@ extern crate alloc;
 extern crate std;
 
 pub mod cdt;
+pub mod discs;
 mod float;
 pub mod horizon;
 

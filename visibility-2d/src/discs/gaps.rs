@@ -1,0 +1,146 @@
+//! The directions that are still open: disjoint intervals of direction numbers, in sectors.
+//!
+//! An interval is inserted into the list of its sector alone, so that a cut moves little memory.
+
+use alloc::vec::Vec;
+
+/// Number of sectors.
+const SECTORS: usize = 256;
+
+/// Sectors for each unit of direction numbers.
+const PER_UNIT: f64 = SECTORS as f64 / 4.0;
+
+/// A set of directions: those in which nothing has been met so far.
+#[derive(Clone, Debug)]
+pub(crate) struct Gaps {
+    /// Open intervals of each sector, ascending.
+    sectors: Vec<Vec<(f64, f64)>>,
+    /// Number of sectors with a gap.
+    open: usize,
+}
+
+impl Gaps {
+    pub(crate) fn new() -> Self {
+        Self { sectors: alloc::vec![Vec::new(); SECTORS], open: 0 }
+    }
+
+    /// Opens all directions, or those from `first` counter-clockwise to `last`, and closes all others.
+    pub(crate) fn begin(&mut self, directions: Option<(f64, f64)>) {
+        self.sectors.iter_mut().for_each(Vec::clear);
+        self.open = 0;
+        match directions {
+            None => self.put(0.0, 4.0),
+            Some((first, last)) if first <= last => self.put(first, last),
+            Some((first, last)) => {
+                self.put(0.0, last);
+                self.put(first, 4.0);
+            }
+        }
+    }
+
+    fn put(&mut self, first: f64, last: f64) {
+        for sector in sector_of(first)..=sector_of(last) {
+            let begin = first.max(sector as f64 / PER_UNIT);
+            let end = last.min((sector + 1) as f64 / PER_UNIT);
+            if begin < end {
+                self.open += usize::from(self.sectors[sector].is_empty());
+                self.sectors[sector].push((begin, end));
+            }
+        }
+    }
+
+    /// Returns whether no direction is open.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.open == 0
+    }
+
+    /// Returns whether some direction is open between `first`, counter-clockwise, and `last`, both moved
+    /// outwards by `error`.
+    #[inline]
+    pub(crate) fn any(&self, first: f64, last: f64, error: f64) -> bool {
+        let (first, last) = (first - error, last + error);
+        if first <= last {
+            return self.any_between(first, last);
+        }
+        self.any_between(first, 4.0) || self.any_between(0.0, last)
+    }
+
+    #[inline]
+    fn any_between(&self, first: f64, last: f64) -> bool {
+        let (from, to) = (sector_of(first), sector_of(last));
+        let meets = |gaps: &[(f64, f64)]| {
+            let next = gaps.iter().find(|gap| gap.1 > first);
+            next.is_some_and(|gap| gap.0 < last)
+        };
+        if from == to {
+            return meets(&self.sectors[from]);
+        }
+        meets(&self.sectors[from])
+            || meets(&self.sectors[to])
+            || self.sectors[from + 1..to].iter().any(|gaps| !gaps.is_empty())
+    }
+
+    /// Closes the directions between `first`, counter-clockwise, and `last`, both moved inwards by `error`.
+    #[inline]
+    pub(crate) fn cut(&mut self, first: f64, last: f64, error: f64) {
+        let width = if first <= last { last - first } else { last + 4.0 - first };
+        if width <= 2.0 * error {
+            return;
+        }
+        let (first, last) = (first + error, last - error);
+        let first = if first >= 4.0 { first - 4.0 } else { first };
+        let last = if last < 0.0 { last + 4.0 } else { last };
+        if first <= last {
+            self.cut_between(first, last);
+        } else {
+            self.cut_between(first, 4.0);
+            self.cut_between(0.0, last);
+        }
+    }
+
+    fn cut_between(&mut self, first: f64, last: f64) {
+        if first >= last {
+            return;
+        }
+        for sector in sector_of(first)..=sector_of(last) {
+            let gaps = &mut self.sectors[sector];
+            if !gaps.is_empty() {
+                cut_list(gaps, first, last);
+                self.open -= usize::from(gaps.is_empty());
+            }
+        }
+    }
+}
+
+fn sector_of(number: f64) -> usize {
+    ((number.max(0.0) * PER_UNIT) as usize).min(SECTORS - 1)
+}
+
+/// Removes what is between `first` and `last` from an ascending list of disjoint intervals.
+fn cut_list(gaps: &mut Vec<(f64, f64)>, first: f64, last: f64) {
+    let begin = gaps.partition_point(|gap| gap.1 <= first);
+    let end = begin + gaps[begin..].partition_point(|gap| gap.0 < last);
+    if begin == end {
+        return;
+    }
+    let (left, right) = ((gaps[begin].0, first), (last, gaps[end - 1].1));
+    match (left.0 < left.1, right.0 < right.1) {
+        (true, true) if end - begin == 1 => {
+            gaps[begin] = left;
+            gaps.insert(begin + 1, right);
+        }
+        (true, true) => {
+            (gaps[begin], gaps[end - 1]) = (left, right);
+            gaps.drain(begin + 1..end - 1);
+        }
+        (true, false) => {
+            gaps[begin] = left;
+            gaps.drain(begin + 1..end);
+        }
+        (false, true) => {
+            gaps[end - 1] = right;
+            gaps.drain(begin..end - 1);
+        }
+        (false, false) => drop(gaps.drain(begin..end)),
+    }
+}

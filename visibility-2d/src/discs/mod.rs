@@ -1,0 +1,27 @@
+//! Exact visibility among discs on the plan: the trunks of a forest, pillars, silos.
+//!
+//! The eye sees few of a million trunks, those nearby. They are found front to back: a priority queue takes
+//! nodes of a tree and discs by their *power*, the squared distance of the centre less the squared radius,
+//! and each disc that shows in a gap between those before closes a part of it. When no gap is left, the
+//! search ends, however many discs there are behind. The power of the eye with respect to a disc is the
+//! product of the distances at which a line of sight enters and leaves the disc, so of two disjoint discs on
+//! a line of sight, the nearer one has the lesser power: powers are an order of depth. Distances of nearest
+//! points are not.
+//!
+//! ("Visible Zone Maintenance for Real-Time Occlusion Culling", 2002, on the same scenes: 835,089 trees, of
+//! which 46 are drawn. That work keeps the zone between frames; here each frame finds it from scratch, in
+//! microseconds.)
+//!
+//! - [`Discs`] is the set, made once; [`DiscZone`] looks around in it: [`look`](DiscZone::look) finds the
+//!   discs seen from a point, or from all points of a small ball.
+//! - [`Discs::first_hits`] follows one ray to the first k discs.
+
+mod directions;
+mod gaps;
+mod ray;
+mod tree;
+mod zone;
+
+pub use ray::RayDisc;
+pub use tree::{Disc, DiscError, Discs};
+pub use zone::{DiscView, DiscZone};

@@ -1,0 +1,221 @@
+//! The discs that an eye sees, front to back.
+
+use super::directions::{diamond, disc_span, rectangle_span};
+use super::gaps::Gaps;
+use super::tree::{Disc, Discs, FAN, LEAF, Node};
+use alloc::collections::BinaryHeap;
+use alloc::vec::Vec;
+use core::cmp::Reverse;
+
+/// Bits of an index into a level or the discs, below the level in an entry of the queue.
+const INDEX_BITS: u32 = 27;
+/// Level of a disc that is to be looked at.
+const DISC: u32 = 31;
+/// Level of a disc that overlaps others and closes gaps with a lesser radius.
+const SOLID: u32 = 30;
+/// Error of the directions in which a rectangle is seen: more than `4u` of 4.
+const RECTANGLE_ERROR: f64 = 16.0 * f64::EPSILON;
+
+/// Error of the tangents of a disc beyond which the eye counts as on its circle.
+const WIDEST_ERROR: f64 = 0.1;
+
+/// An eye among discs: where it is, and how far and in which directions it looks.
+///
+/// ```
+/// use visibility_2d::discs::DiscView;
+/// let view = DiscView::new([3.0, 4.0]).with_sector([1.0, -1.0], [1.0, 1.0]).with_range(500.0);
+/// # let _ = view;
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct DiscView {
+    eye: [f64; 2],
+    /// Number of the first and the last direction. `None`: all.
+    directions: Option<(f64, f64)>,
+    range: f64,
+    ball: f64,
+}
+
+impl DiscView {
+    /// Creates a view from a point, in metres, that looks in all directions and without limit.
+    pub const fn new(eye: [f64; 2]) -> Self {
+        Self { eye, directions: None, range: f64::INFINITY, ball: 0.0 }
+    }
+
+    /// Restricts the view to the directions from `right`, counter-clockwise, to `left`, at most a full turn.
+    /// Vectors of any length; with a zero or a NaN the view looks in all directions.
+    pub fn with_sector(self, right: [f64; 2], left: [f64; 2]) -> Self {
+        let (first, last) = (diamond(right[0], right[1]), diamond(left[0], left[1]));
+        let is_known = first.is_finite() && last.is_finite();
+        Self { directions: is_known.then_some((first, last)), ..self }
+    }
+
+    /// Restricts the view to discs that begin within `range` metres. NaN and negative numbers count as 0.
+    pub fn with_range(self, range: f64) -> Self {
+        Self { range: range.max(0.0), ..self }
+    }
+
+    /// Widens the view to all eyes within `radius` metres of the point, which then see in all directions: a
+    /// set that serves while an eye moves by less. NaN and negative numbers count as 0.
+    pub fn with_ball(self, radius: f64) -> Self {
+        Self { ball: radius.max(0.0), ..self }
+    }
+}
+
+/// Finds the discs that an eye sees. Keeps memory between calls, nothing else; one for each thread.
+///
+/// # Exactness
+/// A disc is reported if it is seen through a gap wider than rounding: some `1e-15` of a turn, and more for
+/// tangents at an eye so close to a disc that its power is tiny. Discs seen through narrower gaps, and discs
+/// that touch the eye or contain it, are reported too: nothing visible is left out. A disc that contains the
+/// eye hides nothing. From a ball the answer is conservative: discs that some eye of the ball sees are
+/// reported, and some that none sees. (Occluders are lessened by the radius of the ball: Wonka, Wimmer and
+/// Schmalstieg, "Visibility Preprocessing with Occluder Fusion for Urban Walkthroughs", 2000.)
+///
+/// Discs that overlap hide with the part that no other disc reaches into.
+///
+/// ```
+/// use visibility_2d::discs::{Disc, Discs, DiscView, DiscZone};
+/// let disc = |x: f64, y: f64| Disc { center: [x, y], radius: 1.0 };
+/// let discs = Discs::new(&[disc(5.0, 0.0), disc(10.0, 0.5), disc(0.0, 7.0)])?;
+/// let (mut zone, mut seen) = (DiscZone::new(), Vec::new());
+/// zone.look(&discs, &DiscView::new([0.0, 0.0]), &mut seen);
+/// assert_eq!(seen, [0, 2], "nearest first; the second is behind the first");
+/// # Ok::<(), visibility_2d::discs::DiscError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct DiscZone {
+    gaps: Gaps,
+    /// Power as the bits of a number that is at least 0, and level and index.
+    queue: BinaryHeap<Reverse<(u64, u32)>>,
+}
+
+impl Default for DiscZone {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl DiscZone {
+    /// Makes a finder, which allocates as it first looks.
+    pub fn new() -> Self {
+        Self { gaps: Gaps::new(), queue: BinaryHeap::new() }
+    }
+
+    /// Replaces `seen` with the discs that a view sees, as their indices in the order that
+    /// [`Discs::new`] was given them, roughly nearest first. All discs if the eye is not finite. Takes time
+    /// in proportion to the discs seen, times the logarithm of all.
+    pub fn look(&mut self, discs: &Discs, view: &DiscView, seen: &mut Vec<u32>) {
+        seen.clear();
+        let DiscView { eye, directions, range, ball } = *view;
+        if !eye.iter().all(|x| x.abs() <= 1e150) || ball > 1e150 {
+            seen.extend(0..discs.len() as u32);
+            return;
+        }
+        // A ball's eyes see in directions and to distances that its middle does not.
+        let range = range + ball;
+        self.gaps.begin(directions.filter(|_| ball == 0.0));
+        self.queue.clear();
+        let Some(top) = discs.levels.len().checked_sub(1) else { return };
+        // A disc in range has a nearest point at `d - r <= range`, so a power of at most
+        // `range (range + 2 r)`.
+        let widest = f64::from(discs.levels[top][0].radius);
+        let farthest = range * (range + 2.0 * widest) * (1.0 + 1e-12);
+        self.queue.push(Reverse((0, (top as u32) << INDEX_BITS)));
+        while let Some(Reverse((power, code))) = self.queue.pop() {
+            if self.gaps.is_closed() || f64::from_bits(power) > farthest {
+                break;
+            }
+            let (level, index) = (code >> INDEX_BITS, (code & ((1 << INDEX_BITS) - 1)) as usize);
+            match level {
+                DISC => self.take(discs, eye, range, ball, index, seen),
+                SOLID => self.close(&discs.discs[index], discs.solid_radii[index] - ball, eye),
+                0 => self.open_leaf(discs, eye, index),
+                _ => self.open_node(&discs.levels[level as usize - 1], level - 1, eye, index),
+            }
+        }
+    }
+
+    fn open_node(&mut self, below: &[Node], level: u32, eye: [f64; 2], index: usize) {
+        let begin = index * FAN;
+        for (child, node) in (begin..).zip(below.iter().skip(begin).take(FAN)) {
+            let [x0, y0, x1, y1] = node.around(eye);
+            let is_open = rectangle_span(x0, y0, x1, y1)
+                .is_none_or(|(first, last)| self.gaps.any(first, last, RECTANGLE_ERROR));
+            if is_open {
+                let power = node.least_power(eye).max(0.0).to_bits();
+                self.queue.push(Reverse((power, level << INDEX_BITS | child as u32)));
+            }
+        }
+    }
+
+    fn open_leaf(&mut self, discs: &Discs, eye: [f64; 2], index: usize) {
+        let begin = index * LEAF;
+        for (index, disc) in (begin..).zip(discs.discs.iter().skip(begin).take(LEAF)) {
+            let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
+            let power = x * x + y * y - disc.radius * disc.radius;
+            if self.shows(x, y, disc.radius, power) {
+                self.queue.push(Reverse((power.max(0.0).to_bits(), DISC << INDEX_BITS | index as u32)));
+            }
+        }
+    }
+
+    /// Returns whether a disc at `(x, y)` relative to the eye shows in a gap, or may contain the eye.
+    #[inline]
+    fn shows(&self, x: f64, y: f64, radius: f64, power: f64) -> bool {
+        if power <= 0.0 {
+            return true;
+        }
+        let (first, last, error) = disc_span(x, y, radius, power);
+        error > WIDEST_ERROR || self.gaps.any(first, last, error)
+    }
+
+    /// Reports the disc `index` if it shows, and closes the gaps that it shows in.
+    fn take(
+        &mut self,
+        discs: &Discs,
+        eye: [f64; 2],
+        range: f64,
+        ball: f64,
+        index: usize,
+        seen: &mut Vec<u32>,
+    ) {
+        let disc = &discs.discs[index];
+        let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
+        let squared = x * x + y * y;
+        let power = squared - disc.radius * disc.radius;
+        let span = (power > 0.0).then(|| disc_span(x, y, disc.radius, power));
+        if let Some((first, last, error)) = span
+            && error <= WIDEST_ERROR
+            && !self.gaps.any(first, last, error)
+        {
+            return;
+        }
+        let reach = (range + disc.radius) * (1.0 + 1e-12);
+        if squared <= reach * reach {
+            seen.push(discs.indices[index]);
+        }
+        // A disc that contains an eye of the ball hides nothing.
+        let clear = (disc.radius + ball) * (1.0 + 1e-12);
+        let Some((first, last, error)) = span.filter(|_| squared > clear * clear) else { return };
+        let solid = discs.solid_radii[index];
+        if solid < disc.radius {
+            // Disjoint from the others with the lesser radius, whose power comes later.
+            let power = (squared - solid * solid).max(0.0).to_bits();
+            self.queue.push(Reverse((power, SOLID << INDEX_BITS | index as u32)));
+        } else if ball == 0.0 {
+            self.gaps.cut(first, last, error);
+        } else {
+            self.close(disc, solid - ball, eye);
+        }
+    }
+
+    /// Closes the directions in which a disc with another radius is seen.
+    fn close(&mut self, disc: &Disc, radius: f64, eye: [f64; 2]) {
+        let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
+        let power = x * x + y * y - radius * radius;
+        if radius > 0.0 && power > 0.0 {
+            let (first, last, error) = disc_span(x, y, radius, power);
+            self.gaps.cut(first, last, error);
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! Zones among discs against rays: an oracle with arithmetic of its own finds every disc that any ray between
+//! two neighbouring tangents meets first.
+#![allow(missing_docs)]
+
+use std::collections::BTreeSet;
+use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs};
+use visibility_testing::Random;
+
+/// Returns the first disc that a ray meets and the distance, by trying all.
+fn first(discs: &[Disc], eye: [f64; 2], angle: f64) -> Option<(usize, f64)> {
+    let (sin, cos) = angle.sin_cos();
+    let mut best: Option<(usize, f64)> = None;
+    for (index, disc) in discs.iter().enumerate() {
+        let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
+        let (ahead, aside) = (x * cos + y * sin, x * sin - y * cos);
+        if aside.abs() >= disc.radius || ahead <= 0.0 || x.hypot(y) <= disc.radius {
+            continue;
+        }
+        let at = ahead - (disc.radius * disc.radius - aside * aside).sqrt();
+        if best.is_none_or(|(_, nearest)| at < nearest) {
+            best = Some((index, at));
+        }
+    }
+    best
+}
+
+/// Returns the discs seen between neighbouring tangents that are at least `width` apart in angle.
+fn oracle(discs: &[Disc], eye: [f64; 2], width: f64) -> BTreeSet<u32> {
+    let mut angles = Vec::new();
+    for disc in discs {
+        let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
+        let distance = x.hypot(y);
+        if distance > disc.radius {
+            let (middle, half) = (y.atan2(x), (disc.radius / distance).asin());
+            angles.extend([middle - half, middle + half].map(|a| a.rem_euclid(std::f64::consts::TAU)));
+        }
+    }
+    // Where discs overlap, what is nearer changes where their circles cross too.
+    for (i, a) in discs.iter().enumerate() {
+        for b in &discs[..i] {
+            let (dx, dy) = (b.center[0] - a.center[0], b.center[1] - a.center[1]);
+            let d = dx.hypot(dy);
+            if d < a.radius + b.radius && d > (a.radius - b.radius).abs() {
+                let along = (d * d + a.radius * a.radius - b.radius * b.radius) / (2.0 * d);
+                let half = (a.radius * a.radius - along * along).max(0.0).sqrt();
+                for side in [-1.0, 1.0] {
+                    let x = a.center[0] + (dx * along - side * dy * half) / d - eye[0];
+                    let y = a.center[1] + (dy * along + side * dx * half) / d - eye[1];
+                    angles.push(y.atan2(x).rem_euclid(std::f64::consts::TAU));
+                }
+            }
+        }
+    }
+    angles.sort_by(f64::total_cmp);
+    let mut seen = BTreeSet::new();
+    for i in 0..angles.len() {
+        let next = if i + 1 < angles.len() { angles[i + 1] } else { angles[0] + std::f64::consts::TAU };
+        if next - angles[i] > width {
+            seen.extend(first(discs, eye, 0.5 * (angles[i] + next)).map(|(index, _)| index as u32));
+        }
+    }
+    seen
+}
+
+/// Makes discs of random places and sizes; disjoint ones unless `overlapping`.
+fn forest(random: &mut Random, count: usize, overlapping: bool) -> Vec<Disc> {
+    let mut discs: Vec<Disc> = Vec::new();
+    let size = (count as f64).sqrt() * [1.2, 3.0, 8.0][random.below(3)];
+    for _ in 0..count {
+        let center = [random.fine_range(0.0, size), random.fine_range(0.0, size)];
+        let radius = random.fine_range(0.05, 1.0);
+        let apart = |disc: &Disc| {
+            (disc.center[0] - center[0]).hypot(disc.center[1] - center[1]) > disc.radius + radius
+        };
+        if overlapping || discs.iter().all(apart) {
+            discs.push(Disc { center, radius });
+        }
+    }
+    discs
+}
+
+#[test]
+fn the_zone_of_disjoint_discs_is_what_rays_meet_first() {
+    let mut random = Random(1);
+    let (mut zone, mut seen, mut reported) = (DiscZone::new(), Vec::new(), 0);
+    for round in 0..600 {
+        let count = 1 + random.below(120);
+        let discs = forest(&mut random, count, false);
+        let made = Discs::new(&discs).unwrap();
+        let eye = [random.fine_range(-2.0, 14.0), random.fine_range(-2.0, 14.0)];
+        zone.look(&made, &DiscView::new(eye), &mut seen);
+        let zone: BTreeSet<u32> = seen.iter().copied().collect();
+        assert_eq!(zone.len(), seen.len(), "each disc once");
+        // A disc around the eye is reported, though no ray meets it from outside.
+        let around = |i: &u32| {
+            let disc = &discs[*i as usize];
+            (disc.center[0] - eye[0]).hypot(disc.center[1] - eye[1]) <= disc.radius
+        };
+        let wide = oracle(&discs, eye, 1e-9);
+        let narrow = oracle(&discs, eye, 1e-14);
+        assert!(wide.is_subset(&zone), "round {round}: {:?} not reported", wide.difference(&zone));
+        let zone: BTreeSet<u32> = zone.into_iter().filter(|i| !around(i)).collect();
+        assert!(zone.is_subset(&narrow), "round {round}: {:?} not seen", zone.difference(&narrow));
+        reported += zone.len();
+    }
+    assert!(reported > 3_000, "{reported}");
+}
+
+#[test]
+fn overlapping_discs_never_hide_what_is_seen() {
+    let mut random = Random(2);
+    let (mut zone, mut seen, mut hidden) = (DiscZone::new(), Vec::new(), 0);
+    for round in 0..400 {
+        let count = 1 + random.below(50);
+        let discs = forest(&mut random, count, true);
+        let made = Discs::new(&discs).unwrap();
+        let eye = [random.fine_range(-2.0, 12.0), random.fine_range(-2.0, 12.0)];
+        zone.look(&made, &DiscView::new(eye), &mut seen);
+        let set: BTreeSet<u32> = seen.iter().copied().collect();
+        let wide = oracle(&discs, eye, 1e-9);
+        assert!(wide.is_subset(&set), "round {round}: {:?} not reported", wide.difference(&set));
+        hidden += discs.len() - set.len();
+    }
+    assert!(hidden > 500, "{hidden}");
+}
+
+#[test]
+fn a_ball_sees_what_any_of_its_eyes_sees() {
+    let mut random = Random(3);
+    let (mut zone, mut seen, mut hidden) = (DiscZone::new(), Vec::new(), 0);
+    for round in 0..300 {
+        let overlapping = random.below(3) == 0;
+        let discs = forest(&mut random, 80, overlapping);
+        let made = Discs::new(&discs).unwrap();
+        let eye = [random.fine_range(0.0, 12.0), random.fine_range(0.0, 12.0)];
+        let ball = random.fine_range(0.01, 0.3);
+        zone.look(&made, &DiscView::new(eye).with_ball(ball), &mut seen);
+        let set: BTreeSet<u32> = seen.iter().copied().collect();
+        for _ in 0..4 {
+            let angle = random.fine_range(0.0, 7.0);
+            let by = ball * random.fine_unit();
+            let moved = [eye[0] + by * angle.cos(), eye[1] + by * angle.sin()];
+            let wide = oracle(&discs, moved, 1e-9);
+            assert!(wide.is_subset(&set), "round {round}: {:?} not reported", wide.difference(&set));
+        }
+        hidden += discs.len() - set.len();
+    }
+    assert!(hidden > 3_000, "{hidden}");
+}
+
+#[test]
+fn sectors_and_ranges_leave_out_the_rest_only() {
+    let mut random = Random(4);
+    let (mut zone, mut all, mut some) = (DiscZone::new(), Vec::new(), Vec::new());
+    for round in 0..300 {
+        let discs = forest(&mut random, 100, false);
+        let made = Discs::new(&discs).unwrap();
+        let eye = [random.fine_range(0.0, 12.0), random.fine_range(0.0, 12.0)];
+        let (middle, half) = (random.fine_range(-3.0, 3.0), random.fine_range(0.01, 3.0));
+        let ends = [middle - half, middle + half].map(|a| [a.cos(), a.sin()]);
+        let range = random.fine_range(0.5, 12.0);
+        zone.look(&made, &DiscView::new(eye), &mut all);
+        zone.look(&made, &DiscView::new(eye).with_sector(ends[0], ends[1]).with_range(range), &mut some);
+        assert!(some.iter().all(|i| all.contains(i)), "round {round}");
+        for sample in 0..200 {
+            let angle = middle - half + 2.0 * half * (f64::from(sample) + 0.5) / 200.0;
+            let Some((index, distance)) = first(&discs, eye, angle) else { continue };
+            let is_near = |by: f64| distance < range + by;
+            let is_in = some.contains(&(index as u32));
+            assert!(is_in || !is_near(-1e-9), "round {round}: {index} at {distance} of {range}");
+        }
+        let nearest = |i: &u32| {
+            let d = &discs[*i as usize];
+            (d.center[0] - eye[0]).hypot(d.center[1] - eye[1]) - d.radius
+        };
+        assert!(some.iter().all(|i| nearest(i) <= range + 1e-9), "round {round}");
+    }
+}
+
+#[test]
+fn rays_report_the_first_discs_in_order() {
+    let mut random = Random(5);
+    let mut hits = Vec::new();
+    for round in 0..400 {
+        let overlapping = random.below(2) == 0;
+        let discs = forest(&mut random, 300, overlapping);
+        let made = Discs::new(&discs).unwrap();
+        let origin = [random.fine_range(-2.0, 20.0), random.fine_range(-2.0, 20.0)];
+        let angle = random.fine_range(0.0, 7.0);
+        let (count, range) = (1 + random.below(6), random.fine_range(1.0, 60.0));
+        made.first_hits(origin, [3.0 * angle.cos(), 3.0 * angle.sin()], count, range, &mut hits);
+        let mut truth: Vec<(f64, usize)> = Vec::new();
+        for (index, disc) in discs.iter().enumerate() {
+            let (x, y) = (disc.center[0] - origin[0], disc.center[1] - origin[1]);
+            let (ahead, aside) = (x * angle.cos() + y * angle.sin(), x * angle.sin() - y * angle.cos());
+            let half = (disc.radius * disc.radius - aside * aside).sqrt();
+            if half >= 0.0 && ahead + half >= 0.0 && ahead - half <= range {
+                truth.push(((ahead - half).max(0.0), index));
+            }
+        }
+        truth.sort_by(|a, b| a.0.total_cmp(&b.0));
+        truth.truncate(count);
+        assert_eq!(hits.len(), truth.len(), "round {round}");
+        for (hit, (distance, _)) in hits.iter().zip(&truth) {
+            assert!((hit.distance - distance).abs() < 1e-9, "round {round}");
+        }
+    }
+}
+
+#[test]
+fn odd_input_has_defined_answers() {
+    let good = Disc { center: [1.0, 2.0], radius: 0.5 };
+    for bad in [
+        Disc { center: [f64::NAN, 0.0], ..good },
+        Disc { center: [0.0, f64::INFINITY], ..good },
+        Disc { radius: -1.0, ..good },
+        Disc { radius: f64::NAN, ..good },
+        Disc { center: [1e300, 0.0], ..good },
+    ] {
+        assert_eq!(Discs::new(&[good, bad]).err(), Some(DiscError::Disc { index: 1 }));
+    }
+    let (mut zone, mut seen, mut hits) = (DiscZone::new(), Vec::new(), Vec::new());
+    let none = Discs::new(&[]).unwrap();
+    zone.look(&none, &DiscView::new([0.0, 0.0]), &mut seen);
+    none.first_hits([0.0; 2], [1.0, 0.0], 3, 1.0, &mut hits);
+    assert!(none.is_empty() && seen.is_empty() && hits.is_empty());
+    // Coincident, concentric, touching, of radius 0.
+    let at = |x: f64, radius: f64| Disc { center: [x, 0.0], radius };
+    let odd = [at(5.0, 1.0), at(5.0, 1.0), at(5.0, 0.5), at(7.0, 1.0), at(20.0, 0.0), at(-3.0, 0.0)];
+    let discs = Discs::new(&odd).unwrap();
+    zone.look(&discs, &DiscView::new([0.0, 0.0]), &mut seen);
+    assert!(seen.contains(&0) && seen.contains(&1) && seen.contains(&5), "{seen:?}");
+    // Eyes in a disc, at its centre, on its circle, nowhere.
+    for eye in [[5.2, 0.0], [5.0, 0.0], [4.0, 0.0], [-3.0, 0.0]] {
+        zone.look(&discs, &DiscView::new(eye), &mut seen);
+        assert!(!seen.is_empty(), "{eye:?}");
+    }
+    for eye in [[f64::NAN, 0.0], [f64::INFINITY, 0.0], [1e200, 1.0]] {
+        zone.look(&discs, &DiscView::new(eye), &mut seen);
+        assert_eq!(seen.len(), odd.len());
+    }
+    for view in [
+        DiscView::new([0.0; 2]).with_ball(f64::NAN),
+        DiscView::new([0.0; 2]).with_ball(f64::INFINITY),
+        DiscView::new([0.0; 2]).with_range(f64::NAN),
+        DiscView::new([0.0; 2]).with_sector([0.0; 2], [f64::NAN, 1.0]),
+    ] {
+        zone.look(&discs, &view, &mut seen);
+    }
+    discs.first_hits([0.0; 2], [0.0; 2], 3, 1.0, &mut hits);
+    assert!(hits.is_empty());
+    discs.first_hits([f64::NAN; 2], [1.0, 0.0], 3, 1.0, &mut hits);
+    assert!(hits.is_empty());
+    discs.first_hits([0.0; 2], [1.0, 0.0], usize::MAX, f64::INFINITY, &mut hits);
+    assert_eq!(hits.len(), 5);
+}
