@@ -13,7 +13,7 @@
 //! face are farther off, but on the right side. Underflow loses less than the least normal number.
 
 use super::columns::{BLOCK, Columns};
-use super::frame::Frame;
+use super::frame::{FACES, Frame};
 use visibility_core::Aabb;
 use visibility_core::scene::Boxes64;
 
@@ -272,5 +272,39 @@ impl Columns {
         let [a, b, c] = [lanes(min[x]), lanes(min[y]), lanes(min[z])];
         let [d, e, f] = [lanes(max[x]), lanes(max[y]), lanes(max[z])];
         self.hidden_lanes(eye, [[&a, &d], [&b, &e], [&c, &f]], 1) != 0
+    }
+
+    /// Calls `each` with the part of a box in each face in view: the face, the first and the last column, and
+    /// the greatest height in the picture; until `each` returns false. Returns whether it never did; false
+    /// for a box over or under the eye and for NaN.
+    pub(crate) fn for_each_part(
+        &self,
+        eye: &QueryEye,
+        rows: [usize; 3],
+        bounds: &Aabb,
+        mut each: impl FnMut(usize, usize, usize, f32) -> bool,
+    ) -> bool {
+        let (min, max) = (bounds.min.to_array(), bounds.max.to_array());
+        let lanes = |row: usize| [[min[row]], [max[row]]];
+        let [x, y, z] = rows.map(lanes);
+        let relative = Relative::<1>::new(eye, [[&x[0], &x[1]], [&y[0], &y[1]], [&z[0], &z[1]]]);
+        let ([x0, x1], [y0, y1]) = (relative.x, relative.y);
+        if !(x0[0] > 0.0 || x1[0] < 0.0 || y0[0] > 0.0 || y1[0] < 0.0) {
+            return false;
+        }
+        let half = 0.5 * self.per_face() as f32;
+        (0..FACES).all(|face| {
+            let seen = self.seen(face);
+            let parts = match face {
+                0 => relative.parts::<0>(half),
+                1 => relative.parts::<1>(half),
+                2 => relative.parts::<2>(half),
+                _ => relative.parts::<3>(half),
+            };
+            let (from, to) = (parts.from[0].max(seen.start as f32), parts.to[0].min(seen.end as f32 - 1.0));
+            let is_seen = parts.meets[0] && to >= 0.0 && from <= to + 1.0 && !seen.is_empty();
+            let (first, last) = (from as usize, to.max(0.0) as usize);
+            !is_seen || first > last || each(face, first, last, parts.high[0])
+        })
     }
 }

@@ -4,6 +4,7 @@
 //! the queue and is not hidden is kept, and its solids are drawn. Whatever is nearer has been drawn before,
 //! so each object is decided once (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993).
 
+use super::crowns::CrownColumns;
 use super::frame::UpAxis;
 use super::map::Horizon;
 use super::occluders::HorizonOccluders;
@@ -14,7 +15,7 @@ use core::cmp::Reverse;
 use visibility_core::culler::Lack;
 use visibility_core::scene::Changes;
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
-use visibility_core::{Aabb, Accuracy, CullStats, Culler, OcclusionMap, Scene, View, VisibleSet};
+use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap, Scene, View, VisibleSet};
 
 /// Removes objects behind the upright solids of a scene, by a [`Horizon`]. Conservative.
 ///
@@ -55,6 +56,7 @@ pub struct HorizonCuller {
     queue: Queue,
     /// Indices of the objects that changed since the occluders were made, ascending.
     changed: Vec<u32>,
+    crowns: Option<CrownColumns>,
 }
 
 /// Nodes and objects that wait, nearest first.
@@ -99,13 +101,30 @@ impl HorizonCuller {
     /// Creates the culler of one view, with a horizon of 360 columns a face.
     pub fn new(occluders: Arc<HorizonOccluders>) -> Self {
         let horizon = Horizon::new(occluders.up());
-        Self { occluders, horizon, queue: Queue::default(), changed: Vec::new() }
+        Self { occluders, horizon, queue: Queue::default(), changed: Vec::new(), crowns: None }
     }
 
     /// Sets the number of columns of each of the four faces of the picture: see
     /// [`Horizon::with_columns`].
     pub fn with_columns(self, per_face: usize) -> Self {
         Self { horizon: self.horizon.with_columns(per_face), ..self }
+    }
+
+    /// Counts crowns of trees as well: what `crossings` crowns hide between them, in each direction, counts as
+    /// hidden, though something may show through leaves. The culler is then approximate. `crowns` are objects
+    /// whose bounds are those of a tree; those that are not in the scene are ignored. 0 counts as 1.
+    ///
+    /// ```
+    /// use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
+    /// use visibility_core::{Aabb, Accuracy, Culler, Scene};
+    /// let mut scene = Scene::new();
+    /// let tree = scene.insert(Aabb::from_arrays([0.0; 3], [6.0, 6.0, 9.0]));
+    /// let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
+    /// let culler = HorizonCuller::new(occluders.into()).with_crowns([tree], 6);
+    /// assert_eq!(culler.accuracy(), Accuracy::Approximate);
+    /// ```
+    pub fn with_crowns(self, crowns: impl IntoIterator<Item = ObjectId>, crossings: u8) -> Self {
+        Self { crowns: Some(CrownColumns::new(crowns.into_iter().collect(), crossings)), ..self }
     }
 
     /// Replaces the occluders, by those of another scene or by an updated copy.
@@ -154,7 +173,7 @@ impl HorizonCuller {
     }
 
     /// Draws the solids of an object. Returns their number.
-    fn draw(&mut self, scene: &Scene, id: visibility_core::ObjectId) -> u32 {
+    fn draw(&mut self, scene: &Scene, id: ObjectId) -> u32 {
         if self.changed.binary_search(&(id.index() as u32)).is_ok() {
             return 0;
         }
@@ -181,11 +200,11 @@ fn plan_distance_squared(up: UpAxis, eye: [f32; 3], bounds: &Aabb) -> f32 {
 
 impl Culler for HorizonCuller {
     fn name(&self) -> &str {
-        "horizon"
+        if self.crowns.is_some() { "horizon with crowns" } else { "horizon" }
     }
 
     fn accuracy(&self) -> Accuracy {
-        Accuracy::Conservative
+        if self.crowns.is_some() { Accuracy::Approximate } else { Accuracy::Conservative }
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
@@ -196,17 +215,34 @@ impl Culler for HorizonCuller {
             keep_all(&mut walk);
             return walk.finish();
         }
+        if let Some(crowns) = &mut self.crowns {
+            crowns.begin(self.horizon.columns.per_face());
+        }
         let (mut drawn, mut kept) = (0, 0);
         self.queue.clear();
         self.open(&mut walk, None, drawn);
         while let Some(next) = self.queue.pop() {
+            let (rows, columns, eye) = (self.horizon.up().rows(), &self.horizon.columns, &self.horizon.eye);
+            let mut is_hidden = false;
             if next.drawn != drawn {
                 walk.stats.tests += 1;
-                if self.horizon.columns.hides_box(&self.horizon.eye, self.horizon.up().rows(), &next.bounds) {
-                    // The parent was kept with this child, which is dropped now.
-                    walk.visit(next.parent, |_, _, candidates| candidates & !(1 << next.lane));
-                    continue;
+                is_hidden = columns.hides_box(eye, rows, &next.bounds);
+            }
+            if let Some(crowns) = &mut self.crowns
+                && !is_hidden
+            {
+                is_hidden = crowns.hides(columns, eye, rows, &next.bounds);
+                if let Child::Object(id) = next.child
+                    && !is_hidden
+                    && crowns.is_crown(id)
+                {
+                    crowns.add(columns, eye, rows, &next.bounds);
                 }
+            }
+            if is_hidden {
+                // The parent was kept with this child, which is dropped now.
+                walk.visit(next.parent, |_, _, candidates| candidates & !(1 << next.lane));
+                continue;
             }
             match next.child {
                 Child::Node(node) => self.open(&mut walk, Some(node), drawn),

@@ -27,6 +27,7 @@
 
 mod column_query;
 mod columns;
+mod crowns;
 mod culler;
 mod extract;
 mod frame;

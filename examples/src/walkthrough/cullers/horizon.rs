@@ -4,7 +4,7 @@ use super::known::Known;
 use crate::walkthrough::World;
 use std::sync::Arc;
 use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
-use visibility_core::OcclusionCuller;
+use visibility_core::{ObjectId, OcclusionCuller};
 
 pub(super) const KNOWN: &[Known] = &[
     Known {
@@ -24,6 +24,24 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, world| {
             let columns = columns(dial)?;
             Ok(Box::new(OcclusionCuller::new(Horizon::new(up_of(world)?).with_columns(columns))))
+        },
+    },
+    Known {
+        name: "leaves",
+        what: "as horizon, and what is behind so many trees in each direction is hidden, though it may show \
+               through leaves: leaves:10 if not set; for scenes with objects named tree",
+        dials: &["16", "10", "6", "4", "3", "2"],
+        make: |dial, world| {
+            let refused = |dial: &str| format!("its dial is a number of trees from 1 to 255, not `{dial}`");
+            let crossings = dial.map_or(Ok(10), |dial| {
+                dial.parse().ok().filter(|&count: &u8| count > 0).ok_or_else(|| refused(dial))
+            })?;
+            let is_tree = |id: &ObjectId| world.source.objects[id.index()].name.starts_with("tree");
+            let trees: Vec<ObjectId> = world.scene.ids().filter(is_tree).collect();
+            if trees.is_empty() {
+                return Err("this scene has no objects named tree".to_owned());
+            }
+            Ok(Box::new(HorizonCuller::new(occluders_of(world)?).with_crowns(trees, crossings)))
         },
     },
 ];
