@@ -1,7 +1,8 @@
 //! Bakes of visible sets for many viewcells.
 
-use crate::chain::ChainScratch;
-use crate::culler::{Settings, decide};
+use crate::chain_scratch::ChainScratch;
+use crate::culler::decide;
+use crate::settings::Settings;
 use crate::triangles::SceneTriangles;
 use crate::verdict::Verdict;
 use alloc::{vec, vec::Vec};

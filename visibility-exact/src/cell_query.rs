@@ -5,12 +5,12 @@
 //! Culling", 2002: its query architecture, which samples first, tests groups before their members and ends
 //! early.
 
-use crate::chain::ChainScratch;
-use crate::culler::Settings;
+use crate::chain_scratch::ChainScratch;
 use crate::polygon::Polygon;
 use crate::proof::Proof;
 use crate::rays::Random;
 use crate::search::{Answer, Budget, Search, Segment};
+use crate::settings::Settings;
 use crate::sight::{CellBox, Target};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};

@@ -6,8 +6,7 @@
 //! and the form is negative, no line has all s_k h_k > 0. Likewise if all l_k < 0 and the form is positive.
 //! Linear programs over the corners cannot see this, since they do not know that d . (d x p) = 0.
 
-use crate::line_side::U;
-use crate::rows::Row;
+use crate::line_side::{Row, U};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 

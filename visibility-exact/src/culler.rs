@@ -1,68 +1,14 @@
-//! The region culler: how much work is done for which guarantee.
+//! The region culler.
 
 use crate::cell_query::CellQuery;
-use crate::chain::ChainScratch;
+use crate::chain_scratch::ChainScratch;
+use crate::settings::Settings;
 use crate::sight::CellBox;
 use crate::triangles::{SceneTriangles, TargetObject};
 use crate::verdict::{CellVerdicts, Verdict};
 use alloc::{sync::Arc, vec, vec::Vec};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
-
-/// How much an [`ExactCuller`] finds out.
-///
-/// ```
-/// use visibility_exact::{Effort, Settings};
-/// let settings = Settings::new(Effort::Exact(1e-4));
-/// assert_eq!(settings.clearance, 1e-4);
-/// ```
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Effort {
-    /// Rays alone, this many aimed at each object, and 64 times as many in all directions. Aggressive:
-    /// objects that no ray finds are removed. If n random segments to an object were all blocked, the
-    /// unblocked share of all segments to it is below 3 / n, with a confidence of 95 %.
-    Rays(u32),
-    /// Rays, then for each object a certified bound on its visible share: the share of segments from faces of
-    /// the viewcell to faces of the object's box, measured by area, that is not proven blocked. An object is
-    /// removed if the bound is at most this share, seen by a ray or not: it is hardly visible. Approximate.
-    /// A share that is negative or NaN counts as 0.
-    Share(f64),
-    /// Rays, then proofs. What is neither seen nor proven hidden stays. The number is the clearance in
-    /// metres: an object is removed if no segment to it keeps a distance of six times the clearance from all
-    /// occluders. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
-    /// every segment to the inside of one of its triangles touches an occluder on the way.
-    Exact(f64),
-}
-
-/// Settings of an [`ExactCuller`], made from an [`Effort`].
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Settings {
-    /// Number of rays in all directions.
-    pub rays: u32,
-    /// Most rays aimed at each object that no ray has found.
-    pub aimed_rays: u32,
-    /// Whether objects that no ray found are proven hidden, or else removed without proof.
-    pub proves: bool,
-    /// Share for [`Effort::Share`], 0 for other efforts.
-    pub share: f64,
-    /// Clearance in metres, see [`Effort::Exact`].
-    pub clearance: f64,
-    /// Whether proofs are kept in the [`CellVerdicts`]. False by default.
-    pub keep_proofs: bool,
-}
-
-impl Settings {
-    /// Returns the settings for an effort. A clearance that is negative, NaN or infinite counts as 0.
-    pub fn new(effort: Effort) -> Self {
-        let (rays, aimed_rays, proves, clearance, share) = match effort {
-            Effort::Rays(n) => (n.saturating_mul(64), n, false, 0.0, 0.0),
-            Effort::Share(share) => (100_000, 200, false, 0.0, share.max(0.0)),
-            Effort::Exact(c) => (100_000, 200, true, c, 0.0),
-        };
-        let clearance = if clearance.is_finite() && clearance > 0.0 { clearance } else { 0.0 };
-        Self { rays, aimed_rays, proves, share, clearance, keep_proofs: false }
-    }
-}
 
 /// Finds for each object of a scene a line of sight from a viewcell, or a proof that there is none.
 ///

@@ -21,6 +21,7 @@ extern crate std;
 mod baker;
 mod cell_query;
 mod chain;
+mod chain_scratch;
 mod check;
 mod corner_proof;
 mod culler;
@@ -31,6 +32,7 @@ mod proof;
 mod rays;
 mod rows;
 mod search;
+mod settings;
 mod shaft;
 mod share;
 mod sight;
@@ -40,8 +42,9 @@ mod verdict;
 
 pub use baker::{BakeScratch, BakedCell, ExactBaker, ExactOutcome};
 pub use check::ProofError;
-pub use culler::{Effort, ExactCuller, Settings};
+pub use culler::ExactCuller;
 pub use proof::Proof;
+pub use settings::{Effort, Settings};
 pub use triangles::SceneTriangles;
 pub use verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 

@@ -35,6 +35,14 @@ impl Edge {
     }
 }
 
+/// The lines that pass an edge on one side.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Row {
+    pub(crate) edge: Edge,
+    /// 1 or -1: the sign of the side.
+    pub(crate) side: f64,
+}
+
 /// Side function of one edge, prepared for one point p of the lines of sight.
 struct SideFrom {
     p: DVec3,

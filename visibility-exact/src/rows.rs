@@ -6,21 +6,13 @@
 //! programs tell which of those have no segments.
 
 use crate::corner_proof;
-use crate::line_side::{Edge, NEGATIVE, NO_CORNER, POSITIVE, is_zero, side, sign, signs};
+use crate::line_side::{Edge, NEGATIVE, NO_CORNER, POSITIVE, Row, is_zero, side, sign, signs};
 use crate::matrix_game::Value;
 use crate::proof::{LoopEdge, Step};
 use crate::search::{Answer, Search, Segment};
 use crate::sight::{Half, Sight};
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
-
-/// The lines that pass an edge on one side.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Row {
-    pub(crate) edge: Edge,
-    /// 1 or -1: the sign of the side.
-    pub(crate) side: f64,
-}
 
 /// Corner of a loop: its position, and which corner of the target triangle it is.
 type RingCorner = (DVec3, u8);

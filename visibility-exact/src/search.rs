@@ -1,7 +1,7 @@
 //! The search: is there an unblocked segment from P to Q? Depth first over halves of P and Q, lazily: only
 //! where a surface through the middle segment does not block the whole node.
 
-use crate::chain::{ChainScratch, Obstacle};
+use crate::chain_scratch::{ChainScratch, Obstacle};
 use crate::matrix_game::MatrixGame;
 use crate::proof::Step;
 use crate::shaft::Shaft;

@@ -3,7 +3,7 @@
 //! The segments from P to Q are measured by area of P times area of Q. Nodes that a surface blocks are taken
 //! off, largest nodes first, until what is left is below a bound. What is not blocked counts as unblocked.
 
-use crate::chain::Obstacle;
+use crate::chain_scratch::Obstacle;
 use crate::search::{Budget, Halving, Search, Segment, best_halving};
 use crate::shaft::Shaft;
 use crate::sight::{Sight, Target, sights};

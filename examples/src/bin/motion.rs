@@ -1,6 +1,7 @@
 //! Program `motion`: walks through a scene in which many objects move, updates only the movers that motion
 //! volumes say are due, and prints how many updates are saved. Every frame is held against the exact
-//! positions of all movers, and some frames against an item buffer, which shows the movers that are seen too late.
+//! positions of all movers, and some frames against an item buffer, which shows the movers that are seen too
+//! late.
 
 use clap::Parser;
 use comfy_table::{Table, presets};

@@ -1,6 +1,6 @@
 //! Plans as SVG pictures: walls, and layers of polygons, walls and points on them.
 
-use super::PlanFile;
+use super::plan_file::PlanFile;
 use std::fmt::Write as _;
 
 /// Longer side of the picture in pixels.

@@ -1,6 +1,6 @@
 //! Plans as GeoJSON: lines and the rings of polygons are walls, points are eyes (RFC 7946).
 
-use super::{PlanFile, Problem};
+use super::plan_file::{PlanFile, Problem};
 use serde_json::Value;
 
 /// Reads a plan from GeoJSON of any type. Coordinates are taken as they are, without a map projection.

@@ -3,7 +3,7 @@
 //! Curves become chords. Coordinates are user units of the file, with y downwards. Transforms would move
 //! walls, so a file that has any is refused rather than read wrongly.
 
-use super::{PlanFile, Problem};
+use super::plan_file::{PlanFile, Problem};
 
 /// Number of chords of a curve.
 const CHORDS: usize = 16;

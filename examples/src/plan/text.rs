@@ -1,6 +1,6 @@
 //! Plans as text: a line `SEGMENTS QUERIES`, then so many lines `x1 y1 x2 y2`, then so many lines `x y`.
 
-use super::{PlanFile, Problem};
+use super::plan_file::{PlanFile, Problem};
 
 /// Reads a plan from text. Empty lines, and what follows a `#` in a line, are ignored.
 ///

@@ -128,10 +128,10 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 ///
 /// # Cost
 /// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and
-/// constant time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers and the
-/// changes of the scene. Nothing is spent on the other movers, unless more objects change in a frame than the
-/// scene's log lists one by one, a quarter of them: then every volume is compared with the scene, some 20 ns
-/// each. [`set_bounds_batch`](Self::set_bounds_batch) sets the due bounds without that. Nothing is allocated
+/// constant time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers
+/// and the changes of the scene. Nothing is spent on the other movers, unless more
+/// objects change in a frame than the scene's log lists one by one, a quarter of them: then every volume is
+/// compared with the scene, some 20 ns each. [`set_bounds_batch`](Self::set_bounds_batch) sets the due bounds without that. Nothing is allocated
 /// once the buffers have grown.
 ///
 /// ```
@@ -311,8 +311,8 @@ impl MotionVolumes {
     }
 
     /// Sets bounds as [`Scene::set_bounds_batch`] does. For the exact bounds of the due movers this is
-    /// quicker than the scene's own function where more than a quarter of the scene's objects are due. Objects that
-    /// are not due, or no movers, may be among them: such movers are due in the next frame.
+    /// quicker than the scene's own function where more than a quarter of the scene's objects are due.
+    /// Objects that are not due, or no movers, may be among them: such movers are due in the next frame.
     ///
     /// # Errors
     /// The errors of [`Scene::set_bounds_batch`]; nothing is changed then.

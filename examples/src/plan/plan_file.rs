@@ -1,0 +1,39 @@
+//! What is read from a file of a floor plan, and what can be wrong with the file.
+
+/// Walls and eyes read from a file.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct PlanFile {
+    /// Walls as pairs of ends, in the units of the file, numbered in the order of the file.
+    pub walls: Vec<[[f64; 2]; 2]>,
+    /// Eyes that the file brings.
+    pub eyes: Vec<[f64; 2]>,
+    /// True if the coordinate y of the file grows downwards, as in SVG.
+    pub y_down: bool,
+}
+
+impl PlanFile {
+    /// Adds the walls of a chain of points; when `closed`, also the wall from the last to the first.
+    pub(super) fn push_chain(&mut self, points: &[[f64; 2]], closed: bool) {
+        self.walls.extend(points.windows(2).map(|pair| [pair[0], pair[1]]));
+        if let (true, [first, .., last]) = (closed, points)
+            && first != last
+        {
+            self.walls.push([*last, *first]);
+        }
+    }
+}
+
+/// What is wrong with a file, and where.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Problem {
+    /// Position in the file: a line, a byte offset or a key path.
+    pub place: String,
+    /// Description for a person.
+    pub problem: String,
+}
+
+impl Problem {
+    pub(super) fn new(place: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self { place: place.into(), problem: problem.into() }
+    }
+}

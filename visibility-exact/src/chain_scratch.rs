@@ -1,0 +1,64 @@
+//! Scratch memory in which chains of triangles are grown.
+
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// Bits of the state of an edge in the chain at work: whether an odd number of its triangles is in the chain,
+/// and whether it is known that no segment meets it.
+pub(crate) const ODD: u8 = 1;
+pub(crate) const MISSED: u8 = 2;
+pub(crate) const KNOWN: u8 = 4;
+
+/// Edge at which a chain could not be closed: where to divide.
+pub(crate) type Obstacle = [DVec3; 2];
+
+/// Scratch of chains. Entries are valid if their epoch is the present one.
+#[derive(Default)]
+pub(crate) struct ChainScratch {
+    epoch: u32,
+    triangles: Vec<u32>,
+    edges: Vec<(u32, u8)>,
+    pub(crate) chain: Vec<u32>,
+    /// Directed boundary edges that segments meet: triangle and number of the edge in it.
+    pub(crate) open: Vec<(u32, usize)>,
+    pub(crate) moved: Vec<(u32, DVec3)>,
+}
+
+impl ChainScratch {
+    pub(crate) fn new(triangles: usize, edges: usize) -> Self {
+        Self { triangles: alloc::vec![0; triangles], edges: alloc::vec![(0, 0); edges], ..Self::default() }
+    }
+
+    pub(crate) fn begin(&mut self) {
+        self.epoch = self.epoch.wrapping_add(1);
+        if self.epoch == 0 {
+            self.triangles.fill(0);
+            self.edges.fill((0, 0));
+            self.epoch = 1;
+        }
+        self.chain.clear();
+        self.open.clear();
+        self.moved.clear();
+    }
+
+    pub(crate) fn state(&self, edge: u32) -> u8 {
+        let (epoch, state) = self.edges[edge as usize];
+        if epoch == self.epoch { state } else { 0 }
+    }
+
+    pub(crate) fn set_state(&mut self, edge: u32, state: u8) {
+        self.edges[edge as usize] = (self.epoch, state);
+    }
+
+    pub(crate) fn holds(&self, triangle: u32) -> bool {
+        self.triangles[triangle as usize] == self.epoch
+    }
+
+    pub(crate) fn push(&mut self, triangle: u32, edges: [u32; 3]) {
+        self.triangles[triangle as usize] = self.epoch;
+        self.chain.push(triangle);
+        for edge in edges {
+            self.set_state(edge, self.state(edge) ^ ODD);
+        }
+    }
+}
