@@ -111,8 +111,9 @@ impl HorizonCuller {
     }
 
     /// Counts crowns of trees as well: what `crossings` crowns hide between them, in each direction, counts
-    /// as hidden, though something may show through leaves. The culler is then approximate. `crowns` are objects
-    /// whose bounds are those of a tree; those that are not in the scene are ignored. 0 counts as 1.
+    /// as hidden, though something may show through leaves. The culler is then approximate. `crowns` are
+    /// objects whose bounds are those of a tree; those that are not in the scene are ignored. 0 counts as
+    /// 1.
     ///
     /// ```
     /// use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};

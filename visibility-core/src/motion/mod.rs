@@ -131,8 +131,8 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 /// constant time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers
 /// and the changes of the scene. Nothing is spent on the other movers, unless more
 /// objects change in a frame than the scene's log lists one by one, a quarter of them: then every volume is
-/// compared with the scene, some 20 ns each. [`set_bounds_batch`](Self::set_bounds_batch) sets the due bounds without that. Nothing is allocated
-/// once the buffers have grown.
+/// compared with the scene, some 20 ns each. [`set_bounds_batch`](Self::set_bounds_batch) sets the due bounds
+/// without that. Nothing is allocated once the buffers have grown.
 ///
 /// ```
 /// use visibility_core::motion::{Motion, MotionVolumes};
