@@ -1,5 +1,5 @@
-//! Trials of the methods for viewcells on whole scenes: no object that a guided ray or an item buffer sees from
-//! a viewcell is hidden by a conservative method.
+//! Trials of the methods for viewcells on whole scenes: no object that a guided ray or an item buffer sees
+//! from a viewcell is hidden by a conservative method.
 //!
 //! `cargo test --release --test region_scenes -- --ignored` makes 100,000 trials over all scenes.
 

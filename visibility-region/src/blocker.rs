@@ -3,6 +3,7 @@
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::scene::Triangle;
 
 /// Doubt about a transformed coordinate, of the sum of the magnitudes of its terms. The terms are multiplied
 /// and summed in `f64`, which errs by less than 8u = 4 epsilon.
@@ -23,15 +24,31 @@ pub(crate) struct Blocker {
     pub(crate) corners: Vec<u32>,
     /// Doubt about each coordinate of the vertices, in metres.
     pub(crate) slack: f64,
+    /// Triangles that close a hole and are not there: nothing is hidden from what is not strictly behind
+    /// them. They are among the faces too.
+    pub(crate) caps: Vec<[DVec3; 3]>,
 }
 
 impl Blocker {
-    /// Makes the blocker that is a whole convex mesh.
-    pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A) -> Self {
+    /// Makes the blocker that is a whole convex mesh. `caps` are triangles of the mesh that close a hole.
+    pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A, caps: &[Triangle]) -> Self {
         let mut blocker = Self::placed(mesh, transform, mesh.positions().iter().map(|p| p.as_dvec3()));
         let turned = turn(transform);
         blocker.corners = mesh.triangles().iter().flat_map(|&t| turned(t)).collect();
         blocker.faces = (0..mesh.triangles().len()).map(|i| i * 3..i * 3 + 3).collect();
+        let placement = Placement::new(mesh, transform);
+        let order = turned([0, 1, 2]).map(|i| i as usize);
+        let placed = |cap: &Triangle| order.map(|i| placement.place(cap[i].as_dvec3()));
+        // A sliver of a fan has no plane to speak of; its neighbours have the same.
+        let is_wide = |[a, b, c]: &[DVec3; 3]| {
+            let (u, v) = (*b - *a, *c - *a);
+            u.cross(v).length() > 1e-4 * u.length_squared().max(v.length_squared())
+        };
+        blocker.caps = caps.iter().map(placed).filter(is_wide).collect();
+        // A hole that has no plane at all is in front of everything.
+        if blocker.caps.is_empty() && !caps.is_empty() {
+            blocker.caps.push([DVec3::ZERO; 3]);
+        }
         blocker
     }
 
@@ -72,6 +89,7 @@ impl Blocker {
             faces: (0..6).map(|i| i * 4..i * 4 + 4).collect(),
             corners: faces.as_flattened().to_vec(),
             slack: 0.0,
+            caps: Vec::new(),
         }
     }
 }

@@ -9,6 +9,7 @@
 
 use crate::blocker::Blocker;
 use crate::remove::{cell_box, remove_hidden};
+use crate::solids::Solids;
 use crate::umbra::Umbra;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
@@ -21,7 +22,7 @@ const BLOCKERS: usize = 128;
 /// Hides what a single convex blocker hides from all of a viewcell. Conservative.
 ///
 /// Blockers are the convex solids among the occluder meshes of the candidates, and the largest triangles of
-/// the other meshes. Of these, the 128 that look largest from the viewcell are used. A solid that the
+/// meshes without solids. Of these, the 128 that look largest from the viewcell are used. A solid that the
 /// viewcell meets hides nothing.
 ///
 /// ```
@@ -41,27 +42,37 @@ const BLOCKERS: usize = 128;
 /// assert!(visible.contains(&scene, wall) && !visible.contains(&scene, behind));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct ConvexBlockersCuller {
+    solids: Solids,
     umbrae: Vec<Umbra>,
     blockers: Vec<[DVec3; 2]>,
 }
 
-/// A part of an occluder mesh that may be a blocker.
+/// What may become a blocker.
 struct Candidate<'a> {
-    mesh: &'a OccluderMesh,
-    transform: &'a Affine3A,
-    /// Triangle of a mesh that is not convex. `None` for a whole convex mesh.
-    triangle: Option<usize>,
+    shape: Shape<'a>,
     /// Approximate solid angle from the viewcell.
     rank: f64,
     bounds: [DVec3; 2],
 }
 
+enum Shape<'a> {
+    Solid(&'a Blocker),
+    /// Mesh, transform and index of a triangle.
+    Triangle(&'a OccluderMesh, &'a Affine3A, usize),
+}
+
+impl Default for ConvexBlockersCuller {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl ConvexBlockersCuller {
     /// Makes a culler.
     pub const fn new() -> Self {
-        Self { umbrae: Vec::new(), blockers: Vec::new() }
+        Self { solids: Solids::new(), umbrae: Vec::new(), blockers: Vec::new() }
     }
 
     /// Returns the bounds of the blockers of the last call, in world space, as minimum and maximum corners.
@@ -80,25 +91,25 @@ impl RegionCuller for ConvexBlockersCuller {
     /// Removes the candidates that a single blocker hides. Of a viewcell that planes cut, the whole box
     /// counts. A viewcell that is inverted or not finite removes nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
+        self.solids.sync(scene);
         self.umbrae.clear();
         self.blockers.clear();
         if let Some((min, max)) = cell_box(cell, scene.origin()) {
-            let mut candidates = Vec::new();
-            visible.for_each_occluder(scene, |id| {
-                if let Some((mesh, transform)) = scene.occluder(id) {
-                    let pieces =
-                        if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
-                    pieces.iter().for_each(|piece| list(piece, transform, min, max, &mut candidates));
-                }
-            });
+            let mut candidates = candidates(scene, visible, &self.solids, min, max);
             candidates.sort_unstable_by(|a, b| b.rank.total_cmp(&a.rank));
-            for candidate in &candidates {
+            for Candidate { shape, bounds, .. } in &candidates {
                 if self.umbrae.len() == BLOCKERS {
                     break;
                 }
-                if let Some(umbra) = Umbra::new(&candidate.blocker(), min, max) {
+                let umbra = match *shape {
+                    Shape::Solid(blocker) => Umbra::new(blocker, min, max),
+                    Shape::Triangle(mesh, transform, triangle) => {
+                        Umbra::new(&Blocker::triangle(mesh, transform, triangle), min, max)
+                    }
+                };
+                if let Some(umbra) = umbra {
                     self.umbrae.push(umbra);
-                    self.blockers.push(candidate.bounds.map(|corner| corner + scene.origin()));
+                    self.blockers.push(bounds.map(|corner| corner + scene.origin()));
                 }
             }
         }
@@ -108,46 +119,44 @@ impl RegionCuller for ConvexBlockersCuller {
     }
 }
 
-/// Adds the convex parts of a mesh to the candidates.
-fn list<'a>(
-    mesh: &'a OccluderMesh,
-    transform: &'a Affine3A,
+/// Lists the solids of the candidate occluders, and the triangles of those without a solid.
+fn candidates<'a>(
+    scene: &'a Scene,
+    visible: &VisibleSet,
+    solids: &'a Solids,
     min: DVec3,
     max: DVec3,
-    candidates: &mut Vec<Candidate<'a>>,
-) {
-    let mut add = |triangle, bounds: [DVec3; 2], area: f64| {
+) -> Vec<Candidate<'a>> {
+    let mut list = Vec::new();
+    let mut add = |shape, bounds: [DVec3; 2], area: f64| {
         let gap = (bounds[0] - max).max(min - bounds[1]).max(DVec3::ZERO).length();
         let reach = gap + 0.5 * (max - min).length();
-        // An area cannot look larger than its hemisphere; NaN ranks last.
         let rank = area / (reach * reach).max(f64::MIN_POSITIVE);
+        // Not for NaN.
         if rank > 0.0 {
-            candidates.push(Candidate { mesh, transform, triangle, rank, bounds });
+            list.push(Candidate { shape, rank, bounds });
         }
     };
-    if mesh.is_convex() {
-        let bounds = bounds_of(&Blocker::solid(mesh, transform).vertices);
-        let size = bounds[1] - bounds[0];
-        add(None, bounds, size.x * size.y + size.y * size.z + size.z * size.x);
-        return;
+    let mut occludes = alloc::vec![false; scene.index_limit()];
+    visible.for_each_occluder(scene, |id| occludes[id.index()] = true);
+    let mut has_solid = alloc::vec![false; scene.index_limit()];
+    for solid in solids.list.iter().filter(|solid| occludes[solid.id.index()]) {
+        has_solid[solid.id.index()] = true;
+        let size = solid.max - solid.min;
+        let area = size.x * size.y + size.y * size.z + size.z * size.x;
+        add(Shape::Solid(&solid.blocker), [solid.min, solid.max], area);
     }
-    for triangle in 0..mesh.triangles().len() {
-        let vertices = Blocker::triangle(mesh, transform, triangle).vertices;
-        let area = 0.5 * (vertices[1] - vertices[0]).cross(vertices[2] - vertices[0]).length();
-        add(Some(triangle), bounds_of(&vertices), area);
-    }
-}
-
-fn bounds_of(points: &[DVec3]) -> [DVec3; 2] {
-    let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    points.iter().fold(start, |[min, max], &p| [min.min(p), max.max(p)])
-}
-
-impl Candidate<'_> {
-    fn blocker(&self) -> Blocker {
-        match self.triangle {
-            None => Blocker::solid(self.mesh, self.transform),
-            Some(triangle) => Blocker::triangle(self.mesh, self.transform, triangle),
+    visible.for_each_occluder(scene, |id| {
+        let Some((mesh, transform)) = scene.occluder(id).filter(|_| !has_solid[id.index()]) else { return };
+        for triangle in 0..mesh.triangles().len() {
+            let v = Blocker::triangle(mesh, transform, triangle).vertices;
+            let bounds = [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];
+            add(
+                Shape::Triangle(mesh, transform, triangle),
+                bounds,
+                0.5 * (v[1] - v[0]).cross(v[2] - v[0]).length(),
+            );
         }
-    }
+    });
+    list
 }

@@ -10,6 +10,7 @@ mod convex_blockers;
 mod remove;
 mod sampling;
 mod shrunk;
+mod solids;
 mod sweep;
 mod umbra;
 mod volumetric;

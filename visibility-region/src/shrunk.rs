@@ -10,6 +10,8 @@
 //! Occluders thinner than `2 e` vanish, so thin walls hide nothing from a viewcell of metres.
 
 use crate::remove::cell_box;
+use crate::solids::{Solid, Solids};
+use crate::umbra::is_closed_from;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
@@ -41,6 +43,7 @@ pub struct ShrunkCuller<C> {
     culler: C,
     points_per_side: usize,
     points: Vec<DVec3>,
+    solids: Solids,
 }
 
 impl<C: Culler> ShrunkCuller<C> {
@@ -48,7 +51,7 @@ impl<C: Culler> ShrunkCuller<C> {
     /// viewcell, and as densely along the others. 0 counts as 1. Occluders shrink by about 0.7 of the side
     /// over `points_per_side`.
     pub const fn new(culler: C, points_per_side: usize) -> Self {
-        Self { culler, points_per_side, points: Vec::new() }
+        Self { culler, points_per_side, points: Vec::new(), solids: Solids::new() }
     }
 
     /// Returns the sample points of the last call, in world space. Empty before the first call.
@@ -78,7 +81,10 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         let magnitude = min.abs().max(max.abs()).max_element();
         let distance = distance * (1.0 + 1e-9) + magnitude * (16.0 * f64::EPSILON);
         let near = ((max - min).max_element() * NEAR).max(magnitude * 1e-12).max(1e-30);
-        let (shrunk, ids) = shrunk_scene(scene, visible, min, max, distance);
+        self.solids.sync(scene);
+        let usable = |solid: &&Solid| !solid.meets(min, max) && is_closed_from(&solid.blocker, min, max);
+        let usable: Vec<&Solid> = self.solids.list.iter().filter(usable).collect();
+        let (shrunk, ids) = shrunk_scene(scene, visible, &usable, distance);
         let mut seen = alloc::vec![false; scene.index_limit()];
         let (mut left, mut stats) = (ids.len(), CullStats::default());
         let mut set = VisibleSet::new();
@@ -135,12 +141,12 @@ fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3
 }
 
 /// Copies the bounds of a scene, relative to its origin, and gives the copies of the candidates that occlude
-/// a shrunk mesh. Returns the copy with the objects' ids in `scene`, by their index in the copy.
+/// a mesh of their shrunk `solids`, which are grouped by object. Returns the copy with the objects' ids in
+/// `scene`, by their index in the copy.
 fn shrunk_scene(
     scene: &Scene,
     visible: &VisibleSet,
-    min: DVec3,
-    max: DVec3,
+    solids: &[&Solid],
     distance: f64,
 ) -> (Scene, Vec<ObjectId>) {
     let ids: Vec<ObjectId> = scene.ids().collect();
@@ -152,12 +158,13 @@ fn shrunk_scene(
     };
     let mut shrunk = Scene::new();
     let copies = shrunk.insert_batch(ids.iter().map(copy));
-    visible.for_each_occluder(scene, |id| {
-        let Some((mesh, transform)) = scene.occluder(id) else { return };
-        let pieces = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
-        let solids = pieces.iter().filter(|piece| piece.is_convex());
-        let triangles: Vec<Triangle> =
-            solids.filter_map(|solid| shrink(solid, transform, min, max, distance)).flatten().collect();
+    let mut is_candidate = alloc::vec![false; scene.index_limit()];
+    visible.for_each_occluder(scene, |id| is_candidate[id.index()] = true);
+    for of_object in solids.chunk_by(|a, b| a.id == b.id) {
+        let id = of_object[0].id;
+        let Some((_, transform)) = scene.occluder(id).filter(|_| is_candidate[id.index()]) else { continue };
+        let shrink = |solid: &&Solid| shrink(&solid.mesh, transform, distance);
+        let triangles: Vec<Triangle> = of_object.iter().filter_map(shrink).flatten().collect();
         if let Ok(mesh) = OccluderMesh::from_triangles(&triangles) {
             let (mesh, copy) = (shrunk.add_mesh(mesh.with_two_sided(true)), copies[index[id.index()]]);
             // A transform that is not finite leaves the object without a mesh.
@@ -165,25 +172,15 @@ fn shrunk_scene(
                 let _ = shrunk.set_occluder(copy, true);
             }
         }
-    });
+    }
     (shrunk, ids)
 }
 
 /// Shrinks a convex solid, in coordinates of the mesh, so that the ball of radius `distance` around each of
-/// its points is inside the solid itself. `None` if nothing is left, or if the box between `min` and `max`
-/// may meet the solid.
-fn shrink(
-    solid: &OccluderMesh,
-    transform: &Affine3A,
-    min: DVec3,
-    max: DVec3,
-    distance: f64,
-) -> Option<Vec<Triangle>> {
+/// its points is inside the solid itself. `None` if nothing is left.
+fn shrink(solid: &OccluderMesh, transform: &Affine3A, distance: f64) -> Option<Vec<Triangle>> {
     let bounds = solid.bounds();
     let placed = bounds.transformed(transform);
-    if placed.min.as_dvec3().cmple(max).all() && min.cmple(placed.max.as_dvec3()).all() {
-        return None;
-    }
     // The map may place the shrunk solid with an error of `f32`, and its vertices are rounded.
     let magnitude = f64::from(placed.min.abs().max(placed.max.abs()).max_element());
     let distance = distance + magnitude * ROUNDING;
@@ -252,20 +249,15 @@ mod tests {
     #[test]
     fn solids_shrink_by_the_distance_at_least() {
         let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([3.0, 0.0, 0.0], [7.0, 4.0, 1.0])).unwrap();
-        let far = DVec3::splat(-9.0);
-        let shrunk = |by| shrink(&mesh, &Affine3A::IDENTITY, far, far, by);
+        let shrunk = |by| shrink(&mesh, &Affine3A::IDENTITY, by);
         let bounds = Aabb::from_points(shrunk(0.25).unwrap().into_iter().flatten());
         let inner = Aabb::from_arrays([3.25, 0.25, 0.25], [6.75, 3.75, 0.75]);
         assert!(inner.contains_point(bounds.min) && inner.contains_point(bounds.max));
         assert!((bounds.max - inner.max).abs().max_element() < 1e-4);
         assert!(shrunk(0.5).is_none(), "as thin as the distance");
-        assert!(
-            shrink(&mesh, &Affine3A::IDENTITY, far, DVec3::splat(3.0), 0.25).is_none(),
-            "met by the cell"
-        );
         // Scaled by 2 along x, half the distance is enough there.
         let wide = Affine3A::from_scale(Vec3::new(2.0, 1.0, 1.0));
-        let bounds = Aabb::from_points(shrink(&mesh, &wide, far, far, 0.25).unwrap().into_iter().flatten());
+        let bounds = Aabb::from_points(shrink(&mesh, &wide, 0.25).unwrap().into_iter().flatten());
         assert!((bounds.min.x - 3.125).abs() < 1e-4 && bounds.min.x >= 3.125);
         // A pyramid scales about its middle: its base rises by the distance at least.
         let p = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
@@ -280,7 +272,7 @@ mod tests {
             [d, a, top],
         ])
         .unwrap();
-        let triangles = shrink(&pyramid, &Affine3A::IDENTITY, far, far, 0.25).unwrap();
+        let triangles = shrink(&pyramid, &Affine3A::IDENTITY, 0.25).unwrap();
         let points: Vec<DVec3> = triangles.iter().flatten().map(|p| p.as_dvec3()).collect();
         let inwards = [
             (DVec3::Z, 0.0),

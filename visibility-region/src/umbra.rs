@@ -2,9 +2,10 @@
 //!
 //! From one viewpoint, a convex blocker hides the points inside the cone through its outline and behind its
 //! front faces. If a box lies in that region for each corner of the viewcell's box, the blocker hides it from
-//! all of the viewcell (Cohen-Or, Fibich, Halperin and Zadicario, "Conservative Visibility and Strong
-//! Occlusion for Viewspace Partitioning of Densely Occluded Scenes", 1998): for a fixed point behind the
-//! blocker, the viewpoints it is hidden from are convex, and so contain the viewcell with its corners.
+//! all of a viewcell that does not meet the blocker (Cohen-Or, Fibich, Halperin and Zadicario, "Conservative
+//! Visibility and Strong Occlusion for Viewspace Partitioning of Densely Occluded Scenes", 1998): for a fixed
+//! point behind the blocker, the lines of sight that pass the blocker's inside come from a convex set, which
+//! contains the viewcell with its corners.
 
 use crate::blocker::Blocker;
 use alloc::vec::Vec;
@@ -70,6 +71,14 @@ fn behind(blocker: &Blocker) -> impl Iterator<Item = Side> + '_ {
         .map(move |face| Side::new(vertex(face.start), vertex(face.start + 2), vertex(face.start + 1)))
 }
 
+/// Returns whether the box between two corners is strictly behind the hole of a blocker; true without a hole.
+pub(crate) fn is_closed_from(blocker: &Blocker, min: DVec3, max: DVec3) -> bool {
+    let is_behind = |[a, b, c]: &[DVec3; 3]| {
+        Side::new(*a, *c, *b).classify(min, max, blocker.slack) == Containment::Inside
+    };
+    blocker.caps.iter().all(is_behind)
+}
+
 /// The region that a blocker hides from a box of viewpoints: an intersection of open half-spaces.
 #[derive(Clone, Debug)]
 pub(crate) struct Umbra {
@@ -78,12 +87,20 @@ pub(crate) struct Umbra {
 }
 
 impl Umbra {
-    /// Computes the umbra of a blocker from the box between two corners. `None` if a corner of the box does
-    /// not certainly see a face of the blocker from its front: the box may then be inside the blocker or
-    /// beside it.
+    /// Computes the umbra of a blocker from the box between two corners. `None` if the box is not certainly
+    /// in front of one of the faces: the box may then meet the blocker. `None` too if the box is not strictly
+    /// behind the blocker's hole.
     pub(crate) fn new(blocker: &Blocker, min: DVec3, max: DVec3) -> Option<Self> {
-        let Blocker { vertices, faces, corners, slack } = blocker;
+        let Blocker { vertices, faces, corners, slack, .. } = blocker;
+        if !is_closed_from(blocker, min, max) {
+            return None;
+        }
         let behind: Vec<Side> = behind(blocker).collect();
+        // The whole box must be outside of the blocker. Its corners may all be outside while the blocker
+        // passes between them, and a viewpoint inside the blocker sees what is inside.
+        if !behind.iter().any(|side| side.classify(min, max, *slack) == Containment::Outside) {
+            return None;
+        }
         let mut fronts = alloc::vec![false; faces.len()];
         let mut is_ever_front = fronts.clone();
         let mut edges: Vec<(u32, u32)> = Vec::new();
@@ -194,5 +211,6 @@ mod tests {
         assert!(inside([3.2, 0.0, 0.0], [3.4, 1.0, 1.0]));
         assert!(inside([2.0, 0.0, 0.0], [3.5, 1.0, 1.0]), "a cell that reaches into the wall");
         assert!(inside([2.0, 0.0, 0.0], [3.0, 1.0, 1.0]), "a cell that touches the wall");
+        assert!(inside([2.0, 0.0, 0.0], [5.0, 1.0, 1.0]), "a cell that the wall passes through");
     }
 }

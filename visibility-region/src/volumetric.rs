@@ -11,16 +11,16 @@
 
 use crate::blocker::Blocker;
 use crate::remove::{cell_box, remove_hidden};
-use crate::umbra::Umbra;
+use crate::solids::{Solid, Solids};
+use crate::umbra::{Umbra, is_closed_from};
 use alloc::vec::Vec;
 use visibility_core::geometry::Containment;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_core::scene::SceneCursor;
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
-/// Greatest number of cells of the octree: 1.5 MiB.
-const NODES: usize = 1 << 16;
+/// Greatest number of cells of the octree: 2 MiB.
+const NODES: usize = 1 << 18;
 
 /// Number of blockers of a viewcell.
 const BLOCKERS: usize = 256;
@@ -45,18 +45,10 @@ struct Octree {
     nodes: Vec<Node>,
 }
 
-/// A solid with its object and its bounds.
-#[derive(Clone, Debug)]
-struct Solid {
-    object: u32,
-    min: DVec3,
-    max: DVec3,
-}
-
 /// Hides what boxes of opaque space hide from all of a viewcell. Conservative.
 ///
 /// Space is opaque inside the convex solids of occluder meshes. Solids that meet the viewcell do not count.
-/// The octree has at most 65,536 cells, and is built anew when the scene has changed.
+/// The octree has at most 262,144 cells, and is built anew when the scene has changed.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -77,8 +69,7 @@ struct Solid {
 /// ```
 #[derive(Clone, Debug)]
 pub struct VolumetricCuller {
-    cursor: SceneCursor,
-    solids: Vec<Solid>,
+    solids: Solids,
     octree: Octree,
     blockers: Vec<[DVec3; 2]>,
 }
@@ -93,38 +84,13 @@ impl VolumetricCuller {
     /// Makes a culler.
     pub const fn new() -> Self {
         let octree = Octree { min: DVec3::ZERO, max: DVec3::ZERO, nodes: Vec::new() };
-        Self { cursor: SceneCursor::START, solids: Vec::new(), octree, blockers: Vec::new() }
+        Self { solids: Solids::new(), octree, blockers: Vec::new() }
     }
 
     /// Returns the extended blockers of the last call, in world space, as minimum and maximum corners. Empty
     /// before the first call.
     pub fn blockers(&self) -> &[[DVec3; 2]] {
         &self.blockers
-    }
-
-    fn sync(&mut self, scene: &Scene) {
-        if self.cursor.is_current(scene) {
-            return;
-        }
-        self.cursor = SceneCursor::at(scene);
-        self.solids.clear();
-        let mut blockers = Vec::new();
-        for id in scene.ids() {
-            let Some((mesh, transform)) = scene.occluder(id) else { continue };
-            let pieces = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
-            for piece in pieces.iter().filter(|piece| piece.is_convex()) {
-                let blocker = Blocker::solid(piece, transform);
-                let points = blocker.vertices.iter();
-                let (min, max) = points
-                    .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
-                if min.is_finite() && max.is_finite() {
-                    let slack = blocker.slack;
-                    self.solids.push(Solid { object: id.index() as u32, min: min - slack, max: max + slack });
-                    blockers.push(blocker);
-                }
-            }
-        }
-        self.octree = Octree::new(&self.solids, &blockers);
     }
 }
 
@@ -138,7 +104,9 @@ impl RegionCuller for VolumetricCuller {
     /// or hidden. Of a viewcell that planes cut, the whole box counts. A viewcell that is inverted or not
     /// finite removes nothing.
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
-        self.sync(scene);
+        if self.solids.sync(scene) {
+            self.octree = Octree::new(&self.solids.list);
+        }
         self.blockers.clear();
         let Some((min, max)) = cell_box(cell, scene.origin()) else {
             return visible.retain(scene, |_, _| true);
@@ -146,10 +114,11 @@ impl RegionCuller for VolumetricCuller {
         let mut is_candidate = alloc::vec![false; scene.index_limit()];
         visible.for_each_occluder(scene, |id| is_candidate[id.index()] = true);
         let is_usable = |solid: &Solid| {
-            let meets = solid.min.cmple(max).all() && min.cmple(solid.max).all();
-            is_candidate[solid.object as usize] && !meets
+            is_candidate[solid.id.index()]
+                && !solid.meets(min, max)
+                && is_closed_from(&solid.blocker, min, max)
         };
-        let usable: Vec<bool> = self.solids.iter().map(is_usable).collect();
+        let usable: Vec<bool> = self.solids.list.iter().map(is_usable).collect();
         let mut space = Space::new(&self.octree, &usable);
         let mut umbrae = Vec::new();
         for leaf in space.largest(min, max) {
@@ -189,12 +158,12 @@ fn child_box(min: DVec3, max: DVec3, child: usize) -> [DVec3; 2] {
 
 impl Octree {
     /// Divides space around the solids, largest cells first, where the boundary of a solid passes.
-    fn new(solids: &[Solid], blockers: &[Blocker]) -> Self {
+    fn new(solids: &[Solid]) -> Self {
         let around = solids.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], solid| {
             [min.min(solid.min), max.max(solid.max)]
         });
         let [min, max] = if solids.is_empty() { [DVec3::ZERO; 2] } else { around };
-        let behind: Vec<_> = blockers.iter().map(Umbra::interior).collect();
+        let behind: Vec<_> = solids.iter().map(|solid| Umbra::interior(&solid.blocker)).collect();
         // A cube, somewhat larger than the solids.
         let (middle, half) = (min * 0.5 + max * 0.5, (max - min).max_element() * 0.51);
         let mut octree = Self { min: middle - half, max: middle + half, nodes: Vec::new() };
@@ -202,10 +171,7 @@ impl Octree {
         let mut queue = alloc::collections::VecDeque::new();
         queue.push_back((0usize, [octree.min, octree.max], (0..solids.len() as u32).collect::<Vec<_>>()));
         while let Some((node, [min, max], mut near)) = queue.pop_front() {
-            near.retain(|&solid| {
-                let Solid { min: low, max: high, .. } = solids[solid as usize];
-                low.cmple(max).all() && min.cmple(high).all()
-            });
+            near.retain(|&solid| solids[solid as usize].meets(min, max));
             let contains =
                 |&solid: &u32| behind[solid as usize].classify_box(min, max) == Containment::Inside;
             if let Some(solid) = near.iter().copied().find(contains) {
@@ -350,21 +316,20 @@ impl<'a> Space<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visibility_core::OccluderMesh;
     use visibility_core::glam::Affine3A;
+    use visibility_core::{Object, OccluderMesh};
 
     fn space_of(boxes: &[([f32; 3], [f32; 3])]) -> Octree {
-        let (mut solids, mut blockers) = (Vec::new(), Vec::new());
+        let mut scene = Scene::new();
         for &(min, max) in boxes {
-            let mesh = OccluderMesh::cuboid(&Aabb::from_arrays(min, max)).unwrap();
-            solids.push(Solid {
-                object: 0,
-                min: mesh.bounds().min.as_dvec3(),
-                max: mesh.bounds().max.as_dvec3(),
-            });
-            blockers.push(Blocker::solid(&mesh, &Affine3A::IDENTITY));
+            let bounds = Aabb::from_arrays(min, max);
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
         }
-        Octree::new(&solids, &blockers)
+        let mut solids = Solids::new();
+        solids.sync(&scene);
+        Octree::new(&solids.list)
     }
 
     #[test]

@@ -97,7 +97,12 @@ fn world(random: &mut Random, scale: f32) -> Scene {
             scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
             continue;
         }
-        let mesh = scene.add_mesh(OccluderMesh::cuboid(&local).unwrap());
+        // One in four lacks a side, as houses lack a bottom.
+        let missing = random.below(24);
+        let sides = OccluderMesh::CUBOID.iter().enumerate().filter(|(i, _)| i / 2 != missing);
+        let corners = local.corners();
+        let triangles: Vec<_> = sides.map(|(_, t)| t.map(|i| corners[i as usize])).collect();
+        let mesh = scene.add_mesh(OccluderMesh::from_triangles(&triangles).unwrap());
         let mut transform = Affine3A::IDENTITY;
         if random.one_in(5) {
             let turn = Quat::from_euler(EulerRot::XYZ, random.unit() as f32, random.unit() as f32, 3.0);
@@ -183,6 +188,40 @@ fn scale_does_not_matter() {
         assert_eq!(verdict.lost, 0);
         // The shrunk occluders are tested by absolute margins above.
         assert!(verdict.hidden[0].abs_diff(of_size_1.hidden[0]) < 20, "{scale}: {verdict:?} {of_size_1:?}");
+    }
+}
+
+/// A house without a bottom hides what is behind it from a viewcell above the ground, and not from one below,
+/// which looks in through the hole and out through the one-sided walls.
+#[test]
+fn open_houses_hide_from_above_the_ground() {
+    let bounds = Aabb::from_arrays([4.0, -9.0, 0.0], [8.0, 9.0, 9.0]);
+    let corners = bounds.corners();
+    let open: Vec<_> = OccluderMesh::CUBOID
+        .iter()
+        .map(|t| t.map(|i| corners[i as usize]))
+        .filter(|t| t.iter().any(|p| p.z > 0.0))
+        .collect();
+    let mut scene = Scene::new();
+    let mesh = scene.add_mesh(OccluderMesh::from_triangles(&open).unwrap());
+    let house = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    scene.set_mesh(house, mesh, Affine3A::IDENTITY).unwrap();
+    let behind = scene.insert(Aabb::from_arrays([9.0, 0.0, 0.5], [9.5, 1.0, 1.0]));
+    let above = scene.insert(Aabb::from_arrays([8.5, 0.0, 4.0], [9.0, 1.0, 5.0]));
+    let cullers: [&mut dyn RegionCuller; 3] = [
+        &mut ConvexBlockersCuller::new(),
+        &mut VolumetricCuller::new(),
+        &mut ShrunkCuller::new(PointShadows, 4),
+    ];
+    for culler in cullers {
+        let mut visible = VisibleSet::new();
+        let cell = Viewcell::from_box(DVec3::new(0.0, 0.0, 0.2), DVec3::new(1.0, 1.0, 1.0));
+        culler.cull(&scene, &cell, &mut visible);
+        assert!(!visible.contains(&scene, behind) && visible.contains(&scene, house));
+        let cell = Viewcell::from_box(DVec3::new(5.0, 0.0, -3.0), DVec3::new(6.0, 1.0, -2.0));
+        let mut visible = VisibleSet::new();
+        culler.cull(&scene, &cell, &mut visible);
+        assert!(visible.contains(&scene, behind) && visible.contains(&scene, above));
     }
 }
 
