@@ -19,8 +19,8 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
-/// Greatest number of cells of the octree: 2 MiB.
-const NODES: usize = 1 << 18;
+/// Greatest number of cells of the octree: 1 MiB.
+const NODES: usize = 1 << 17;
 
 /// Number of blockers of a viewcell.
 const BLOCKERS: usize = 256;
@@ -48,7 +48,7 @@ struct Octree {
 /// Hides what boxes of opaque space hide from all of a viewcell. Conservative.
 ///
 /// Space is opaque inside the convex solids of occluder meshes. Solids that meet the viewcell do not count.
-/// The octree has at most 262,144 cells, and is built anew when the scene has changed.
+/// The octree has at most 131,072 cells, and is built anew when the scene has changed.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
