@@ -71,13 +71,15 @@ impl<'a> CellQuery<'a> {
             query.uniform_rays();
             query.aimed_rays(&open);
         }
-        if settings.share > 0.0 {
-            query.hardly_visible(&open);
-        }
         if settings.proves {
-            open.retain(|&o| query.verdicts[o as usize] == Verdict::Open);
-            let single = query.groups(open);
-            query.triangles(&single);
+            let not_seen = open.iter().copied().filter(|&o| query.is_open(o)).collect();
+            let single = query.groups(not_seen);
+            if settings.share > 0.0 {
+                open.retain(|&o| query.verdicts[o as usize] != Verdict::Hidden);
+                query.hardly_visible(&open);
+            } else {
+                query.triangles(&single);
+            }
         }
         *scratch = Some(query.search.chain);
         CellVerdicts {

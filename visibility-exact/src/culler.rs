@@ -101,9 +101,7 @@ impl CellVerdicts {
             Verdict::Seen(_) => true,
             Verdict::Hidden | Verdict::Hardly(_) => false,
             // Where nothing can be said of an object, it is not removed.
-            Verdict::Open => {
-                settings.proves || settings.share > 0.0 || object.is_open || object.first == object.end
-            }
+            Verdict::Open => settings.proves || object.is_open || object.first == object.end,
         }
     }
 }

@@ -13,10 +13,11 @@ pub enum Effort {
     /// objects that no ray finds are removed. If n random segments to an object were all blocked, the
     /// unblocked share of all segments to it is below 3 / n, with a confidence of 95 %.
     Rays(u32),
-    /// Rays, then for each object a certified bound on its visible share: the share of segments from faces of
-    /// the viewcell to faces of the object's box, measured by area, that is not proven blocked. An object is
-    /// removed if the bound is at most this share, seen by a ray or not: it is hardly visible. Approximate.
-    /// A share that is negative or NaN counts as 0.
+    /// Rays and proofs for boxes, then for each object left a certified bound on its visible share: the share
+    /// of segments from faces of the viewcell to faces of the object's box, measured by area, that is not
+    /// proven blocked. An object is removed if it is hidden, or if the bound is at most this share, seen by a
+    /// ray or not: it is hardly visible. Approximate. The clearance is 1e-4 metres unless the
+    /// [`Settings`] change it. A share that is negative or NaN counts as 0.
     Share(f64),
     /// Rays, then proofs. What is neither seen nor proven hidden stays. The number is the clearance in
     /// metres: an object is removed if no segment to it keeps a distance of six times the clearance from all
@@ -32,7 +33,7 @@ pub struct Settings {
     pub rays: u32,
     /// Most rays aimed at each object that no ray has found.
     pub aimed_rays: u32,
-    /// Whether objects that no ray found are proven hidden, or else removed without proof.
+    /// Whether objects that no ray found need proof to be removed.
     pub proves: bool,
     /// Share for [`Effort::Share`], 0 for other efforts.
     pub share: f64,
@@ -47,7 +48,7 @@ impl Settings {
     pub fn new(effort: Effort) -> Self {
         let (rays, aimed_rays, proves, clearance, share) = match effort {
             Effort::Rays(n) => (n.saturating_mul(64), n, false, 0.0, 0.0),
-            Effort::Share(share) => (100_000, 200, false, 0.0, share.max(0.0)),
+            Effort::Share(share) => (100_000, 200, true, 1e-4, share.max(0.0)),
             Effort::Exact(c) => (100_000, 200, true, c, 0.0),
         };
         let clearance = if clearance.is_finite() && clearance > 0.0 { clearance } else { 0.0 };

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use visibility_core::pvs::Viewcell;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
-use visibility_examples::region::{cells, methods, picture, trial};
+use visibility_examples::region::{cells, methods, picture, pvs_file, trial};
 use visibility_examples::{load_walks, open, region};
 
 /// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
@@ -51,6 +51,11 @@ struct Arguments {
     /// Folder for a picture of each viewcell and method. By default none are drawn.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
+
+    /// File to write the visible sets of the first method to, for `walkthrough --cullers region-pvs:FILE`. By
+    /// default none.
+    #[arg(long, value_name = "FILE")]
+    pvs: Option<PathBuf>,
 
     /// Number of viewpoints of each viewcell from which the judge draws item buffers.
     #[arg(long, value_name = "N", default_value_t = 40)]
@@ -126,6 +131,9 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         results.push(judged);
     }
     println!("{}\n{}", output::table(&results), output::LEGEND);
+    if let Some(path) = &arguments.pvs {
+        pvs_file::write(path, world.scene.index_limit(), &results)?;
+    }
     if let Some(path) = &arguments.json {
         let mut out = BufWriter::new(File::create(path)?);
         output::json(&mut out, &world, &results)?;

@@ -3,7 +3,9 @@
 
 use crate::walkthrough::World;
 use glam::DVec3;
+use std::sync::Arc;
 use visibility_core::{Culler, RegionCuller};
+use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_region::{
     ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VolumetricCuller,
@@ -15,6 +17,26 @@ pub trait Method: RegionCuller {
     fn lines(&self) -> Vec<[DVec3; 2]> {
         Vec::new()
     }
+
+    /// Returns what the last answer says of its own errors. `None` for methods that do not tell.
+    fn sandwich(&self) -> Option<Sandwich> {
+        None
+    }
+}
+
+/// Bounds of the true answer by one method: objects seen for certain, hidden for certain, and neither.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Sandwich {
+    /// Number of objects that a line of sight reaches.
+    pub seen: usize,
+    /// Number of objects proven hidden, or hardly visible.
+    pub hidden: usize,
+    /// Number of objects neither seen nor proven hidden. They are reported.
+    pub open: usize,
+    /// Number of proofs, all of them checked after the method has run.
+    pub proofs: usize,
+    /// Number of proofs that did not pass the check. Any is an error of the method.
+    pub bad_proofs: usize,
 }
 
 /// A method, or a message for a person.
@@ -37,6 +59,16 @@ pub struct Entry {
 /// All methods.
 pub const METHODS: &[Entry] = &[
     Entry { name: "sweep", dial: "", make: |_, _| Ok(Box::new(ExtendedProjectionCuller::new())) },
+    Entry {
+        name: "exact",
+        dial: "CLEARANCE",
+        make: |dial, world| exact(Effort::Exact(dial.map_or(Ok(1e-4), number)?), world),
+    },
+    Entry {
+        name: "share",
+        dial: "EPS",
+        make: |dial, world| exact(Effort::Share(dial.map_or(Ok(1e-3), number)?), world),
+    },
     Entry { name: "convex", dial: "", make: |_, _| Ok(Box::new(ConvexBlockersCuller::new())) },
     Entry {
         name: "rays",
@@ -62,6 +94,32 @@ pub const METHODS: &[Entry] = &[
 ];
 
 impl Method for ExtendedProjectionCuller {}
+
+fn exact(effort: Effort, world: &World) -> Made {
+    let triangles = Arc::new(SceneTriangles::new(&world.scene));
+    let settings = Settings { keep_proofs: true, ..Settings::new(effort) };
+    Ok(Box::new(ExactCuller::new(triangles, settings)))
+}
+
+impl Method for ExactCuller {
+    fn lines(&self) -> Vec<[DVec3; 2]> {
+        let verdicts = self.last().into_iter().flat_map(|found| found.iter(self.triangles()));
+        verdicts
+            .filter_map(|(_, verdict)| match verdict {
+                Verdict::Seen(sight) => Some([sight.from, sight.to]),
+                _ => None,
+            })
+            .collect()
+    }
+
+    fn sandwich(&self) -> Option<Sandwich> {
+        let found = self.last()?;
+        let [seen, hidden, open] = found.counts();
+        let proofs = || found.proofs.iter().flat_map(|hidden| &hidden.proofs);
+        let bad_proofs = proofs().filter(|proof| proof.check(self.triangles()).is_err()).count();
+        Some(Sandwich { seen, hidden, open, proofs: proofs().count(), bad_proofs })
+    }
+}
 
 impl Method for VolumetricCuller {
     fn lines(&self) -> Vec<[DVec3; 2]> {

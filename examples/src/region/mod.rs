@@ -2,13 +2,15 @@
 //! program `region`.
 //!
 //! [`cells`] makes viewcells, [`methods`] names the methods, [`judge`] samples what can be seen, [`trial`]
-//! runs a method, [`output`] prints the results, and [`picture`] draws them.
+//! runs a method, [`output`] prints the results, [`picture`] draws them, and [`pvs_file`]
+//! stores the visible sets.
 
 pub mod cells;
 pub mod judge;
 pub mod methods;
 pub mod output;
 pub mod picture;
+pub mod pvs_file;
 pub mod trial;
 
 use crate::SceneSource;

@@ -44,6 +44,8 @@ pub fn table(results: &[Judged]) -> Table {
         "sampled",
         "times",
         "false hidden",
+        "seen/hidden/open",
+        "proofs",
     ]);
     let mut row = |cell: String, trial: &Trial, [seconds, reported, sampled, lost]: [f64; 4]| {
         table.add_row([
@@ -55,6 +57,11 @@ pub fn table(results: &[Judged]) -> Table {
             format!("{sampled:.0}"),
             format!("{:.2}", reported / sampled.max(1.0)),
             format!("{lost:.0}"),
+            trial.sandwich.map_or_else(String::new, |s| format!("{}/{}/{}", s.seen, s.hidden, s.open)),
+            trial.sandwich.map_or_else(String::new, |s| match s.bad_proofs {
+                0 => s.proofs.to_string(),
+                bad => format!("{} ({bad} BAD)", s.proofs),
+            }),
         ]);
     };
     let figures = |judged: &Judged, trial: &Trial| {
@@ -73,6 +80,7 @@ pub fn table(results: &[Judged]) -> Table {
                 (0..4).for_each(|i| sum[i] += figures[i]);
             }
             let count = results.len() as f64;
+            let trial = &Trial { sandwich: None, ..trial.clone() };
             row("mean".to_owned(), trial, [sum[0] / count, sum[1] / count, sum[2] / count, sum[3]]);
         }
     }
@@ -86,7 +94,8 @@ pub fn table(results: &[Judged]) -> Table {
 pub const LEGEND: &str = "\
 seconds: processor time of one thread for a viewcell, without what is made once for a scene
 reported, sampled: objects by the method, and by samples, which may miss some; times: reported for each sampled one
-false hidden: sampled objects that the method does not report; in the rows of means, of all viewcells together";
+false hidden: sampled objects that the method does not report; in the rows of means, of all viewcells together
+seen/hidden/open, proofs: objects seen for certain, proven hidden, and neither, which are reported; checked proofs";
 
 #[derive(Serialize)]
 struct Line<'a> {
@@ -99,11 +108,22 @@ struct Line<'a> {
     reported: usize,
     sampled: usize,
     false_hidden: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    seen: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hidden: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    open: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    proofs: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bad_proofs: Option<usize>,
     ids: &'a [u32],
 }
 
 /// Writes a line of JSON for each viewcell and method. `ids` are the indices of the objects reported, in the
-/// order of the scene's file.
+/// order of the scene's file. Methods that bound the true answer have `seen`, `hidden`, `open`, `proofs` and
+/// `bad_proofs` as well.
 ///
 /// # Errors
 ///
@@ -122,6 +142,11 @@ pub fn json(out: &mut impl Write, world: &World, results: &[Judged]) -> io::Resu
                 reported: trial.reported.len(),
                 sampled: judged.sampled_count(),
                 false_hidden: judged.false_hidden(trial).len(),
+                seen: trial.sandwich.map(|sandwich| sandwich.seen),
+                hidden: trial.sandwich.map(|sandwich| sandwich.hidden),
+                open: trial.sandwich.map(|sandwich| sandwich.open),
+                proofs: trial.sandwich.map(|sandwich| sandwich.proofs),
+                bad_proofs: trial.sandwich.map(|sandwich| sandwich.bad_proofs),
                 ids: &trial.reported,
             };
             serde_json::to_writer(&mut *out, &line)?;

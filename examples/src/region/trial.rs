@@ -1,6 +1,6 @@
 //! The run of a method on a viewcell.
 
-use super::methods::Method;
+use super::methods::{Method, Sandwich};
 use std::time::Instant;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
@@ -17,6 +17,8 @@ pub struct Trial {
     pub seconds: f64,
     /// Indices of the objects reported, ascending: the order of the file.
     pub reported: Vec<u32>,
+    /// Bounds of the true answer, of methods that tell.
+    pub sandwich: Option<Sandwich>,
 }
 
 /// Lets a method prepare what it keeps for a scene, by a viewcell without points. Returns the seconds taken.
@@ -31,7 +33,8 @@ pub fn run(name: &str, method: &mut dyn Method, scene: &Scene, cell: &Viewcell) 
     let (_, seconds) = timed(|| method.cull(scene, cell, &mut visible));
     visible.sort_by_index(scene);
     let reported = visible.ids().iter().map(|id| id.index() as u32).collect();
-    Trial { method: name.to_owned(), accuracy: method.accuracy(), seconds, reported }
+    let sandwich = method.sandwich();
+    Trial { method: name.to_owned(), accuracy: method.accuracy(), seconds, reported, sandwich }
 }
 
 /// Runs a function, and returns its result and the seconds that it took.

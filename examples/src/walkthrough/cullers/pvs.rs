@@ -2,17 +2,32 @@
 
 use super::known::{Known, Made};
 use crate::pvs::built::Origin;
+use crate::region::pvs_file;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
+use std::path::Path;
+use std::sync::Arc;
 use visibility_core::pvs::PvsCuller;
 
-pub(super) const KNOWN: &[Known] = &[Known {
-    name: "pvs",
-    what: "what no line through portals from the eye's cell reaches is hidden; `pvs:cells` goes by whole cells instead of objects, \
+pub(super) const KNOWN: &[Known] = &[
+    Known {
+        name: "pvs",
+        what: "what no line through portals from the eye's cell reaches is hidden; `pvs:cells` goes by whole cells instead of objects, \
            `pvs:walls` and `pvs:bsp` make the cells from the scene's boxes or triangles",
-    dials: &["objects", "cells"],
-    make,
-}];
+        dials: &["objects", "cells"],
+        make,
+    },
+    Known {
+        name: "region-pvs",
+        what: "what the file of `region-pvs:FILE`, written by the program `region`, does not list for the eye's viewcell is hidden; \
+           eyes outside of its viewcells see everything",
+        dials: &[],
+        make: |dial, world| {
+            let file = dial.ok_or("it needs a file, as in `region-pvs:FILE`")?;
+            Ok(Box::new(PvsCuller::new(Arc::new(pvs_file::read(Path::new(file), &world.scene)?))))
+        },
+    },
+];
 
 fn make(dial: Option<&str>, world: &World) -> Made {
     let (origin, detail) = match dial {
