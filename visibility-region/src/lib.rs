@@ -13,10 +13,12 @@ mod shrunk;
 mod solids;
 mod sweep;
 mod umbra;
+mod virtual_occluders;
 mod volumetric;
 
 pub use convex_blockers::ConvexBlockersCuller;
 pub use sampling::{SamplingCuller, SightLine};
 pub use shrunk::ShrunkCuller;
 pub use sweep::ExtendedProjectionCuller;
+pub use virtual_occluders::{VirtualOccluder, VirtualOccluders};
 pub use volumetric::VolumetricCuller;

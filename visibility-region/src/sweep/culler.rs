@@ -5,6 +5,7 @@ use super::direction::{CellBox, Direction};
 use super::occludees::{self, Item};
 use super::pieces::Pieces;
 use super::planes::{self, Cone, Occluders};
+use super::ray_map::RayMap;
 use super::surfaces::Surfaces;
 use super::window::Window;
 use alloc::{sync::Arc, vec::Vec};
@@ -63,6 +64,35 @@ impl ExtendedProjectionCuller {
         };
         if !known {
             self.surfaces = Arc::new(Surfaces::new(scene));
+        }
+    }
+
+    /// Sweeps all directions with maps that all rays of a convex cone stay within, so that a bit of a map holds
+    /// for every ray from the cell through its pixel. Calls `each` with the direction and each plane
+    /// with its map.
+    pub(crate) fn sweep_open(
+        &mut self,
+        scene: &Scene,
+        cell: &Viewcell,
+        mut each: impl FnMut(&Direction, &Window, &RayMap),
+    ) {
+        let Some(cell_box) = cell_box(scene, cell) else { return };
+        self.sync(scene);
+        self.pieces.find(&self.surfaces, &cell_box);
+        let directions = core::array::from_fn(|index| cell_box.direction(index));
+        occludees::assign(scene, &VisibleSet::new(), &directions, &mut self.lists, &mut self.stack);
+        for (direction, list) in directions.iter().zip(&self.lists) {
+            let Some(cone) = Cone::around(direction, list) else { continue };
+            let cone = cone.opened();
+            let all = Occluders { scene, surfaces: &self.surfaces, pieces: &self.pieces };
+            let occluders = planes::occluders(all, direction, &cone, &mut self.stack);
+            self.sweep.begin();
+            for d in planes::distances(direction, &cone, &occluders) {
+                let ends = [0, 1].map(|lat| cone.at(direction, d, lat));
+                let Some(window) = Window::fit(direction, d, ends) else { break };
+                self.sweep.advance(direction, window, &occluders, &cone);
+                each(direction, &window, &self.sweep.map);
+            }
         }
     }
 
@@ -148,6 +178,12 @@ impl Job<'_> {
         stats.nodes += 1;
         occludees::for_each_child(self.scene, self.visible, self.direction, node, |child| list.push(child));
     }
+}
+
+/// Encloses a viewcell in a box. `None` for a viewcell that is empty or not finite, and if the scene has no
+/// object that can be culled.
+fn cell_box(scene: &Scene, cell: &Viewcell) -> Option<CellBox> {
+    CellBox::new(cell, scene.origin(), &scene.culled_bounds()?, DVec3::AXES)
 }
 
 impl RegionCuller for ExtendedProjectionCuller {

@@ -67,6 +67,15 @@ impl Window {
         Some(PixelRect { x: along(x, 0)?, y: along(y, 1)? })
     }
 
+    /// Returns a rectangle on the plane that is certainly within some pixels: its ends along x and y.
+    pub(crate) fn inside(&self, rect: PixelRect) -> [[f64; 2]; 2] {
+        let along = |[first, last]: [usize; 2], lat: usize| {
+            let at = |pixel: f64| self.ends[lat][0] + pixel * self.pixel_size(lat);
+            [at(first as f64 + SLACK), at((last + 1) as f64 - SLACK)]
+        };
+        [along(rect.x, 0), along(rect.y, 1)]
+    }
+
     /// Returns for each pixel of this window, along the lateral axis `lat`, the pixels of the earlier window
     /// `from` that asked rays through it meet: reprojection with the cell itself as the source.
     pub(crate) fn reprojection(&self, direction: &Direction, from: &Self, lat: usize) -> Ranges {

@@ -252,7 +252,17 @@ pub fn random_world(rng: &mut Random, scale: f64) -> (World, Viewcell) {
                 })
                 .collect(),
         };
-        world.add(&triangles, rng.one_in(2), transform);
+        if rng.one_in(2) {
+            // In scene coordinates: such surfaces are joined with each other.
+            let triangles: Vec<Triangle> =
+                triangles.iter().map(|t| t.map(|p| transform.transform_point3(p))).collect();
+            let cut = rng.below(triangles.len());
+            let two_sided = rng.one_in(2);
+            world.add(&triangles[..cut], two_sided, Affine3A::IDENTITY);
+            world.add(&triangles[cut..], two_sided, Affine3A::IDENTITY);
+        } else {
+            world.add(&triangles, rng.one_in(2), transform);
+        }
     }
     for _ in 0..80 {
         let at = (rng.direction() * (scale * rng.range(3.0, 60.0))).as_vec3();

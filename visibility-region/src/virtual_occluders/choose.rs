@@ -1,0 +1,95 @@
+//! Choice of virtual occluders: candidates from the maps of a sweep, then the few that hide most.
+
+use super::rectangles::largest;
+use super::{VirtualOccluder, VirtualOccluders};
+use crate::ExtendedProjectionCuller;
+use crate::sweep::direction::Direction;
+use crate::sweep::window::Window;
+use alloc::vec::Vec;
+use visibility_core::pvs::Viewcell;
+use visibility_core::scene::SceneCursor;
+use visibility_core::{Aabb, Scene};
+
+/// Rectangles of each map that are candidates.
+const A_PLANE: usize = 4;
+/// Candidates are compared by what they hide of about so many objects, evenly spread over all.
+const SAMPLE: usize = 4096;
+
+/// A rectangle on a plane of a sweep.
+struct Candidate {
+    direction: Direction,
+    d: f64,
+    ends: [[f64; 2]; 2],
+    /// One bit for each object, in the order of the list that was tested: whether it is hidden.
+    hides: Vec<u64>,
+}
+
+impl Candidate {
+    fn new(direction: &Direction, window: &Window, ends: [[f64; 2]; 2]) -> Self {
+        Self { direction: *direction, d: window.d, ends, hides: Vec::new() }
+    }
+
+    /// Finds the objects that the rectangle hides.
+    fn test(&mut self, objects: &[Aabb]) {
+        self.hides = alloc::vec![0; objects.len().div_ceil(64)];
+        for (i, bounds) in objects.iter().enumerate() {
+            let b = self.direction.local_box(bounds);
+            if b.lo.z > self.d + self.direction.guard() {
+                let [x, y] = self.direction.occludee(self.d, &b);
+                let within = |[low, high]: [f64; 2], ends: [f64; 2]| low >= ends[0] && high <= ends[1];
+                self.hides[i / 64] |=
+                    u64::from(within(x, self.ends[0]) && within(y, self.ends[1])) << (i % 64);
+            }
+        }
+    }
+
+    /// Returns the number of objects that it hides and that `others` do not.
+    fn gain(&self, others: &[u64]) -> u32 {
+        self.hides.iter().zip(others).map(|(own, others)| (own & !others).count_ones()).sum()
+    }
+}
+
+impl ExtendedProjectionCuller {
+    /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MOST`], chosen one by one so that
+    /// each hides the most objects that those before do not. None if the viewcell is empty or not finite, or
+    /// if nothing is hidden.
+    ///
+    /// Takes a few times as long as [culling](visibility_core::RegionCuller::cull), plus time in proportion to
+    /// the number of objects.
+    pub fn virtual_occluders(&mut self, scene: &Scene, cell: &Viewcell) -> VirtualOccluders {
+        let mut candidates: Vec<Candidate> = Vec::new();
+        self.sweep_open(scene, cell, |direction, window, map| {
+            let rects = largest(map, A_PLANE).into_iter();
+            candidates.extend(rects.map(|rect| Candidate::new(direction, window, window.inside(rect))));
+        });
+        let mut chosen = Vec::new();
+        let step = scene.len() / SAMPLE + 1;
+        let objects: Vec<Aabb> = scene.ids().step_by(step).filter_map(|id| scene.bounds(id).ok()).collect();
+        candidates.iter_mut().for_each(|candidate| candidate.test(&objects));
+        let mut hidden = alloc::vec![0; objects.len().div_ceil(64)];
+        while chosen.len() < VirtualOccluders::MOST {
+            // Of equal ones the nearest, since more may move behind it.
+            let best = candidates
+                .iter()
+                .map(|candidate| (candidate.gain(&hidden), candidate))
+                .filter(|(gain, _)| *gain > 0)
+                .max_by(|a, b| a.0.cmp(&b.0).then(b.1.d.total_cmp(&a.1.d)));
+            let Some((_, best)) = best else { break };
+            hidden.iter_mut().zip(&best.hides).for_each(|(all, own)| *all |= own);
+            let direction = &best.direction;
+            let [x, y, z] = direction.offset;
+            chosen.push(VirtualOccluder {
+                axes: direction.rows,
+                anchor: scene.origin(),
+                distance: best.d + z,
+                ends: [best.ends[0].map(|end| end + x), best.ends[1].map(|end| end + y)],
+            });
+        }
+        VirtualOccluders {
+            cell: cell.clone(),
+            occluders: chosen,
+            cursor: SceneCursor::at(scene),
+            active: Vec::new(),
+        }
+    }
+}

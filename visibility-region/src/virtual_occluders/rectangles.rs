@@ -1,0 +1,80 @@
+//! Largest rectangles of set pixels in a map of rays.
+
+use crate::sweep::ray_map::{PixelRect, RayMap, SIDE};
+use alloc::vec::Vec;
+
+/// Side of the blocks of pixels that rectangles consist of.
+const BLOCK: usize = 4;
+const COUNT: usize = SIDE / BLOCK;
+
+/// Returns up to `most` rectangles of pixels that are all set, the largest first, none of which meet. They
+/// consist of blocks of `BLOCK` by `BLOCK` pixels.
+pub(super) fn largest(map: &RayMap, most: usize) -> Vec<PixelRect> {
+    let block = |x: usize, y: usize| PixelRect {
+        x: [x * BLOCK, x * BLOCK + BLOCK - 1],
+        y: [y * BLOCK, y * BLOCK + BLOCK - 1],
+    };
+    let mut set: Vec<bool> = (0..COUNT * COUNT).map(|i| map.all_set(block(i % COUNT, i / COUNT))).collect();
+    let mut all = Vec::new();
+    while all.len() < most {
+        let Some([x0, x1, y0, y1]) = largest_of(&set) else { break };
+        for y in y0..=y1 {
+            set[y * COUNT + x0..=y * COUNT + x1].fill(false);
+        }
+        all.push(PixelRect {
+            x: [block(x0, 0).x[0], block(x1, 0).x[1]],
+            y: [block(0, y0).y[0], block(0, y1).y[1]],
+        });
+    }
+    all
+}
+
+/// Returns the largest rectangle of set blocks: first and last column, first and last row. Linear in the number
+/// of blocks: for each row, a stack of the rectangles that may still grow to the right.
+fn largest_of(set: &[bool]) -> Option<[usize; 4]> {
+    let mut height = [0usize; COUNT + 1];
+    let (mut best, mut area) = (None, 0);
+    let mut stack: Vec<(usize, usize)> = Vec::new();
+    for y in 0..COUNT {
+        for x in 0..=COUNT {
+            if x < COUNT {
+                height[x] = if set[y * COUNT + x] { height[x] + 1 } else { 0 };
+            }
+            let mut start = x;
+            while let Some(&(first, tall)) = stack.last().filter(|top| top.1 >= height[x]) {
+                stack.pop();
+                if tall * (x - first) > area {
+                    area = tall * (x - first);
+                    best = Some([first, x - 1, y + 1 - tall, y]);
+                }
+                start = first;
+            }
+            if height[x] > 0 {
+                stack.push((start, height[x]));
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rectangles_are_set_and_largest_first() {
+        let mut map = RayMap::new();
+        for row in 10..210 {
+            map.set_span(row, 5, 300);
+        }
+        for row in 150..400 {
+            map.set_span(row, 100, 180);
+        }
+        let all = largest(&map, 3);
+        assert_eq!(all[0], PixelRect { x: [8, 299], y: [12, 207] });
+        assert_eq!(all[1], PixelRect { x: [100, 179], y: [208, 399] });
+        assert_eq!(all.len(), 2);
+        assert!(all.iter().all(|&rect| map.all_set(rect)));
+        assert!(largest(&RayMap::new(), 3).is_empty());
+    }
+}

@@ -1,0 +1,174 @@
+//! Mistakes that are easily made with extended projections, each as a small scene.
+
+mod common;
+
+use common::{World, cuboid};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Aabb, Accuracy, ObjectId, RegionCuller};
+use visibility_region::ExtendedProjectionCuller;
+
+fn cell() -> Viewcell {
+    Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5))
+}
+
+fn hides(world: &World, id: ObjectId) -> bool {
+    world.hidden(&mut ExtendedProjectionCuller::new(), &cell()).contains(&id)
+}
+
+fn target(x: f32, y: f32, z: f32) -> Aabb {
+    Aabb::from_arrays([x, y - 0.3, z - 0.3], [x + 0.6, y + 0.3, z + 0.3])
+}
+
+#[test]
+fn an_object_is_not_hidden_by_its_own_front_nor_by_a_front_in_the_same_plane() {
+    let mut world = World::new();
+    let wall = world.add_box([5.0, -9.0, -9.0], [5.5, 9.0, 9.0]);
+    let picture = world.add_target(Aabb::from_arrays([5.0, -1.0, -1.0], [5.0, 1.0, 1.0]));
+    let thicker = world.add_target(Aabb::from_arrays([5.0, 2.0, -1.0], [5.2, 3.0, 1.0]));
+    let behind = world.add_target(target(5.5, 0.0, 0.0));
+    assert!(!hides(&world, wall) && !hides(&world, picture) && !hides(&world, thicker));
+    assert!(hides(&world, behind), "what touches the back");
+}
+
+#[test]
+fn rays_that_pass_beside_an_earlier_window_are_not_taken_for_blocked() {
+    // What is asked on the left ends early, and what is asked far behind needs the middle only.
+    let mut world = World::new();
+    world.add_box([4.0, -3.0, -3.0], [4.2, 3.0, 3.0]);
+    world.add_box([20.0, -6.0, -6.0], [20.2, 6.0, 6.0]);
+    let middle = world.add_target(target(40.0, 0.0, 0.0));
+    let aside = [-38.0, -30.0, -24.0, 24.0, 30.0, 38.0].map(|y| world.add_target(target(40.0, y, 0.0)));
+    assert!(hides(&world, middle));
+    assert!(aside.iter().all(|&id| !hides(&world, id)));
+}
+
+#[test]
+fn walls_between_the_houses_of_a_row_do_not_divide_it() {
+    // No house is wider than the cell: only the row hides anything.
+    let row = |gap: f32| {
+        let mut world = World::new();
+        for i in -10..10 {
+            let (y, top) = (0.9 * i as f32, if i % 2 == 0 { 8.0 } else { 9.0 });
+            world.add_box([4.0, y, -9.0], [7.0, y + 0.9 - gap, top]);
+        }
+        let id = world.add_target(target(30.0, 0.0, 0.0));
+        hides(&world, id)
+    };
+    assert!(row(0.0));
+    assert!(!row(0.01), "through the gaps it is seen");
+}
+
+#[test]
+fn what_stands_on_the_ground_behind_a_wall_is_hidden_though_the_wall_ends_there_too() {
+    let mut world = World::new();
+    world.add_box([-90.0, -90.0, -2.0], [90.0, 90.0, -1.0]);
+    world.add_box([5.0, -20.0, -1.0], [5.2, 20.0, 9.0]);
+    let id = world.add_target(Aabb::from_arrays([20.0, -1.0, -1.0], [21.0, 1.0, 1.0]));
+    assert!(hides(&world, id));
+}
+
+#[test]
+fn a_wall_gets_its_plane_however_many_small_occluders_there_are() {
+    let mut world = World::new();
+    world.add_box([5.0, -20.0, -20.0], [5.2, 20.0, 20.0]);
+    for i in 0..400 {
+        let (x, y) = (6.0 + 0.1 * i as f32, (i % 20) as f32 - 10.0);
+        world.add_box([x, y, -9.0], [x + 0.05, y + 0.3, 9.0]);
+    }
+    let id = world.add_target(target(5.3, 0.0, 0.0));
+    assert!(hides(&world, id));
+}
+
+#[test]
+fn objects_between_two_directions_are_hidden_by_a_wall_around_the_corner() {
+    let mut world = World::new();
+    world.add_box([5.0, -9.0, -9.0], [5.2, 5.2, 9.0]);
+    world.add_box([-9.0, 5.0, -9.0], [5.2, 5.2, 9.0]);
+    let ids = [target(20.0, 15.0, 0.0), target(15.0, 22.0, 0.0)].map(|bounds| world.add_target(bounds));
+    assert!(ids.iter().all(|&id| hides(&world, id)));
+}
+
+#[test]
+fn a_face_whose_plane_cuts_the_cell_does_not_occlude() {
+    // Seen from below its front hides; from the upper corners of the cell its back is seen through.
+    let quad = |tilt: f32| {
+        let p = |x: f32, y: f32| Vec3::new(x, y, tilt * (x - 4.0));
+        [[p(2.0, 9.0), p(30.0, 9.0), p(30.0, -9.0)], [p(2.0, 9.0), p(30.0, -9.0), p(2.0, -9.0)]]
+    };
+    for tilt in [0.02, 0.05, 0.1] {
+        let mut world = World::new();
+        world.add(&quad(tilt), false, Affine3A::IDENTITY);
+        let id = world.add_target(Aabb::from_arrays([20.0, -0.3, 1.0], [20.1, 0.3, 1.4]));
+        assert!(!hides(&world, id), "{tilt}");
+    }
+}
+
+#[test]
+fn glass_doors_and_movers_never_occlude() {
+    let mut world = World::new();
+    let door = world.add_box([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
+    let id = world.add_target(target(20.0, 0.0, 0.0));
+    let mut culler = ExtendedProjectionCuller::new();
+    assert!(world.hidden(&mut culler, &cell()).contains(&id));
+    world.scene.set_occluder(door, false).unwrap();
+    assert!(!world.hidden(&mut culler, &cell()).contains(&id), "open");
+    world.scene.set_occluder(door, true).unwrap();
+    assert!(world.hidden(&mut culler, &cell()).contains(&id), "shut");
+    world.scene.set_bounds(door, Aabb::from_arrays([5.0, 9.0, -9.0], [5.2, 27.0, 9.0])).unwrap();
+    assert!(!world.hidden(&mut culler, &cell()).contains(&id), "slid aside");
+}
+
+#[test]
+fn another_scene_under_a_live_culler_is_taken_in() {
+    let mut culler = ExtendedProjectionCuller::new();
+    let mut with = World::new();
+    let (_, id) = (with.add_box([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]), with.add_target(target(20.0, 0.0, 0.0)));
+    assert!(with.hidden(&mut culler, &cell()).contains(&id));
+    let mut without = World::new();
+    without.add_box([5.0, 5.0, -9.0], [5.2, 9.0, 9.0]);
+    let other = without.add_target(target(20.0, 0.0, 0.0));
+    assert!(!without.hidden(&mut culler, &cell()).contains(&other));
+    let mut copy = with.scene.clone();
+    copy.remove(with.bounds[0].0).unwrap();
+    let original = core::mem::replace(&mut with.scene, copy);
+    assert!(!with.hidden(&mut culler, &cell()).contains(&id), "a changed copy");
+    with.scene = original;
+    assert!(with.hidden(&mut culler, &cell()).contains(&id));
+}
+
+#[test]
+fn no_input_panics_and_improper_input_hides_nothing() {
+    let mut world = World::new();
+    world.add_box([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
+    world.add(&cuboid([1e30; 3], [2e30; 3]), true, Affine3A::IDENTITY);
+    world.add_target(target(20.0, 0.0, 0.0));
+    world.add_target(Aabb::EMPTY);
+    world.add_target(Aabb::new(Vec3::NAN, Vec3::ONE));
+    world.add_target(Aabb::from_arrays([-f32::MAX; 3], [f32::MAX; 3]));
+    let mut culler = ExtendedProjectionCuller::new();
+    assert_eq!(culler.accuracy(), Accuracy::Conservative);
+    for at in [0.0, 1.0, f64::MIN_POSITIVE, 1e30, 1e300, f64::INFINITY, f64::NAN] {
+        for size in [0.0, 1.0, 1e-300, 1e300, f64::NEG_INFINITY, f64::NAN] {
+            let cell = Viewcell::from_box(DVec3::splat(at), DVec3::splat(at + size));
+            let hidden = world.hidden(&mut culler, &cell);
+            assert!(at.is_finite() && size.is_finite() || hidden.is_empty());
+            culler.virtual_occluders(&world.scene, &cell);
+        }
+    }
+    assert!(World::new().hidden(&mut culler, &cell()).is_empty());
+}
+
+#[test]
+fn the_answer_does_not_depend_on_the_scale() {
+    for exponent in [-40, -20, 0, 20, 40] {
+        let scale = 2f32.powi(exponent);
+        let mut world = World::new();
+        let s = |p: [f32; 3]| p.map(|x| x * scale);
+        world.add_box(s([5.0, -9.0, -9.0]), s([5.2, 9.0, 9.0]));
+        let id = world.add_target(Aabb::from_arrays(s([20.0, -0.3, -0.3]), s([21.0, 0.3, 0.3])));
+        let size = DVec3::splat(0.5 * f64::from(scale));
+        let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &Viewcell::from_box(-size, size));
+        assert!(hidden.contains(&id) && hidden.len() == 1, "{exponent}");
+    }
+}

@@ -1,0 +1,113 @@
+//! What a virtual occluder hides is not reached by any ray from the viewcell, wherever it moves.
+
+mod common;
+
+use common::{World, random_world};
+use std::collections::BTreeSet;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::occlusion::Occlusion;
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Aabb, OcclusionMap, Pose, Scene, View};
+use visibility_region::{ExtendedProjectionCuller, VirtualOccluders};
+use visibility_testing::Random;
+
+fn view(eye: DVec3, direction: DVec3, near: f64) -> View {
+    let up = if direction.x.abs() > 0.5 { DVec3::Z } else { DVec3::X };
+    View::perspective(Pose::look_at(eye, eye + direction, up), 1.2, 1.0, near, f64::INFINITY).unwrap()
+}
+
+#[test]
+fn no_ray_reaches_a_box_that_virtual_occluders_hide() {
+    let mut rng = Random(3);
+    let mut hidden_boxes = 0;
+    for number in 0..15 {
+        let scale = rng.pick(&[1.0, 1e3]);
+        let (mut world, cell) = random_world(&mut rng, scale);
+        let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
+        assert!(map.occluders().len() <= VirtualOccluders::MOST && map.is_current(&world.scene));
+        if cell.max.cmple(cell.min).any() {
+            continue; // no near plane fits into a flat cell
+        }
+        // Boxes that were not there: the rays look for those that all of some views hide.
+        let size = cell.max - cell.min;
+        let eyes: Vec<DVec3> =
+            (0..4).map(|_| cell.min + size * (rng.vector(0.4) + DVec3::splat(0.5))).collect();
+        let boxes: Vec<Aabb> = (0..300)
+            .map(|_| {
+                let at = (rng.direction() * (scale * rng.range(3.0, 60.0))).as_vec3();
+                let half = rng.vec3(0.0, scale * 0.5).abs();
+                Aabb::new(at - half, at + half)
+            })
+            .collect();
+        for eye in eyes {
+            map.begin(&view(eye, rng.direction(), 1e-6 * scale), DVec3::ZERO);
+            let hidden: Vec<Aabb> =
+                boxes.iter().copied().filter(|b| map.test(b) == Occlusion::Hidden).collect();
+            hidden_boxes += hidden.len();
+            world.bounds.clear();
+            let ids: BTreeSet<_> = hidden.iter().map(|&b| world.add_target(b)).collect();
+            let here = Viewcell::from_box(eye, eye);
+            let found = world.search(&mut rng, &here, &ids, 300);
+            assert!(found.is_ok(), "world {number}: {found:?}");
+        }
+    }
+    assert!(hidden_boxes > 100, "{hidden_boxes}");
+}
+
+/// A wall with posts behind it.
+fn wall() -> (World, Viewcell) {
+    let mut world = World::new();
+    world.add_box([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
+    for y in -4..4 {
+        world.add_target(Aabb::from_arrays([20.0, y as f32, 0.0], [20.5, y as f32 + 0.5, 1.0]));
+    }
+    (world, Viewcell::from_box(DVec3::ZERO, DVec3::ONE))
+}
+
+#[test]
+fn nothing_is_hidden_from_an_eye_outside_of_the_cell() {
+    let (world, cell) = wall();
+    let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
+    let post = world.bounds[3].1;
+    let mut answer = |eye: DVec3, near: f64| {
+        map.begin(&view(eye, DVec3::X, near), DVec3::ZERO);
+        map.test(&post)
+    };
+    assert_eq!(answer(DVec3::splat(0.5), 0.1), Occlusion::Hidden);
+    assert_eq!(answer(DVec3::new(-0.5, 0.5, 0.5), 0.1), Occlusion::Partial, "before the cell");
+    assert_eq!(answer(DVec3::new(8.0, 0.5, 0.5), 0.1), Occlusion::Partial, "behind the wall");
+    assert_eq!(answer(DVec3::splat(0.5), 7.0), Occlusion::Partial, "sight begins behind the wall");
+    map.begin(&view(DVec3::splat(0.5), DVec3::X, 0.1), DVec3::ZERO);
+    assert_eq!(map.test(&Aabb::EMPTY), Occlusion::Visible);
+    assert_eq!(map.test(&Aabb::new(Vec3::NAN, Vec3::ONE)), Occlusion::Visible);
+}
+
+#[test]
+fn the_scene_may_lie_anywhere_in_the_world() {
+    let (mut world, cell) = wall();
+    let origin = DVec3::new(4e6, -3e6, 1e3);
+    world.scene.set_origin(origin).unwrap();
+    let cell = Viewcell::from_box(cell.min + origin, cell.max + origin);
+    let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
+    map.begin(&view(origin + 0.5, DVec3::X, 0.1), origin);
+    assert_eq!(map.test(&world.bounds[3].1), Occlusion::Hidden);
+    let corner = map.occluders()[0].corners()[0] - origin;
+    assert!(corner.x > 4.99 && corner.x < 20.0, "{corner}");
+}
+
+#[test]
+fn empty_scenes_and_cells_have_no_virtual_occluders() {
+    let none = |scene: &Scene, cell: &Viewcell| {
+        ExtendedProjectionCuller::new().virtual_occluders(scene, cell).occluders().is_empty()
+    };
+    let (mut world, cell) = wall();
+    assert!(none(&Scene::new(), &cell));
+    for p in [DVec3::NAN, DVec3::INFINITY] {
+        assert!(none(&world.scene, &Viewcell::from_box(p, p)));
+    }
+    assert!(none(&world.scene, &Viewcell::from_box(DVec3::ONE, DVec3::ZERO)));
+    assert!(!none(&world.scene, &cell));
+    let map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
+    world.add(&common::cuboid([0.0; 3], [1.0; 3]), false, Affine3A::IDENTITY);
+    assert!(!map.is_current(&world.scene));
+}
