@@ -1,4 +1,33 @@
 //! Finds the objects that can be seen from anywhere in a viewcell: quickly, and never one too few.
+//!
+//! All methods are [`RegionCuller`](visibility_core::RegionCuller)s: they take a viewcell instead of a view.
+//!
+//! - [`ExtendedProjectionCuller`] is the one to begin with: conservative, fuses any number of occluders, and
+//!   takes a fraction of a second.
+//! - [`VirtualOccluders`] are a few rectangles that hide, from an eye in the viewcell, what moves later on.
+//! - [`SamplingCuller`] is aggressive: a lower bound to judge the others by.
+//! - [`VolumetricCuller`], [`ShrunkCuller`] and [`ConvexBlockersCuller`] are the methods of other papers,
+//!   all conservative: octrees of opaque cells, shrunk occluders from sample points, single convex blockers.
+//!
+//! ```
+//! use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
+//! use visibility_core::{Aabb, Object, OccluderMesh, RegionCuller, Scene, VisibleSet};
+//! use visibility_region::ExtendedProjectionCuller;
+//! let mut scene = Scene::new();
+//! // Two walls that touch, neither of which hides the post by itself.
+//! for (y, end) in [(-9.0, 0.2), (0.2, 9.0)] {
+//!     let wall = Aabb::from_arrays([5.0, y, -9.0], [5.2, end, 9.0]);
+//!     let id = scene.insert(Object { occluder: true, ..Object::new(wall) });
+//!     let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall)?);
+//!     scene.set_mesh(id, mesh, Affine3A::IDENTITY)?;
+//! }
+//! let post = scene.insert(Aabb::from_arrays([20.0, 0.0, 0.0], [20.5, 0.5, 1.0]));
+//! let mut visible = VisibleSet::new(); // holds every object until culled
+//! let cell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+//! ExtendedProjectionCuller::new().cull(&scene, &cell, &mut visible);
+//! assert!(!visible.contains(&scene, post));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 extern crate alloc;
@@ -22,3 +51,7 @@ pub use shrunk::ShrunkCuller;
 pub use sweep::ExtendedProjectionCuller;
 pub use virtual_occluders::{VirtualOccluder, VirtualOccluders};
 pub use volumetric::VolumetricCuller;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -14,8 +14,36 @@ use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::walk::Child;
 use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet, pvs::Viewcell};
 
-/// Removes the objects that the occluders of the scene together hide from all of a viewcell.
-#[derive(Debug)]
+/// Removes the objects that the occluders of the scene together hide from all of a viewcell: conservative.
+///
+/// Occluders are the meshes of the objects flagged as occluders, concave, open and thin ones too. Meshes that
+/// are in scene coordinates, with the identity as transform, hide as one surface where they touch, if they
+/// share edges exactly. An object that reaches into the viewcell, or close to one of its sides and far along
+/// it, counts as visible. Planes of a [`Viewcell`] are not used: the answer is that for its box.
+///
+/// # Cost
+/// 20 to 100 milliseconds a viewcell in scenes of some thousand objects, up to half a second in a furnished
+/// building of 200,000 triangles. The first call for a scene, and the first after a change of its occluders,
+/// sorts all edges: some hundred bytes for each triangle, shared by clones. Each clone has about 20 bytes for
+/// each triangle and 300 KB of its own.
+///
+/// ```
+/// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
+/// use visibility_core::{Aabb, Object, OccluderMesh, RegionCuller, Scene, VisibleSet};
+/// use visibility_region::ExtendedProjectionCuller;
+/// let wall = Aabb::from_arrays([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
+/// let mut scene = Scene::new();
+/// let id = scene.insert(Object { occluder: true, ..Object::new(wall) });
+/// let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall)?);
+/// scene.set_mesh(id, mesh, Affine3A::IDENTITY)?;
+/// let post = scene.insert(Aabb::from_arrays([20.0, 0.0, 0.0], [20.5, 0.5, 1.0]));
+/// let mut visible = VisibleSet::new();
+/// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+/// ExtendedProjectionCuller::new().cull(&scene, &cell, &mut visible);
+/// assert!(visible.contains(&scene, id) && !visible.contains(&scene, post));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
 pub struct ExtendedProjectionCuller {
     /// Surfaces of the scene at `cursor`, shared by clones.
     surfaces: Arc<Surfaces>,
@@ -67,8 +95,8 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Sweeps all directions with maps that all rays of a convex cone stay within, so that a bit of a map holds
-    /// for every ray from the cell through its pixel. Calls `each` with the direction and each plane
+    /// Sweeps all directions with maps that all rays of a convex cone stay within, so that a bit of a map
+    /// holds for every ray from the cell through its pixel. Calls `each` with the direction and each plane
     /// with its map.
     pub(crate) fn sweep_open(
         &mut self,

@@ -140,7 +140,7 @@ impl<'a> Occluder<'a> {
 }
 
 /// Scratch memory for drawing.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Pen {
     brush: Brush,
     vertices: Vec<DVec3>,
@@ -152,7 +152,7 @@ pub(crate) struct Pen {
 }
 
 /// The two maps that one piece is drawn on.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Brush {
     inside: RayMap,
     contour: RayMap,

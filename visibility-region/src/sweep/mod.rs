@@ -28,7 +28,7 @@ const AGAIN: usize = 6;
 const CUT: f64 = 0.3;
 
 /// The map of a sweep along one direction, and scratch memory. One value serves any number of sweeps.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Sweep {
     pub(crate) map: RayMap,
     scratch: RayMap,

@@ -22,7 +22,7 @@ use visibility_core::glam::DVec3;
 const MOST_TRIANGLES: u32 = 256;
 
 /// The pieces of one viewcell.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
     /// For each triangle of the surfaces, 1 if its front faces the whole cell, -1 if its back occludes and
     /// does, otherwise 0.

@@ -56,9 +56,9 @@ impl Cone {
         (first > 0.0).then_some(Self { slopes, first, deepest, near: 0.5 * first })
     }
 
-    /// Returns the cone opened so far that it contains the cell's own shape swept along the direction. Between
-    /// the cell and a point of the cone at any depth, a ray then stays in the cone: the cone is convex, and
-    /// contains the cell.
+    /// Returns the cone opened so far that it contains the cell's own shape swept along the direction.
+    /// Between the cell and a point of the cone at any depth, a ray then stays in the cone: the cone is
+    /// convex, and contains the cell.
     pub(crate) fn opened(&self) -> Self {
         Self { slopes: self.slopes.map(|[low, high]| [low.min(0.0), high.max(0.0)]), ..*self }
     }

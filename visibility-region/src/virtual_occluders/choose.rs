@@ -50,12 +50,12 @@ impl Candidate {
 }
 
 impl ExtendedProjectionCuller {
-    /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MOST`], chosen one by one so that
-    /// each hides the most objects that those before do not. None if the viewcell is empty or not finite, or
-    /// if nothing is hidden.
+    /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MOST`], chosen one by one so
+    /// that each hides the most objects that those before do not. None if the viewcell is empty or not
+    /// finite, or if nothing is hidden.
     ///
-    /// Takes a few times as long as [culling](visibility_core::RegionCuller::cull), plus time in proportion to
-    /// the number of objects.
+    /// Takes a few times as long as [culling](visibility_core::RegionCuller::cull), plus time in proportion
+    /// to the number of objects.
     pub fn virtual_occluders(&mut self, scene: &Scene, cell: &Viewcell) -> VirtualOccluders {
         let mut candidates: Vec<Candidate> = Vec::new();
         self.sweep_open(scene, cell, |direction, window, map| {

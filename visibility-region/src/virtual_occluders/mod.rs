@@ -46,9 +46,8 @@ impl VirtualOccluder {
 /// an eye in the viewcell, whatever moves behind them. Objects need not have been there when the virtual
 /// occluders were made.
 ///
-/// Made by [`ExtendedProjectionCuller::virtual_occluders`](crate::ExtendedProjectionCuller::virtual_occluders).
-/// They reach as far aside as the objects of the scene, seen from the viewcell, and are chosen to hide most of
-/// these.
+/// Made by [`virtual_occluders`](crate::ExtendedProjectionCuller::virtual_occluders). They reach as far aside
+/// as the objects of the scene, seen from the viewcell, and are chosen to hide most of these.
 ///
 /// The scene's opaque objects are in them already, so occluders [added](OcclusionMap::add) to the map are
 /// ignored. Nothing is hidden in a frame of which lines of sight begin outside of the viewcell. Virtual
@@ -109,8 +108,8 @@ impl VirtualOccluders {
         self.cursor.is_current(scene)
     }
 
-    /// Returns a box in world space, minimum and maximum corner, that lines of sight of a view begin in. `None`
-    /// if there is none within the viewcell.
+    /// Returns a box in world space, minimum and maximum corner, that lines of sight of a view begin in.
+    /// `None` if there is none within the viewcell.
     fn sight_start(&self, view: &View) -> Option<(DVec3, DVec3)> {
         let anchor = self.cell.min * 0.5 + self.cell.max * 0.5;
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);

@@ -29,8 +29,8 @@ pub(super) fn largest(map: &RayMap, most: usize) -> Vec<PixelRect> {
     all
 }
 
-/// Returns the largest rectangle of set blocks: first and last column, first and last row. Linear in the number
-/// of blocks: for each row, a stack of the rectangles that may still grow to the right.
+/// Returns the largest rectangle of set blocks: first and last column, first and last row. Linear in the
+/// number of blocks: for each row, a stack of the rectangles that may still grow to the right.
 fn largest_of(set: &[bool]) -> Option<[usize; 4]> {
     let mut height = [0usize; COUNT + 1];
     let (mut best, mut area) = (None, 0);
