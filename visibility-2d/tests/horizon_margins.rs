@@ -17,13 +17,15 @@ struct Case {
 
 /// Makes a wall of random size at a random scale, whose faces are across the axes.
 fn case(random: &mut Random, scale: f32, columns: usize) -> Case {
-    let eye = random.vec3(-1.0, 1.0) * scale;
+    // Not a number of `f32`, so that differences from it round.
+    let exact = random.fine_vector(1.0) * f64::from(scale);
+    let eye = exact.as_vec3();
     let x = eye.x + random.fine_range(2.0, 5.0) as f32 * scale;
     let y = eye.y - random.fine_range(0.3, 1.0) as f32 * scale;
     let y1 = eye.y + random.fine_range(0.1, 1.0) as f32 * scale;
     let z1 = eye.z + random.fine_range(-0.4, 0.8) as f32 * scale;
     let wall = Aabb::from_arrays([x, y, eye.z - scale], [x + scale * 0.1, y1, z1]);
-    let eye = eye.as_dvec3();
+    let eye = exact;
     let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.5, 1.5, 1e-3 * f64::from(scale), f64::INFINITY).unwrap();
     let mut horizon = Horizon::new(UpAxis::Z).with_columns(columns);

@@ -180,7 +180,7 @@ impl Solids {
         plan.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         plan.dedup();
         let hull = convex_hull(&plan);
-        if hull.len() != plan.len() || hull.len() < 3 || hull.len() > MAX_POSTS {
+        if hull.len() < 3 || hull.len() > MAX_POSTS {
             return None;
         }
         // Each triangle is level or a part of a side between neighbours of the hull.
@@ -315,6 +315,7 @@ mod tests {
         assert_eq!(count(&turned, true, Affine3A::IDENTITY), 1);
         let mirror = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)));
         assert_eq!(count(&house, false, mirror), 0, "the front of a mirrored triangle stays its front");
+        assert_eq!(count(&turned, false, mirror), 0, "a mirrored room is a room");
         assert_eq!(count(&house, true, mirror), 1);
     }
 
