@@ -1,8 +1,9 @@
 //! The culler that walks the scene's hierarchy front to back, with prepared occluders.
 //!
-//! A priority queue holds nodes and objects by their least distance on the plan. An object that comes out of
-//! the queue and is not hidden is kept, and its solids are drawn. Whatever is nearer has been drawn before,
-//! so each object is decided once (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993).
+//! A priority queue holds nodes and objects by their least distance on the plan. An object that comes out
+//! of the queue and is not hidden is kept, and its solids are drawn. Whatever is nearer has been drawn
+//! before, so each object is decided once (Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility",
+//! 1993).
 
 use super::crowns::CrownColumns;
 use super::frame::UpAxis;
@@ -140,8 +141,8 @@ impl HorizonCuller {
         &self.horizon
     }
 
-    /// Notes which objects have changed since the occluders were made. Returns whether any occluder can be
-    /// used.
+    /// Notes which objects have changed since the occluders were made. Returns whether any occluder can
+    /// be used.
     fn follow(&mut self, scene: &Scene) -> bool {
         self.changed.clear();
         match self.occluders.missed(scene) {
@@ -193,7 +194,8 @@ impl HorizonCuller {
     }
 }
 
-/// Returns the square of the distance on the plan of a box from the eye. Rounded: it decides the order only.
+/// Returns the square of the distance on the plan of a box from the eye. Rounded: it decides the order
+/// only.
 fn plan_distance_squared(up: UpAxis, eye: [f32; 3], bounds: &Aabb) -> f32 {
     let (min, max) = (up.split_f32(bounds.min), up.split_f32(bounds.max));
     let along = |axis: usize| (min[axis] - eye[axis]).max(eye[axis] - max[axis]).max(0.0);
