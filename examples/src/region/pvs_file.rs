@@ -1,8 +1,8 @@
 //! Files of visible sets with their viewcells, written by the program `region` and read by `walkthrough`.
 //!
-//! The header of [`binary_format`](visibility_core::binary_format) with the number of objects in place of a
-//! fingerprint, the number of viewcells (`u32`), the corners of each (six times the bits of an `f64`), then the
-//! bytes of a [`Pvs`] of object indices.
+//! The header of [`binary_format`](visibility_core::binary_format) with the number of objects as its
+//! fingerprint, the number of viewcells (`u32`), the corners of each (six times the bits of an `f64`), then
+//! the bytes of a [`Pvs`] of object indices.
 
 use super::output::Judged;
 use std::path::Path;
