@@ -25,9 +25,8 @@ pub enum PlanError {
         /// Number of walls of the plan.
         walls: usize,
     },
-    /// A region is no convex polygon with its corners in counter-clockwise order, or has fewer than two
-    /// corners.
-    NotConvex,
+    /// A region has no point, or one outside the rectangle around the plan.
+    Region,
     /// The lower bound of heights is not below the upper one, or one is not finite.
     Heights,
 }
@@ -42,7 +41,7 @@ impl fmt::Display for PlanError {
             Self::UnknownWall { wall, walls } => {
                 write!(f, "wall {wall} is unknown: the plan has {walls}, numbered from 0")
             }
-            Self::NotConvex => write!(f, "the region is not convex and counter-clockwise"),
+            Self::Region => write!(f, "the region is empty, or not inside the rectangle around the plan"),
             Self::Heights => write!(f, "the lower height must be below the upper one, and both finite"),
         }
     }

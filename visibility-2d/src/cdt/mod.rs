@@ -7,6 +7,9 @@
 //!
 //! - [`Plan::look`]: the visibility polygon and the walls seen, within a range or a sector, through glass,
 //!   one-way walls and a number of opaque ones.
+//! - [`Plan::sees`], [`Plan::ray`]: lines of sight between two points, the first wall on a ray.
+//! - [`Plan::look_from_region`]: the walls and triangles seen from anywhere in a triangle, on a segment, in a
+//!   convex cell.
 //! - [`Plan::set_opacity`]: doors that open and close.
 
 mod constrain;
@@ -17,6 +20,7 @@ mod locate;
 mod plan;
 mod predicates;
 mod range;
+mod region;
 mod sight;
 #[cfg(test)]
 mod tests;
@@ -27,6 +31,7 @@ mod wall;
 
 pub use error::PlanError;
 pub use plan::Plan;
+pub use region::RegionVisibility;
 pub use sight::RayHit;
 pub use view::PlanView;
 pub use visibility::Visibility;

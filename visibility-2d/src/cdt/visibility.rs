@@ -82,7 +82,7 @@ impl Visibility {
 }
 
 /// Adds walls that no earlier piece has.
-fn add_walls(to: &mut Vec<u32>, marks: &mut [u32], query: u32, walls: &[u32]) {
+pub(crate) fn add_walls(to: &mut Vec<u32>, marks: &mut [u32], query: u32, walls: &[u32]) {
     for &wall in walls {
         let mark = &mut marks[wall as usize];
         if *mark != query {

@@ -1,9 +1,10 @@
 //! Plans against exact arithmetic: integers and fractions of `i128`, sharing no code with the plan.
 
 mod oracle;
+mod region_oracle;
 
 use oracle::Oracle;
-use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
+use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_testing::Random;
 
 /// Number of integer units of the oracle in a world unit.
@@ -132,4 +133,99 @@ fn two_points_see_each_other_as_exact_arithmetic_says_at_length() {
 #[ignore = "long form: 50 times as many"]
 fn eyes_anywhere_see_what_exact_arithmetic_says_at_length() {
     compare_grids(400..20_000, 12);
+}
+
+/// Compares what triangles see with lines through all pairs of vertices.
+fn compare_triangles(seeds: std::ops::Range<u64>) {
+    let (mut answer, mut inner) = (RegionVisibility::new(), Visibility::new());
+    let mut total = 0;
+    for seed in seeds {
+        let mut random = Random(seed);
+        let size = random.between(2, 7);
+        let count = random.below(14);
+        let walls = grid_walls(&mut random, count, size);
+        let plan = plan_of(&walls);
+        let integer = |p: [f64; 2]| p.map(|x| (x * UNIT) as i128);
+        let [low, high] = plan.bounds().map(|corner| corner.map(|x| (x * UNIT) as i32));
+        let oracle = Oracle::new(&walls, [low, high]);
+        let mut vertices: Vec<_> = plan.pieces().flat_map(|(ends, _)| ends.map(integer)).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        for _ in 0..4 {
+            let corners = plan.triangle(random.below(plan.triangle_count()) as u32).unwrap();
+            let triangle = corners.map(integer);
+            let all: Vec<_> = vertices.iter().copied().chain(triangle).collect();
+            let expected = region_oracle::seen_from(triangle, &oracle.walls[..oracle.count], &all);
+            plan.look_from_region(&corners, &mut answer).unwrap();
+            let mut seen = answer.walls().to_vec();
+            seen.sort_unstable();
+            assert_eq!(seen, expected, "seed {seed}: from {corners:?} {walls:?}");
+            total += seen.len();
+
+            // A part of the triangle sees no more, and no less than each of its points.
+            let point = |random: &mut Random| {
+                let shares = [0, 1, 2].map(|_| random.unit() + 1e-3);
+                let sum: f64 = shares.iter().sum();
+                [0, 1].map(|axis| (0..3).map(|k| shares[k] / sum * corners[k][axis]).sum::<f64>())
+            };
+            let points: Vec<_> = (0..random.between(1, 4)).map(|_| point(&mut random)).collect();
+            plan.look_from_region(&points, &mut answer).unwrap();
+            assert!(answer.walls().iter().all(|wall| expected.contains(wall)), "seed {seed}: {points:?}");
+            for &eye in &points {
+                plan.look(&PlanView::new(eye), &mut inner).unwrap();
+                assert!(inner.walls().iter().all(|wall| answer.walls().contains(wall)), "seed {seed}");
+                if points.len() == 1 {
+                    assert_eq!(inner.walls().len(), answer.walls().len(), "seed {seed}: {eye:?}");
+                }
+            }
+        }
+    }
+    assert!(total > 300, "{total}");
+}
+
+#[test]
+fn triangles_see_what_lines_through_all_vertices_say() {
+    compare_triangles(0..120);
+}
+
+#[test]
+#[ignore = "long form: 25 times as many"]
+fn triangles_see_what_lines_through_all_vertices_say_at_length() {
+    compare_triangles(120..3000);
+}
+
+#[test]
+fn regions_across_triangles_miss_nothing() {
+    let (mut answer, mut inner) = (RegionVisibility::new(), Visibility::new());
+    for seed in 0..150 {
+        let mut random = Random(seed);
+        let count = random.below(20);
+        let walls = grid_walls(&mut random, count, 9);
+        let plan = plan_of(&walls);
+        let [low, high] = plan.bounds();
+        // Corners on the grid as well, so that sides run along walls and through vertices.
+        let step = random.pick(&[1.0, 0.01]);
+        let corners: Vec<_> = (0..random.between(1, 5))
+            .map(|_| {
+                [0, 1].map(|k| {
+                    let x = random.range(low[k], high[k]);
+                    ((x / step).round() * step).clamp(low[k], high[k])
+                })
+            })
+            .collect();
+        plan.look_from_region(&corners, &mut answer).unwrap();
+        for _ in 0..40 {
+            let shares: Vec<_> = corners.iter().map(|_| random.unit().powi(3) + 1e-9).collect();
+            let sum: f64 = shares.iter().sum();
+            let eye = [0, 1].map(|k| corners.iter().zip(&shares).map(|(c, s)| s / sum * c[k]).sum::<f64>());
+            plan.look(&PlanView::new(eye), &mut inner).unwrap();
+            for wall in inner.walls() {
+                assert!(answer.walls().contains(wall), "seed {seed}: {corners:?} wall {wall} from {eye:?}");
+            }
+        }
+    }
+    let plan = plan_of(&[]);
+    assert!(plan.look_from_region(&[], &mut answer).is_err());
+    assert!(plan.look_from_region(&[[0.0, 0.0], [1e3, 0.0]], &mut answer).is_err());
+    assert!(plan.look_from_region(&[[f64::NAN, 0.0]], &mut answer).is_err());
 }

@@ -4,19 +4,19 @@
 use super::UNIT;
 use std::cmp::Ordering;
 
-type Vector = [i128; 2];
+pub(crate) type Vector = [i128; 2];
 
 pub(crate) struct Oracle {
     /// Walls and the four sides of the rectangle, in integer units.
-    walls: Vec<[Vector; 2]>,
-    count: usize,
+    pub(crate) walls: Vec<[Vector; 2]>,
+    pub(crate) count: usize,
 }
 
-fn cross(a: Vector, b: Vector) -> i128 {
+pub(crate) fn cross(a: Vector, b: Vector) -> i128 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-fn minus(a: Vector, b: Vector) -> Vector {
+pub(crate) fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1]]
 }
 

@@ -1,0 +1,345 @@
+//! Visibility from a region: beams of lines through the triangulation, clipped in the dual plane.
+//!
+//! A directed line of the plan is a point of the dual, a vertex is a line of the dual, and the lines that pass
+//! a vertex on its left are a half-plane. The lines of a beam pass a sequence of edges, between the vertices
+//! to the right and those to the left, so they are a convex polygon. A side of the polygon is a vertex that
+//! lines of the beam touch, and a corner is a line through two vertices. The polygon is kept as these
+//! vertices, never as numbers: clipping it at the next vertex asks on which side of each corner line the
+//! vertex lies, which is an exact orientation of three given points.
+//!
+//! Related to the stabbing lines of Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
+//! Walkthroughs", 1991, here without linear programs.
+
+use super::error::PlanError;
+use super::plan::{BLOCKS, Plan, TWIN, WALL};
+use super::predicates::{Point, checked, orient};
+use super::triangulation::{NONE, Place, next, previous};
+use super::visibility::add_walls;
+use alloc::vec::Vec;
+
+/// Most triangles that all beams of a region enter together. A beam enters a triangle in some 40 ns.
+const MOST_STEPS: usize = 1 << 24;
+
+/// A side of a beam's dual polygon, with the corner that follows it.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    /// Vertex that the lines of the side touch.
+    vertex: u32,
+    /// Two vertices on the line of the corner, in the line's direction.
+    corner: [u32; 2],
+}
+
+/// A beam that leaves a triangle.
+#[derive(Clone, Copy, Debug)]
+struct Beam {
+    /// Half-edge of the triangle that the beam leaves.
+    edge: u32,
+    /// Range of the beam's sides in the list of all sides.
+    sides: (u32, u32),
+    /// Length of the list of all sides that the beam and those below it on the stack need.
+    kept: u32,
+}
+
+/// The answer of [`Plan::look_from_region`]: walls and triangles seen. Keeps its memory.
+#[derive(Clone, Debug, Default)]
+pub struct RegionVisibility {
+    triangles: Vec<u32>,
+    walls: Vec<u32>,
+    triangle_marks: Vec<u32>,
+    wall_marks: Vec<u32>,
+    query: u32,
+    sides: Vec<Side>,
+    beams: Vec<Beam>,
+    /// Points of the region, and the corners of their convex hull.
+    points: Vec<Point>,
+    hull: Vec<Point>,
+    signs: Vec<i8>,
+    steps: usize,
+}
+
+impl RegionVisibility {
+    /// Makes an empty answer.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Returns the numbers of the walls seen, each once, in no particular order.
+    pub fn walls(&self) -> &[u32] {
+        &self.walls
+    }
+
+    /// Returns the numbers of the triangles seen, each once, those that the region overlaps first. See
+    /// [`Plan::triangle`].
+    pub fn triangles(&self) -> &[u32] {
+        &self.triangles
+    }
+
+    /// Returns the number of triangles that beams entered, as a measure of the work.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    fn begin(&mut self, plan: &Plan) {
+        self.triangles.clear();
+        self.walls.clear();
+        self.beams.clear();
+        self.sides.clear();
+        self.points.clear();
+        self.hull.clear();
+        self.steps = 0;
+        self.query = self.query.wrapping_add(1);
+        let sizes = (plan.triangle_count(), plan.walls().len());
+        if self.query == 0 || (self.triangle_marks.len(), self.wall_marks.len()) != sizes {
+            for (marks, size) in [(&mut self.triangle_marks, sizes.0), (&mut self.wall_marks, sizes.1)] {
+                marks.clear();
+                marks.resize(size, 0);
+            }
+            self.query = 1;
+        }
+    }
+
+    /// Adds a triangle, and returns whether it is new.
+    fn add_triangle(&mut self, triangle: u32) -> bool {
+        let mark = &mut self.triangle_marks[triangle as usize];
+        let is_new = core::mem::replace(mark, self.query) != self.query;
+        if is_new {
+            self.triangles.push(triangle);
+        }
+        is_new
+    }
+}
+
+impl Plan {
+    /// Finds what is seen from anywhere inside the convex hull of some points in world units: a point, a
+    /// segment, a convex cell.
+    ///
+    /// Conservative, and exact for a triangle of the plan and for a region inside one: a wall or a triangle is
+    /// listed if a line that crosses it meets the region, and meets no wall on its way from the triangles that
+    /// the region overlaps. To get exact answers for a region in several triangles, give the plan the
+    /// region's outline as [clear](super::Opacity::Clear) walls, and join the answers of its triangles. Time
+    /// is in proportion to the number of classes of lines.
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] if a point is not finite or above 1e60, [`PlanError::Region`] if there is no
+    /// point or one outside the rectangle around the plan, [`PlanError::TooMany`] if beams enter more than
+    /// 2^24 triangles. The answer is then unusable: count everything as visible.
+    ///
+    /// ```
+    /// use visibility_2d::cdt::{Plan, RegionVisibility, Wall};
+    /// // A screen 2 wide, and two posts of 0.2 behind: close to the screen, and far from it.
+    /// let post = |y: f64| Wall::new([-0.1, y], [0.1, y]);
+    /// let plan = Plan::new(&[Wall::new([-1.0, 1.0], [1.0, 1.0]), post(1.5), post(9.0)])?;
+    /// let mut answer = RegionVisibility::new();
+    /// plan.look_from_region(&[[-2.0, 0.0], [2.0, 0.0]], &mut answer)?;
+    /// assert!(!answer.walls().contains(&1) && answer.walls().contains(&2));
+    /// # Ok::<(), visibility_2d::cdt::PlanError>(())
+    /// ```
+    pub fn look_from_region(
+        &self,
+        points: &[[f64; 2]],
+        answer: &mut RegionVisibility,
+    ) -> Result<(), PlanError> {
+        answer.begin(self);
+        for (index, &point) in points.iter().enumerate() {
+            answer.points.push(checked(point, index)?);
+        }
+        convex_hull(&mut answer.points, &mut answer.hull);
+        self.overlapped(answer)?;
+        for index in 0..answer.triangles.len() {
+            let first = 3 * answer.triangles[index];
+            for edge in first..first + 3 {
+                // A region without area on a wall sees the wall, as an eye does.
+                let piece = self.piece[edge as usize];
+                let [a, b] = self.ends(edge);
+                if piece != NONE
+                    && answer.hull.len() < 3
+                    && answer.hull.iter().all(|&p| orient(a, b, p) == 0.0)
+                {
+                    let walls = self.walls_of(piece);
+                    add_walls(&mut answer.walls, &mut answer.wall_marks, answer.query, walls);
+                }
+                self.follow_from(edge, answer)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Lists the triangles that the hull overlaps: in area, or at all if the hull has none.
+    fn overlapped(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
+        let first = *answer.hull.first().ok_or(PlanError::Region)?;
+        let [low, high] = self.bounds();
+        let is_inside = |p: &Point| (0..2).all(|axis| low[axis] <= p[axis] && p[axis] <= high[axis]);
+        if !answer.hull.iter().all(is_inside) {
+            return Err(PlanError::Region);
+        }
+        let hull = core::mem::take(&mut answer.hull);
+        let add = |h: u32, answer: &mut RegionVisibility| {
+            if self.overlaps(h / 3, &hull) {
+                answer.add_triangle(h / 3);
+            }
+        };
+        match self.locate(first, self.near(first)) {
+            Place::Triangle(t) => add(3 * t, answer),
+            Place::Edge(h) => {
+                add(h, answer);
+                if let Some(twin) = self.edges[h as usize].twin() {
+                    add(twin, answer);
+                }
+            }
+            Place::Vertex(h) => self.fan(h).for_each(|h| add(h, answer)),
+            Place::Outside => {}
+        }
+        // Overlapped triangles hang together across edges, since the hull is convex and connected. A hull
+        // without area may pass through a vertex.
+        let mut index = 0;
+        while index < answer.triangles.len() {
+            let first = 3 * answer.triangles[index];
+            for h in first..first + 3 {
+                if hull.len() < 3 {
+                    self.fan(h).for_each(|h| add(h, answer));
+                } else if let Some(twin) = self.edges[h as usize].twin() {
+                    add(twin, answer);
+                }
+            }
+            index += 1;
+        }
+        answer.hull = hull;
+        Ok(())
+    }
+
+    /// Returns whether a triangle and a convex polygon overlap: the two are apart only if a side of either
+    /// separates them. A polygon without area overlaps what it touches.
+    fn overlaps(&self, triangle: u32, hull: &[Point]) -> bool {
+        let corners = [0, 1, 2].map(|k| self.start(3 * triangle + k));
+        let has_area = hull.len() > 2;
+        let is_apart = |a: Point, b: Point, others: &[Point]| {
+            others.iter().all(|&p| {
+                let side = orient(a, b, p);
+                if has_area { side <= 0.0 } else { side < 0.0 }
+            })
+        };
+        let by_triangle = (0..3).any(|k| is_apart(corners[k], corners[(k + 1) % 3], hull));
+        let by_hull = || {
+            hull.len() > 1 && (0..hull.len()).any(|k| is_apart(hull[k], hull[(k + 1) % hull.len()], &corners))
+        };
+        !by_triangle && !by_hull()
+    }
+
+    /// Follows all lines that leave a triangle of the region by a half-edge and meet the region.
+    fn follow_from(&self, edge: u32, answer: &mut RegionVisibility) -> Result<(), PlanError> {
+        answer.sides.clear();
+        let (a, b) = (self.edges[edge as usize].origin, self.edges[next(edge) as usize].origin);
+        // All lines across the edge, from along it in one direction to along it in the other.
+        answer.sides.push(Side { vertex: a, corner: [a, b] });
+        answer.sides.push(Side { vertex: b, corner: [b, a] });
+        answer.beams.clear();
+        answer.beams.push(Beam { edge, sides: (0, 2), kept: 2 });
+        while let Some(beam) = answer.beams.pop() {
+            answer.sides.truncate(beam.kept as usize);
+            if !self.meets_hull(beam, answer) {
+                continue;
+            }
+            let twin = self.edges[beam.edge as usize].twin;
+            if twin & WALL != 0 {
+                let walls = self.walls_of(self.piece[beam.edge as usize]);
+                add_walls(&mut answer.walls, &mut answer.wall_marks, answer.query, walls);
+            }
+            if twin & BLOCKS != 0 {
+                continue;
+            }
+            answer.steps += 1;
+            if answer.steps > MOST_STEPS {
+                return Err(PlanError::TooMany { count: answer.steps });
+            }
+            let twin = twin & TWIN;
+            answer.add_triangle(twin / 3);
+            let apex = self.edges[previous(twin) as usize].origin;
+            let point = self.points[apex as usize];
+            answer.signs.clear();
+            for side in &answer.sides[beam.sides.0 as usize..beam.sides.1 as usize] {
+                let [from, to] = side.corner.map(|v| self.points[v as usize]);
+                let side = orient(from, to, point);
+                answer.signs.push(if side > 0.0 { 1 } else { -i8::from(side < 0.0) });
+            }
+            // To the left of the apex, and to its right.
+            clip(answer, beam, apex, -1, previous(twin));
+            clip(answer, beam, apex, 1, next(twin));
+        }
+        Ok(())
+    }
+
+    /// Returns whether a line of a beam meets the hull. All lines pass the hull on one side if the lines of
+    /// all corners do; and if some pass it on either side, one between them meets it.
+    fn meets_hull(&self, beam: Beam, answer: &RegionVisibility) -> bool {
+        let mut common = 0;
+        for side in &answer.sides[beam.sides.0 as usize..beam.sides.1 as usize] {
+            let [from, to] = side.corner.map(|v| self.points[v as usize]);
+            for &point in &answer.hull {
+                let side = orient(from, to, point);
+                let sign = if side > 0.0 { 1 } else { -i8::from(side < 0.0) };
+                if common != 0 && sign == -common {
+                    return true;
+                }
+                if sign != 0 {
+                    common = sign;
+                }
+            }
+        }
+        false
+    }
+}
+
+/// Pushes the lines of a beam that pass the vertex `apex` on a side: `sign` is 1 for those with the vertex to
+/// their left.
+fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u32) {
+    let (first, count) = (beam.sides.0 as usize, answer.signs.len());
+    let keeps = |index: usize| answer.signs[index % count] == sign;
+    let kept = answer.sides.len() as u32;
+    if (0..count).all(|index| answer.signs[index] != -sign) {
+        if (0..count).any(keeps) {
+            answer.beams.push(Beam { edge, sides: beam.sides, kept });
+        }
+        return;
+    }
+    // The corners that stay follow one another.
+    let Some(begin) = (0..count).find(|&index| keeps(index) && !keeps(index + count - 1)) else { return };
+    let length = (begin..).take_while(|&index| keeps(index)).count();
+    for index in begin..begin + length {
+        let side = answer.sides[first + index % count];
+        answer.sides.push(side);
+    }
+    let before = answer.sides[first + begin].vertex;
+    let after = answer.sides[first + (begin + length) % count].vertex;
+    // Lines pass the vertices of earlier edges first.
+    answer.sides.push(Side { vertex: after, corner: [after, apex] });
+    answer.sides.push(Side { vertex: apex, corner: [before, apex] });
+    let sides = (kept, answer.sides.len() as u32);
+    answer.beams.push(Beam { edge, sides, kept: sides.1 });
+}
+
+/// Writes the corners of the convex hull of some points, counter-clockwise: one for equal points, two for
+/// collinear ones. Sorts the points. This work is based on: A. M. Andrew, "Another Efficient Algorithm for
+/// Convex Hulls in Two Dimensions", 1979.
+fn convex_hull(points: &mut Vec<Point>, hull: &mut Vec<Point>) {
+    hull.clear();
+    points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    points.dedup();
+    for is_upper in [false, true] {
+        let base = hull.len().max(1);
+        let mut push = |point: Point| {
+            while hull.len() > base && orient(hull[hull.len() - 2], hull[hull.len() - 1], point) <= 0.0 {
+                hull.pop();
+            }
+            hull.push(point);
+        };
+        if is_upper {
+            points.iter().rev().skip(1).for_each(|&p| push(p));
+        } else {
+            points.iter().for_each(|&p| push(p));
+        }
+    }
+    // The upper chain ends where the lower one begins.
+    if hull.len() > 1 {
+        hull.pop();
+    }
+}

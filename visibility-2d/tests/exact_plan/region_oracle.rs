@@ -1,0 +1,73 @@
+//! What a triangle without walls inside sees, by brute force: lines next to those through two vertices.
+//!
+//! Whatever is seen from the triangle is seen along a set of lines that is bounded by lines through two
+//! vertices. A line a little off one of these, to either side at either vertex, is in the set.
+
+use super::oracle::{Vector, cross, minus};
+use std::cmp::Ordering;
+
+/// Integer units of the moved lines in a unit of the vertices.
+const FINE: i128 = 1 << 20;
+
+/// A place along a line: numerator and positive denominator.
+type Place = (i128, i128);
+
+fn order(a: Place, b: Place) -> Ordering {
+    (a.0 * b.1).cmp(&(b.0 * a.1))
+}
+
+/// Returns where a line crosses a segment between its ends. `None` if not, or if the line meets an end.
+fn crossing(at: Vector, along: Vector, segment: [Vector; 2]) -> Option<Place> {
+    let sides = segment.map(|p| cross(along, minus(p, at)).signum());
+    let w = minus(segment[1], segment[0]);
+    let across = cross(along, w);
+    (sides[0] * sides[1] < 0).then(|| (cross(minus(segment[0], at), w) * across.signum(), across.abs()))
+}
+
+/// Returns the walls seen from a triangle, ascending. `vertices` are all ends and crossings of walls and the
+/// corners of the triangle.
+pub(crate) fn seen_from(triangle: [Vector; 3], walls: &[[Vector; 2]], vertices: &[Vector]) -> Vec<u32> {
+    let fine = |p: Vector| p.map(|x| x * FINE);
+    let fine_walls: Vec<_> = walls.iter().map(|wall| wall.map(fine)).collect();
+    let triangle = triangle.map(fine);
+    let mut seen = vec![false; walls.len()];
+    for (index, &u) in vertices.iter().enumerate() {
+        for &v in &vertices[..index] {
+            let [x, y] = minus(v, u);
+            for (at_u, at_v) in [(1, 1), (-1, -1), (1, -3), (-1, 3)] {
+                let moved = |p: Vector, by: i128| [p[0] * FINE - y * by, p[1] * FINE + x * by];
+                let at = moved(u, at_u);
+                let along = minus(moved(v, at_v), at);
+                // A line through an end of a wall is no line in the midst of a set.
+                if fine_walls.iter().flatten().any(|&end| cross(along, minus(end, at)) == 0) {
+                    continue;
+                }
+                let mut inside: Vec<_> = (0..3)
+                    .filter_map(|k| crossing(at, along, [triangle[k], triangle[(k + 1) % 3]]))
+                    .collect();
+                inside.sort_by(|a, b| order(*a, *b));
+                let [from, to] = inside[..] else { continue };
+                let hits: Vec<_> = fine_walls.iter().map(|&wall| crossing(at, along, wall)).collect();
+                for is_ahead in [false, true] {
+                    let beyond = |place: &Place| {
+                        if is_ahead {
+                            order(*place, to) != Ordering::Less
+                        } else {
+                            order(*place, from) != Ordering::Greater
+                        }
+                    };
+                    let all = hits.iter().flatten().copied().filter(beyond);
+                    let nearest = if is_ahead {
+                        all.min_by(|a, b| order(*a, *b))
+                    } else {
+                        all.max_by(|a, b| order(*a, *b))
+                    };
+                    for (hit, seen) in hits.iter().zip(&mut seen) {
+                        *seen |= hit.zip(nearest).is_some_and(|(a, b)| order(a, b) == Ordering::Equal);
+                    }
+                }
+            }
+        }
+    }
+    (0..walls.len()).filter(|&i| seen[i]).map(|i| i as u32).collect()
+}
