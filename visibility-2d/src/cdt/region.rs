@@ -1,7 +1,7 @@
 //! Visibility from a region: beams of lines through the triangulation, clipped in the dual plane.
 //!
-//! A directed line of the plan is a point of the dual, a vertex is a line of the dual, and the lines that pass
-//! a vertex on its left are a half-plane. The lines of a beam pass a sequence of edges, between the vertices
+//! A directed line of the plan is a point of the dual, a vertex is a line of the dual, and the lines that
+//! pass a vertex on its left are a half-plane. The lines of a beam pass a sequence of edges, between the vertices
 //! to the right and those to the left, so they are a convex polygon. A side of the polygon is a vertex that
 //! lines of the beam touch, and a corner is a line through two vertices. The polygon is kept as these
 //! vertices, never as numbers: clipping it at the next vertex asks on which side of each corner line the
@@ -113,9 +113,9 @@ impl Plan {
     /// Finds what is seen from anywhere inside the convex hull of some points in world units: a point, a
     /// segment, a convex cell.
     ///
-    /// Conservative, and exact for a triangle of the plan and for a region inside one: a wall or a triangle is
-    /// listed if a line that crosses it meets the region, and meets no wall on its way from the triangles that
-    /// the region overlaps. To get exact answers for a region in several triangles, give the plan the
+    /// Conservative, and exact for a triangle of the plan and for a region inside one: a wall or a triangle
+    /// is listed if a line that crosses it meets the region, and meets no wall on its way from the triangles
+    /// that the region overlaps. To get exact answers for a region in several triangles, give the plan the
     /// region's outline as [clear](super::Opacity::Clear) walls, and join the answers of its triangles. Time
     /// is in proportion to the number of classes of lines.
     ///
