@@ -234,3 +234,60 @@ fn warm_queries_allocate_nothing() {
     queries(1);
     assert_eq!(ALLOCATIONS.get(), before);
 }
+
+/// Gaps and overlaps between two walls that products of `f64` cannot tell: neighbouring Fibonacci numbers
+/// make directions whose cross product is 1 or -1, of products near 2^104.
+#[test]
+fn gaps_of_the_last_bit_are_told_from_overlaps() {
+    let mut fibonacci = vec![1.0f64, 1.0];
+    for i in 2..76 {
+        fibonacci.push(fibonacci[i - 1] + fibonacci[i - 2]);
+    }
+    let mut answer = Visibility::new();
+    let mut seen = 0;
+    for i in 40..74 {
+        // The second direction is to the left of the first by 1, or to its right.
+        let [a, b] = [i, i + 1].map(|k| [fibonacci[k - 1], fibonacci[k]]);
+        let is_gap = (a[0] as i128 * b[1] as i128) > (a[1] as i128 * b[0] as i128);
+        let size = fibonacci[i + 1];
+        let walls = [
+            // One wall to the right of the first direction, one to the left of the second.
+            Wall::new(a, [a[0] + size, -size]),
+            Wall::new(b, [-size, b[1]]),
+            // Behind the two.
+            Wall::new([0.0, 4.0 * size], [4.0 * size, 4.0 * size]),
+            // Nothing else is seen.
+            Wall::new([-size, size], [-size, -2.0 * size]),
+            Wall::new([-size, -size], [3.0 * size, -size]),
+            Wall::new([2.0 * size, -size], [a[0] + size, -size]),
+        ];
+        let plan = Plan::new(&walls).unwrap();
+        plan.look(&PlanView::new([0.0, 0.0]), &mut answer).unwrap();
+        assert_eq!(answer.walls().contains(&2), is_gap, "{a:?} {b:?}");
+        let beyond = [a[0] + b[0], a[1] + b[1]];
+        assert_eq!(plan.sees([0.0, 0.0], beyond).unwrap(), is_gap, "{a:?} {b:?}");
+        seen += u32::from(is_gap);
+    }
+    assert_eq!(seen, 17);
+}
+
+#[test]
+fn a_wall_that_touches_the_range_is_in_it() {
+    let mut random = Random(7);
+    let mut answer = Visibility::new();
+    for _ in 0..3000 {
+        // The line through (3, 4) k in the direction (-4, 3) is at distance 5 k from the eye.
+        let (k, m, n) = (random.between(1, 1 << 28), random.between(1, 1 << 25), random.between(1, 1 << 25));
+        let [k, m, n] = [k, m, n].map(f64::from);
+        let end = |m: f64| [3.0 * k - 4.0 * m, 4.0 * k + 3.0 * m];
+        let plan = Plan::new(&[Wall::new(end(m), end(-n))]).unwrap();
+        let mut sees = |range: f64| {
+            plan.look(&PlanView::new([0.0, 0.0]).with_range(range), &mut answer).unwrap();
+            !answer.walls().is_empty()
+        };
+        assert!(sees(5.0 * k), "{k} {m} {n}");
+        // A wall at a small angle to the lines to its ends is decided less sharply.
+        let unsure = 1e-13 * (1.0 + k.hypot(m) * k.hypot(n) / (k * (m + n)));
+        assert!(!sees(5.0 * k * (1.0 - unsure)), "{k} {m} {n}");
+    }
+}
