@@ -34,8 +34,8 @@ impl PlanCells {
         self.of_triangle.get(triangle as usize).copied()
     }
 
-    /// Returns the corners of a cell on the plan, counter-clockwise, in world units. Corners between collinear
-    /// sides are listed too. Empty for an unknown cell.
+    /// Returns the corners of a cell on the plan, counter-clockwise, in world units. Corners between
+    /// collinear sides are listed too. Empty for an unknown cell.
     pub fn outline(&self, cell: CellId) -> &[[f64; 2]] {
         let ends = self.first_corner.get(cell.index()).zip(self.first_corner.get(cell.index() + 1));
         ends.map_or(&[], |(&from, &to)| &self.corners[from as usize..to as usize])
@@ -79,8 +79,8 @@ impl Rings<'_> {
         self.parent[a.max(b) as usize] = a.min(b);
     }
 
-    /// Returns whether the corner at the origin of `h` is convex once `h` is removed. Two collinear sides make
-    /// no corner, but a side that turns back would.
+    /// Returns whether the corner at the origin of `h` is convex once `h` is removed. Two collinear sides are
+    /// convex, unless the second turns back along the first.
     fn is_convex_without(&self, h: u32, twin: u32) -> bool {
         let at = self.plan.start(h);
         let from = self.plan.start(self.before[h as usize]);

@@ -1,11 +1,11 @@
 //! Visibility from a region: beams of lines through the triangulation, clipped in the dual plane.
 //!
 //! A directed line of the plan is a point of the dual, a vertex is a line of the dual, and the lines that
-//! pass a vertex on its left are a half-plane. The lines of a beam pass a sequence of edges, between the vertices
-//! to the right and those to the left, so they are a convex polygon. A side of the polygon is a vertex that
-//! lines of the beam touch, and a corner is a line through two vertices. The polygon is kept as these
-//! vertices, never as numbers: clipping it at the next vertex asks on which side of each corner line the
-//! vertex lies, which is an exact orientation of three given points.
+//! pass a vertex on its left are a half-plane. The lines of a beam pass a sequence of edges, between the
+//! vertices to the right and those to the left, so they are a convex polygon. A side of the polygon is a
+//! vertex that lines of the beam touch, and a corner is a line through two vertices. The polygon is kept as
+//! these vertices, never as numbers: clipping it at the next vertex asks on which side of each corner line
+//! the vertex lies, which is an exact orientation of three given points.
 //!
 //! Related to the stabbing lines of Seth Teller and Carlo Sequin, "Visibility Preprocessing for Interactive
 //! Walkthroughs", 1991, here without linear programs.
