@@ -171,3 +171,45 @@ fn a_wall_that_moved_hides_nothing_until_it_is_taken_in() {
     occluders.sync(&scene);
     assert_eq!((hidden(&scene, &occluders), occluders.solid_count()), ([false, false], 0));
 }
+
+/// A wall in the plane x = 5, and boxes behind it: the scene and a view from the origin along x.
+fn boxes_behind_a_wall(count: usize) -> (Scene, View) {
+    use visibility_core::glam::Affine3A;
+    use visibility_core::{Aabb, Object, OccluderMesh};
+    let mut scene = Scene::new();
+    let bounds = Aabb::from_arrays([5.0, -3.0, -3.0], [5.5, 3.0, 3.0]);
+    let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+    scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+    for i in 0..count {
+        let y = i as f32 * 0.02 - 0.5;
+        scene.insert(Aabb::from_arrays([9.0, y, -0.1], [9.2, y + 0.01, 0.1]));
+    }
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    (scene, View::perspective(pose, 2.0, 1.5, 0.1, 1e3).unwrap())
+}
+
+/// Siblings that are found hidden one after the other stay hidden, though no stage before has made masks.
+#[test]
+fn siblings_hidden_one_by_one_stay_hidden_without_a_stage_before() {
+    let (scene, view) = boxes_behind_a_wall(50);
+    let mut culler = HorizonCuller::new(HorizonOccluders::new(&scene, UpAxis::Z).into());
+    let mut visible = VisibleSet::new();
+    visible.fill(&scene, &view);
+    let stats = culler.cull(&scene, &view, &mut visible);
+    assert_eq!((visible.count(&scene), stats.visible), (1, 1));
+}
+
+#[test]
+fn occluders_of_another_up_axis_hide_nothing_until_the_next_frame() {
+    use visibility_core::{Aabb, OcclusionMap, occlusion::Occlusion};
+    let (scene, view) = boxes_behind_a_wall(1);
+    let mut culler = HorizonCuller::new(HorizonOccluders::new(&scene, UpAxis::Z).into());
+    let mut visible = VisibleSet::new();
+    visible.fill(&scene, &view);
+    culler.cull(&scene, &view, &mut visible);
+    let behind = Aabb::from_arrays([9.0, -0.1, -0.1], [9.2, 0.1, 0.1]);
+    assert_eq!(culler.horizon().test(&behind), Occlusion::Hidden);
+    culler.set_occluders(HorizonOccluders::new(&scene, UpAxis::Y).into());
+    assert_ne!(culler.horizon().test(&behind), Occlusion::Hidden);
+}

@@ -295,6 +295,11 @@ impl VisibleSet {
         self.words[node] = mask;
     }
 
+    /// Clears the bit of a lane in the mask of a node that [`set_mask`](Self::set_mask) has set in this walk.
+    pub(crate) fn drop_lane(&mut self, node: usize, lane: usize) {
+        self.words[node] &= !(1 << lane);
+    }
+
     /// Ends a walk in which a culler has set the mask of every node that it kept: the set is from now on
     /// defined by its masks.
     pub(crate) fn use_masks(&mut self) {

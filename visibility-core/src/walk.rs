@@ -293,6 +293,22 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         any
     }
 
+    /// Removes `child`, which an earlier [`visit`](Self::visit) of `node` has kept in lane `lane`, and
+    /// everything below it: for cullers that decide on a child after they have seen its siblings. `child`
+    /// itself must not have been visited or accepted in this walk.
+    pub fn drop_child(&mut self, node: Option<usize>, lane: usize, child: Child) {
+        self.stats.visible -= u64::from(matches!(child, Child::Object(_)));
+        if !H::IS_OF_SCENE {
+            return self.drop_below(child);
+        }
+        let (hierarchy, scene) = (self.hierarchy, self.scene);
+        hierarchy.for_each_block(scene, node, |block| {
+            if let Children::Node { node, .. } = block.children {
+                self.visible.drop_lane(node, lane);
+            }
+        });
+    }
+
     /// Keeps all candidates below the node `child` without testing them. Returns whether there are any;
     /// always true for hierarchies other than the scene's own.
     #[inline(always)]

@@ -185,9 +185,11 @@ impl Columns {
         for lane in 0..N {
             let (x, y, z) = (&relative.x, &relative.y, &relative.z);
             let is_beside = (x[0][lane] > 0.0) | (x[1][lane] < 0.0) | (y[0][lane] > 0.0) | (y[1][lane] < 0.0);
-            let is_proper =
+            // Of the given box: `relative` is widened, which would make a slightly inverted box proper.
+            let is_proper = boxes.iter().fold(true, |all, [min, max]| all & (min[lane] <= max[lane]));
+            let is_number =
                 (x[0][lane] <= x[1][lane]) & (y[0][lane] <= y[1][lane]) & (z[0][lane] <= z[1][lane]);
-            open |= u64::from(!(is_beside & is_proper)) << lane;
+            open |= u64::from(!(is_beside & is_proper & is_number)) << lane;
         }
         // Lanes that are hidden in the faces so far, and those that meet some face.
         let mut state = (candidates & !open, 0);

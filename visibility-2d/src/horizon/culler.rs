@@ -244,8 +244,7 @@ impl Culler for HorizonCuller {
                 }
             }
             if is_hidden {
-                // The parent was kept with this child, which is dropped now.
-                walk.visit(next.parent, |_, _, candidates| candidates & !(1 << next.lane));
+                walk.drop_child(next.parent, next.lane.into(), next.child);
                 continue;
             }
             match next.child {

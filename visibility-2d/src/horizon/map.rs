@@ -78,7 +78,11 @@ impl Horizon {
         self.up
     }
 
+    /// Sets the axis that points up. If it is another one, nothing is hidden until the next frame begins.
     pub(crate) fn set_up(&mut self, up: UpAxis) {
+        if up != self.up {
+            (self.frame, self.eye) = (Frame::BLIND, QueryEye::BLIND);
+        }
         self.up = up;
     }
 

@@ -58,7 +58,7 @@ impl HorizonOccluders {
                 }
                 // Former solids are dropped once there are more of them than of those in use.
                 if self.solids.solids.len() > 2 * self.used + 64 {
-                    self.make_all(scene);
+                    self.drop_former();
                 }
             }
             Changes::Everything => self.make_all(scene),
@@ -71,6 +71,20 @@ impl HorizonOccluders {
         self.used = 0;
         for id in scene.ids() {
             self.take(scene, id);
+        }
+    }
+
+    /// Keeps only the solids in use.
+    fn drop_former(&mut self) {
+        let all = core::mem::take(&mut self.solids);
+        for range in &mut self.ranges {
+            let begin = self.solids.solids.len() as u32;
+            for solid in &all.solids[range[0] as usize..range[1] as usize] {
+                let first = self.solids.posts.len() as u32;
+                self.solids.posts.extend_from_slice(all.posts(solid));
+                self.solids.solids.push(Solid { first, ..*solid });
+            }
+            *range = [begin, self.solids.solids.len() as u32];
         }
     }
 
