@@ -105,6 +105,18 @@ fn a_face_whose_plane_cuts_the_cell_does_not_occlude() {
 }
 
 #[test]
+fn a_floor_that_ends_under_the_cell_is_seen_past_its_near_end() {
+    let floor = |begin: f32| {
+        let mut world = World::new();
+        world.add_box([begin, -20.0, -0.7], [30.0, 20.0, -0.6]);
+        let id = world.add_target(Aabb::from_arrays([5.0, -0.3, -1.3], [5.3, 0.3, -1.0]));
+        hides(&world, id)
+    };
+    // From the lower back of the cell, rays pass the end that is 5 cm behind the front of the cell.
+    assert!(!floor(0.45));
+}
+
+#[test]
 fn glass_doors_and_movers_never_occlude() {
     let mut world = World::new();
     let door = world.add_box([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
