@@ -25,9 +25,9 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap,
 /// were synchronised with the scene.
 ///
 /// # Cost
-/// In proportion to what is seen, in a city of any size: about 40 ns for an object that comes to be tested, and
-/// 0.8 us for a solid that is drawn. In streets of 3,700 and of 40,000 houses a frame takes a third to half of
-/// the time of a z-buffer, and reports about as many objects.
+/// In proportion to what is seen, in a city of any size: about 40 ns for an object that comes to be tested,
+/// and 0.8 us for a solid that is drawn. In streets of 3,700 and of 40,000 houses a frame takes less than a
+/// third of the time of a z-buffer, and reports about as many objects.
 ///
 /// ```
 /// use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
