@@ -34,7 +34,7 @@ fn run(source: SceneSource, count: usize, effort: Effort, verdict: &mut Verdict)
     let mut methods = methods::parse(METHODS, &world).unwrap();
     for size in SIZES {
         for cell in cells::along_walks(&world, count, size) {
-            let sampled = judge.sample(&cell).unwrap();
+            let (sampled, _) = judge.sample(&cell).unwrap();
             let judged = Judged { cell, sampled, trials: Vec::new() };
             for (name, method) in &mut methods {
                 assert_eq!(method.accuracy(), Accuracy::Conservative);

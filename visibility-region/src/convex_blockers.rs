@@ -128,7 +128,10 @@ fn candidates<'a>(
     max: DVec3,
 ) -> Vec<Candidate<'a>> {
     let mut list = Vec::new();
-    let mut add = |shape, bounds: [DVec3; 2], area: f64| {
+    // `area` holds areas seen along the three axes. A floor is large, but seen edge-on from afar.
+    let mut add = |shape, bounds: [DVec3; 2], area: DVec3| {
+        let towards = ((bounds[0] - max) + (bounds[1] - min)).normalize_or_zero();
+        let area = area.abs().dot(towards.abs());
         let gap = (bounds[0] - max).max(min - bounds[1]).max(DVec3::ZERO).length();
         let reach = gap + 0.5 * (max - min).length();
         let rank = area / (reach * reach).max(f64::MIN_POSITIVE);
@@ -143,7 +146,7 @@ fn candidates<'a>(
     for solid in solids.list.iter().filter(|solid| occludes[solid.id.index()]) {
         has_solid[solid.id.index()] = true;
         let size = solid.max - solid.min;
-        let area = size.x * size.y + size.y * size.z + size.z * size.x;
+        let area = DVec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
         add(Shape::Solid(&solid.blocker), [solid.min, solid.max], area);
     }
     visible.for_each_occluder(scene, |id| {
@@ -151,11 +154,8 @@ fn candidates<'a>(
         for triangle in 0..mesh.triangles().len() {
             let v = Blocker::triangle(mesh, transform, triangle).vertices;
             let bounds = [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];
-            add(
-                Shape::Triangle(mesh, transform, triangle),
-                bounds,
-                0.5 * (v[1] - v[0]).cross(v[2] - v[0]).length(),
-            );
+            let area = (v[1] - v[0]).cross(v[2] - v[0]) * 0.5;
+            add(Shape::Triangle(mesh, transform, triangle), bounds, area);
         }
     });
     list

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use visibility_core::pvs::Viewcell;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
-use visibility_examples::region::{cells, methods, picture, pvs_file, trial};
+use visibility_examples::region::{cells, methods, picture, plot, pvs_file, trial};
 use visibility_examples::{load_walks, open, region};
 
 /// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
@@ -56,6 +56,14 @@ struct Arguments {
     /// default none.
     #[arg(long, value_name = "FILE")]
     pvs: Option<PathBuf>,
+
+    /// File to write the means of each method to as CSV. By default none.
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+
+    /// File to plot time against tightness to. By default none.
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
 
     /// Number of viewpoints of each viewcell from which the judge draws item buffers.
     #[arg(long, value_name = "N", default_value_t = 40)]
@@ -110,10 +118,11 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     let effort = Effort { eyes: arguments.eyes, side: arguments.side, rays: arguments.rays };
     let mut judge = Judge::new(&world, effort)?;
-    let mut results = Vec::new();
+    let (mut results, mut cubes) = (Vec::new(), 0.0);
     for (number, cell) in viewcells.into_iter().enumerate() {
         eprintln!("viewcell {number}: {} to {}", cell.min, cell.max);
-        let sampled = judge.sample(&cell)?;
+        let (sampled, seconds) = judge.sample(&cell)?;
+        cubes += seconds;
         let mut judged = Judged { cell, sampled, trials: Vec::new() };
         for (name, method) in &mut methods {
             let trial = trial::run(name, method.as_mut(), &world.scene, &judged.cell);
@@ -133,6 +142,16 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     println!("{}\n{}", output::table(&results), output::LEGEND);
     if let Some(path) = &arguments.pvs {
         pvs_file::write(path, world.scene.index_limit(), &results)?;
+    }
+    let (eyes, side) = (arguments.eyes, arguments.side);
+    let mean = cubes / results.len() as f64;
+    println!("for comparison: {eyes} item-buffer cubes of {side}x{side} took {mean:.3} s for a viewcell");
+    let points = plot::points(&world.source.name, &results);
+    if let Some(path) = &arguments.csv {
+        plot::csv(File::create(path)?, &points)?;
+    }
+    if let Some(path) = &arguments.plot {
+        plot::plot(path, &world.source.name, &points)?;
     }
     if let Some(path) = &arguments.json {
         let mut out = BufWriter::new(File::create(path)?);

@@ -4,6 +4,7 @@
 //! Viewpoints keep a millionth of the viewcell's extent from its sides. The item buffer has a near plane at a
 //! micrometre: with one at the near plane of a camera, viewpoints beside a wall would see through the wall.
 
+use super::trial::timed;
 use crate::walkthrough::World;
 use glam::DVec3;
 use visibility_core::pvs::Viewcell;
@@ -46,17 +47,19 @@ impl<'a> Judge<'a> {
         Ok(Self { world, effort, buffer, rays })
     }
 
-    /// Returns for each object of the source, by its index, whether a sample sees it from a viewcell.
+    /// Returns for each object of the source, by its index, whether a sample sees it from a viewcell. Returns
+    /// the seconds of processor time that the item buffers took, too.
     ///
     /// # Errors
     ///
     /// Returns the errors of [`cubes`](Self::cubes).
-    pub fn sample(&mut self, cell: &Viewcell) -> Result<Vec<bool>, MeasureError> {
+    pub fn sample(&mut self, cell: &Viewcell) -> Result<(Vec<bool>, f64), MeasureError> {
         let mut seen = vec![false; self.world.source.objects.len()];
-        self.cubes(cell, &mut seen)?;
+        let (drawn, seconds) = timed(|| self.cubes(cell, &mut seen));
+        drawn?;
         self.rays.cull(&self.world.scene, cell, &mut VisibleSet::new());
         self.rays.sight_lines().iter().for_each(|line| seen[line.id.index()] = true);
-        Ok(seen)
+        Ok((seen, seconds))
     }
 
     /// Draws the item buffers, and sets `seen` for the objects of which a pixel shows that no other object

@@ -2,7 +2,7 @@
 //! program `region`.
 //!
 //! [`cells`] makes viewcells, [`methods`] names the methods, [`judge`] samples what can be seen, [`trial`]
-//! runs a method, [`output`] prints the results, [`picture`] draws them, and [`pvs_file`]
+//! runs a method, [`output`] prints the results, [`picture`] and [`plot`] draw them, and [`pvs_file`]
 //! stores the visible sets.
 
 pub mod cells;
@@ -10,6 +10,7 @@ pub mod judge;
 pub mod methods;
 pub mod output;
 pub mod picture;
+pub mod plot;
 pub mod pvs_file;
 pub mod trial;
 
