@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
+use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
+use visibility_core::cells::CellId;
 use visibility_examples::plan::drawing::Drawing;
 use visibility_examples::plan::{PlanFile, load};
 
@@ -35,6 +36,15 @@ struct Arguments {
     /// Number of eyes drawn, from the first.
     #[arg(long, default_value_t = 6, value_name = "N")]
     draw: usize,
+
+    /// Corner of a region, given once for each corner. The picture shows the triangles that are seen from
+    /// anywhere in the region's convex hull; the rest of the picture is its umbra.
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    region: Vec<[f64; 2]>,
+
+    /// File to draw the convex cells of the plan and the portals between them to. By default none.
+    #[arg(long, value_name = "FILE.svg")]
+    cells: Option<PathBuf>,
 
     /// Distance from the outermost walls to the rectangle in which sight ends. By default a quarter of the
     /// plan's larger extent, at least 1.
@@ -107,6 +117,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(path) = &arguments.svg {
         write(path, &draw(arguments, &file, &plan)?)?;
     }
+    if let Some(path) = &arguments.cells {
+        write(path, &draw_cells(&file, &plan)?)?;
+    }
     Ok(())
 }
 
@@ -135,6 +148,21 @@ fn draw(
     const COLORS: [&str; 6] = ["#e8b04a", "#5a9bd4", "#74b566", "#c77cc0", "#d9775a", "#6fb7b0"];
     let mut drawing = Drawing::new(plan.bounds(), file.y_down);
     let mut answer = Visibility::new();
+    if !arguments.region.is_empty() {
+        let mut region = RegionVisibility::new();
+        let start = Instant::now();
+        plan.look_from_region(&arguments.region, &mut region)?;
+        let us = start.elapsed().as_secs_f64() * 1e6;
+        eprintln!(
+            "the region sees {} walls in {} triangles, {us:.1} us",
+            region.walls().len(),
+            region.triangles().len()
+        );
+        for triangle in region.triangles().iter().filter_map(|&triangle| plan.triangle(triangle)) {
+            drawing.polygon(&triangle, "fill:#cfe3d4;stroke:#cfe3d4;stroke-width:.5");
+        }
+        drawing.polygon(&arguments.region, "fill:#4a8f62;stroke:#4a8f62;stroke-width:2");
+    }
     let eyes = || file.eyes.iter().take(arguments.draw).zip(COLORS.into_iter().cycle());
     let mut seen = Vec::new();
     for (&eye, color) in eyes() {
@@ -148,5 +176,24 @@ fn draw(
     for (&eye, color) in eyes() {
         drawing.dot(eye, color);
     }
+    Ok(drawing.finish())
+}
+
+/// Draws the cells of a plan in pale colours, with portals in blue.
+fn draw_cells(file: &PlanFile, plan: &Plan) -> Result<String, visibility_2d::cdt::PlanError> {
+    const COLORS: [&str; 5] = ["#f3e2c0", "#d5e6f2", "#d9ebd3", "#efdcec", "#f4d8cd"];
+    let cells = plan.cells(0.0, 1.0)?;
+    eprintln!("{} cells, {} portals", cells.graph.cell_count(), cells.graph.portals().len());
+    let mut drawing = Drawing::new(plan.bounds(), file.y_down);
+    for cell in 0..cells.graph.cell_count() {
+        let color = COLORS[cell % COLORS.len()];
+        drawing.polygon(cells.outline(CellId(cell as u32)), &format!("fill:{color}"));
+    }
+    let portals = cells.graph.portals().iter().filter_map(|portal| match portal.polygon().vertices() {
+        [a, b, ..] => Some([[a.x, a.y], [b.x, b.y]]),
+        _ => None,
+    });
+    drawing.lines(portals, "stroke:#37c;stroke-width:1");
+    drawing.walls(file);
     Ok(drawing.finish())
 }
