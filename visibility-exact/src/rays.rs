@@ -1,9 +1,7 @@
 //! Sampling: rays that find visible objects before anything is proven.
 //!
 //! Uniform rays leave the viewcell from random points of its faces in random directions. Aimed rays run from
-//! random viewpoints to random points of one object. Guided rays start where an earlier ray saw something,
-//! and run past the neighbourhood of what it saw (after Wonka, Wimmer, Zhou, Maierhofer, Hesina and
-//! Reshetov, "Guided Visibility Sampling", 2006).
+//! random viewpoints to random points of one object.
 
 use crate::sight::CellBox;
 use visibility_core::glam::DVec3;

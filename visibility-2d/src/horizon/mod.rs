@@ -4,9 +4,7 @@
 //! direction on the plan that is a staircase of steps (distance, height in the picture): what is farther than
 //! a step and lower than its top is hidden. Such a horizon is a picture of one row instead of a thousand, so
 //! a frame costs microseconds. (The horizon is the occlusion of 2.5-D scenes in Cohen-Or, Chrysanthou, Silva
-//! and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 7.4; per-direction
-//! occlusion sums of trees are those of Hillesland, Salomon, Lastra and Manocha's forests and of "Visible
-//! Zone Maintenance for Real-Time Occlusion Culling", 2002.)
+//! and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 7.4.)
 //!
 //! # Picture
 //! The picture is that of a level cube around the eye without top and bottom: four faces, the columns of each
