@@ -51,13 +51,10 @@ impl<'a> CellQuery<'a> {
     ) -> CellVerdicts {
         // A clearance within the error of positions would not part touching surfaces. What is hidden without
         // clearance is hidden with any.
-        let mut search = Search::new(triangles, cell, settings.clearance);
-        if settings.clearance < 64.0 * search.delta {
-            search = Search::new(triangles, cell, 0.0);
-        }
-        if let Some(scratch) = scratch.take() {
-            search.chain = scratch;
-        }
+        // So it is with any, if the clearance is no number.
+        let c = settings.clearance;
+        let is_usable = c.is_finite() && c >= 64.0 * triangles.position_error(cell.magnitude() + 3.0 * c);
+        let search = Search::new(triangles, cell, if is_usable { c } else { 0.0 }, scratch.take());
         let seed = cell.min.to_array().into_iter().chain(cell.max.to_array());
         let seed = seed.fold(1, |seed, x| Random(seed ^ x.to_bits()).bits());
         let verdicts = vec![Verdict::Open; triangles.objects.len()];
@@ -87,6 +84,7 @@ impl<'a> CellQuery<'a> {
             proofs: query.proofs,
             rays: query.rays,
             nodes: query.search.stats.nodes + query.search.stats.divided_nodes,
+            is_decided: true,
         }
     }
 
@@ -279,7 +277,7 @@ impl<'a> CellQuery<'a> {
         let mut proofs = Vec::new();
         for t in order {
             let corners = triangles.corners(t);
-            if !is_apart(&self.search.cell, &corners, self.search.delta) {
+            if !is_apart(&self.search.cell, &corners, 4.0 * self.search.delta + 2.0 * self.search.clearance) {
                 all_hidden = false;
                 break;
             }
@@ -327,9 +325,8 @@ fn point_inside(cell: &CellBox, t: &[DVec3; 3]) -> Option<DVec3> {
     inside(&center).then_some(center)
 }
 
-/// Returns whether a triangle certainly does not touch the viewcell.
-fn is_apart(cell: &CellBox, t: &[DVec3; 3], delta: f64) -> bool {
-    let pad = 4.0 * delta;
+/// Returns whether a triangle is certainly farther than `pad` from the viewcell.
+fn is_apart(cell: &CellBox, t: &[DVec3; 3], pad: f64) -> bool {
     let (min, max) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
     if !cell.meets(min - pad, max + pad) {
         return true;

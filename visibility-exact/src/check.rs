@@ -15,7 +15,8 @@ use visibility_core::glam::DVec3;
 /// Why a [`Proof`] does not hold.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum ProofError {
-    /// The proof has too few or too many nodes, or numbers that are out of range.
+    /// The proof has too few or too many nodes, numbers that are out of range, or a target that is seen from
+    /// less than the clearance over its plane.
     Malformed,
     /// A surface touches an end of segments, has a boundary that segments meet, or is not crossed an odd
     /// number of times.
@@ -62,7 +63,8 @@ impl Proof {
         };
         let mut check =
             Check { triangles, clearance: self.clearance, delta, target_vertices, steps: self.steps.iter() };
-        for sight in sights(triangles, &self.cell, self.target, self.clearance, 4.0 * delta) {
+        let all = sights(triangles, &self.cell, self.target, self.clearance, 4.0 * delta);
+        for sight in all.ok_or(ProofError::Malformed)? {
             check.node(&sight, &mut Vec::new(), 0)?;
         }
         if check.steps.next().is_some() { Err(ProofError::Malformed) } else { Ok(()) }
@@ -414,7 +416,8 @@ impl Check<'_> {
     }
 
     /// Returns whether the corners of a loop are between the planes of P and Q and within three clearances of
-    /// a convex polygon of occluding triangles: then a surface that the loop bounds is.
+    /// a convex polygon of occluding triangles: then a surface that the loop bounds is. Corners that are not
+    /// the target triangle's, at least one, must certainly be before Q's plane.
     fn is_on_piece(&self, sight: &Sight, number: u32, ring: &[Corner]) -> bool {
         let Some(triangles) = self.triangles.piece_triangles(number) else { return false };
         let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();
@@ -441,9 +444,12 @@ impl Check<'_> {
         });
         let reach = 3.0 * self.clearance + 2.0 * self.delta;
         let is_near = |x: DVec3| corners.iter().any(|t| distance(x, t) <= reach);
-        let in_slab = |x: DVec3| {
-            sight.before_p.height(x) >= -4.0 * self.delta && sight.before_q.height(x) >= -4.0 * self.delta
+        let in_slab = |(x, tag): Corner| {
+            sight.before_p.height(x) >= -4.0 * self.delta
+                && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta)
         };
+        // What is coplanar with Q blocks nothing.
+        let leaves_plane = ring.iter().any(|corner| corner.1.is_none());
         let tags_hold = |(x, tag): Corner| {
             tag.is_none_or(|k| {
                 let vertex = self.target_vertices.get(k);
@@ -455,7 +461,8 @@ impl Check<'_> {
             })
         };
         flat && is_convex
-            && ring.iter().all(|&corner| is_near(corner.0) && in_slab(corner.0) && tags_hold(corner))
+            && leaves_plane
+            && ring.iter().all(|&corner| is_near(corner.0) && in_slab(corner) && tags_hold(corner))
     }
 }
 

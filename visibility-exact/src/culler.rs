@@ -90,6 +90,7 @@ pub(crate) fn decide(
             proofs: Vec::new(),
             rays: 0,
             nodes: 0,
+            is_decided: false,
         },
     }
 }
@@ -101,7 +102,9 @@ impl CellVerdicts {
             Verdict::Seen(_) => true,
             Verdict::Hidden | Verdict::Hardly(_) => false,
             // Where nothing can be said of an object, it is not removed.
-            Verdict::Open => settings.proves || object.is_open || object.first == object.end,
+            Verdict::Open => {
+                settings.proves || !self.is_decided || object.is_open || object.first == object.end
+            }
         }
     }
 }
@@ -109,7 +112,7 @@ impl CellVerdicts {
 impl RegionCuller for ExactCuller {
     fn accuracy(&self) -> Accuracy {
         let Settings { proves, share, clearance, .. } = self.settings;
-        match (proves, share > 0.0, clearance > 0.0) {
+        match (proves, share > 0.0, clearance > 0.0 && clearance.is_finite()) {
             (_, true, _) => Accuracy::Approximate,
             (false, false, _) => Accuracy::Aggressive,
             (true, false, false) => Accuracy::Conservative,

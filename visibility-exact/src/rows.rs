@@ -10,7 +10,7 @@ use crate::line_side::{Edge, NEGATIVE, NO_CORNER, POSITIVE, Row, is_zero, side, 
 use crate::matrix_game::Value;
 use crate::proof::{LoopEdge, Step};
 use crate::search::{Answer, Search, Segment};
-use crate::sight::{Half, Sight};
+use crate::sight::Sight;
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 
@@ -282,11 +282,18 @@ impl Search<'_> {
         if grow > 0.0 {
             ring = grown(&ring, grow);
         }
-        for plane in [&sight.before_p, &sight.before_q] {
-            ring = cut(ring, plane);
-        }
+        // A face of the viewcell holds all points of P to the last bit: an occluder in its plane blocks the
+        // segments that leave through it. Points of Q lie off their plane by rounding: an occluder in this
+        // plane, such as the back of a card, or the target box's own front, blocks nothing. Heights are
+        // wrong by less than delta, for which the check allows, so that 4 delta are surely before the plane.
+        // Corners of the target triangle are in its plane; a loop of these alone bounds nothing before it.
+        ring = cut(ring, |corner| sight.before_p.height(corner.0));
+        ring = cut(ring, |&(x, tag)| match tag {
+            NO_CORNER => sight.before_q.height(x) - 4.0 * self.delta,
+            _ => 0.0,
+        });
         drop_straight(&mut ring);
-        if ring.len() < 3 {
+        if ring.len() < 3 || ring.iter().all(|corner| corner.1 != NO_CORNER) {
             return None;
         }
         let mut found = Loop { piece, side: 1.0, divides: Vec::with_capacity(ring.len()), ring };
@@ -325,9 +332,9 @@ fn grown(ring: &[RingCorner], grow: f64) -> Vec<RingCorner> {
     (0..n).map(|k| (moved(k), NO_CORNER)).collect()
 }
 
-/// Returns the part of a ring in front of a plane.
-fn cut(ring: Vec<RingCorner>, plane: &Half) -> Vec<RingCorner> {
-    let heights: Box<[f64]> = ring.iter().map(|corner| plane.height(corner.0)).collect();
+/// Returns the part of a ring where a height, affine in the position, is not negative.
+fn cut(ring: Vec<RingCorner>, height: impl Fn(&RingCorner) -> f64) -> Vec<RingCorner> {
+    let heights: Box<[f64]> = ring.iter().map(height).collect();
     if heights.iter().all(|h| *h >= 0.0) {
         return ring;
     }

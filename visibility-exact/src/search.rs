@@ -78,7 +78,15 @@ pub(crate) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub(crate) fn new(triangles: &'a SceneTriangles, cell: CellBox, clearance: f64) -> Self {
+    /// Makes the state; `chain` is memory of another search, perhaps in another scene.
+    pub(crate) fn new(
+        triangles: &'a SceneTriangles,
+        cell: CellBox,
+        clearance: f64,
+        chain: Option<ChainScratch>,
+    ) -> Self {
+        let (count, edges) = (triangles.len(), triangles.edge_count());
+        let chain = chain.filter(|chain| chain.fits(count, edges));
         Self {
             triangles,
             cell,
@@ -88,7 +96,7 @@ impl<'a> Search<'a> {
             target_vertices: [NONE; 3],
             budget: Budget { nodes: 0, divided: 0 },
             used: 0,
-            chain: ChainScratch::new(triangles.len(), triangles.edge_count()),
+            chain: chain.unwrap_or_else(|| ChainScratch::new(count, edges)),
             game: MatrixGame::default(),
             hits: Vec::new(),
             steps: Vec::new(),
@@ -102,7 +110,9 @@ impl<'a> Search<'a> {
     pub(crate) fn solve_target(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
         self.begin(target, budget);
         let mut answer = Answer::Hidden;
-        for sight in sights(self.triangles, &self.cell, target, self.clearance, 4.0 * self.delta) {
+        let all = sights(self.triangles, &self.cell, target, self.clearance, 4.0 * self.delta);
+        let Some(all) = all else { return (Answer::Undecided, self.used) };
+        for sight in all {
             match self.node(&sight, 0) {
                 Answer::Hidden => {}
                 Answer::Visible(line) => return (Answer::Visible(line), self.used),

@@ -37,7 +37,8 @@ pub struct Settings {
     pub proves: bool,
     /// Share for [`Effort::Share`], 0 for other efforts.
     pub share: f64,
-    /// Clearance in metres, see [`Effort::Exact`].
+    /// Clearance in metres, see [`Effort::Exact`]. Counts as 0 if it is negative, NaN, infinite, or within
+    /// the error of positions: less than about 1e-12 of the greatest coordinate.
     pub clearance: f64,
     /// Whether proofs are kept in the [`CellVerdicts`](crate::CellVerdicts). False by default.
     pub keep_proofs: bool,

@@ -47,6 +47,7 @@ impl Search<'_> {
         self.begin(target, Budget { nodes, divided: 0 });
         // Without a pad: polygons in one plane, which see nothing of each other, must not count.
         let all = sights(self.triangles, &self.cell, target, self.clearance, 0.0);
+        let Some(all) = all else { return 1.0 };
         let measure = |sight: &Sight| sight.p.normal().length() * sight.q.normal().length();
         let total: f64 = all.iter().map(measure).sum();
         if total == 0.0 {

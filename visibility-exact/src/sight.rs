@@ -7,7 +7,10 @@
 //!
 //! With a clearance c > 0 the target is first advanced by c towards the viewcell and each of its faces shrunk
 //! by at most 2 c, so that occluders that touch the target along an edge do not touch Q. A segment to a point
-//! of the target has a neighbour to a point of Q that is at most sqrt(5) c away from it everywhere.
+//! of the target from a viewpoint at least c over the target's plane has a neighbour to a point of Q that is
+//! at most sqrt(5) c away from it everywhere. Of a target over whose plane no viewpoint is higher than c, but
+//! some are over it, nothing is said. Where only some viewpoints are lower, segments from these, at grazing
+//! angles, are not asked about.
 
 use crate::polygon::Polygon;
 use crate::triangles::{LIMIT, SceneTriangles};
@@ -106,16 +109,23 @@ fn faces(min: DVec3, max: DVec3) -> impl Iterator<Item = (Polygon, Half)> {
 }
 
 /// Returns the pairs of polygons that hold all segments from the viewcell to the target that are asked about.
-/// Cuts keep `pad` more than they must. Empty if the target cannot be seen because it has no area.
+/// Cuts keep `pad` more than they must. Empty if the target cannot be seen because it has no area. `None` if
+/// one of its faces is seen from less than the clearance over its plane alone.
 pub(crate) fn sights(
     triangles: &SceneTriangles,
     cell: &CellBox,
     target: Target,
     c: f64,
     pad: f64,
-) -> Vec<Sight> {
+) -> Option<Vec<Sight>> {
     let mut all = Vec::new();
+    let mut grazed = false;
     let mut add = |q: Polygon, before_q: Half| {
+        // Heights over Q's plane are c less than those over the target's. As c is at least 64 delta, c / 16
+        // covers their errors: a viewcell that is flush with the target does not see it.
+        let farthest = DVec3::select(before_q.normal.cmpgt(DVec3::ZERO), cell.max, cell.min);
+        let highest = before_q.height(farthest);
+        grazed |= c > 0.0 && highest > pad.max(c / 16.0) - c && highest <= pad;
         for (face, before_p) in faces(cell.min, cell.max) {
             let Some(q) = q.clip(before_p.normal, before_p.offset + pad) else { continue };
             let Some(p) = face.clip(before_q.normal, before_q.offset + pad) else { continue };
@@ -125,7 +135,7 @@ pub(crate) fn sights(
     match target {
         Target::Triangle(number) => {
             let t = triangles.corners(number);
-            let Some(normal) = (t[1] - t[0]).cross(t[2] - t[0]).try_normalize() else { return all };
+            let Some(normal) = (t[1] - t[0]).cross(t[2] - t[0]).try_normalize() else { return Some(all) };
             for normal in [normal, -normal] {
                 let q = if c > 0.0 {
                     Polygon::new(&inset(&t, c).map(|v| v + normal * c))
@@ -151,7 +161,7 @@ pub(crate) fn sights(
             }
         }
     }
-    all
+    (!grazed).then_some(all)
 }
 
 /// Returns a triangle shrunk towards the centre of its inscribed circle: each side moves inwards by `c`, or

@@ -11,9 +11,10 @@ use visibility_core::{ObjectId, Scene};
 /// and the checks of proofs.
 ///
 /// Triangles of objects that are flagged as [occluders](visibility_core::Object::occluder) occlude; triangles
-/// of other objects are targets alone. Triangles without area do not occlude. An object with a coordinate
-/// that is not finite counts as visible from everywhere and does not occlude. An object without triangles is
-/// represented by its bounding box and does not occlude.
+/// of other objects, and of those on no [layer](visibility_core::Object::layers), are targets alone. Objects
+/// that a stage before has removed occlude all the same. Triangles without area do not occlude. An object
+/// with a coordinate that is not finite counts as visible from everywhere and does not occlude. An object
+/// without triangles is represented by its bounding box and does not occlude.
 ///
 /// Vertices with equal coordinates are one vertex, also of different objects. Takes about 150 bytes for each
 /// triangle. Building takes O(n log n).
@@ -140,7 +141,7 @@ impl SceneTriangles {
             }
             self.corners.push(t);
             self.object_of.push(self.objects.len() as u32);
-            self.occludes.push(object.occluder && normal != DVec3::ZERO);
+            self.occludes.push(object.occluder && object.layers != 0 && normal != DVec3::ZERO);
             self.areas.push((normal.length() * 0.5) as f32);
         }
         let end = self.corners.len() as u32;

@@ -54,6 +54,8 @@ pub struct CellVerdicts {
     pub rays: u64,
     /// Number of nodes of the search for proofs.
     pub nodes: u64,
+    /// Whether the viewcell could be used. If not, nothing was asked and all objects are open.
+    pub(crate) is_decided: bool,
 }
 
 impl CellVerdicts {

@@ -6,7 +6,7 @@ use common::{cuboid, scene};
 use visibility_core::bake::{Bake, Baker};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, ViewcellId, Viewcells};
-use visibility_exact::{Effort, ExactBaker, SceneTriangles, Settings};
+use visibility_exact::{BakeScratch, Effort, ExactBaker, SceneTriangles, Settings};
 use visibility_testing::Random;
 
 /// Blocks on a plain, and viewcells between them.
@@ -54,6 +54,16 @@ fn an_interrupted_bake_comes_to_the_same_pvs() {
         assert!(cell.seen.len() < 45, "{} objects are seen", cell.seen.len());
     }
     assert!(whole.gap() < 0.02, "{}", whole.gap());
+}
+
+#[test]
+fn memory_of_another_scene_does_not_matter() {
+    let (triangles, cells) = town();
+    let small = SceneTriangles::new(&scene(&[cuboid(DVec3::ZERO, DVec3::ONE)]));
+    let baker = ExactBaker::new(&triangles, &cells, settings());
+    let mut scratch = BakeScratch::default();
+    ExactBaker::new(&small, &cells, settings()).work(0, &mut scratch);
+    assert_eq!(baker.work(7, &mut scratch), baker.work(7, &mut BakeScratch::default()));
 }
 
 #[test]

@@ -4,10 +4,11 @@ mod common;
 
 use common::{cuboid, few_rays, prepared, quad, scene};
 use std::sync::Arc;
+use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::pvs::Viewcell;
+use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_core::{Aabb, Accuracy, Object, Pose, RegionCuller, Scene, View, VisibleSet, geometry::Plane};
-use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
+use visibility_exact::{Effort, ExactBaker, ExactCuller, SceneTriangles, Settings, Verdict};
 use visibility_testing::Random;
 
 fn all(scene: &Scene) -> VisibleSet {
@@ -85,6 +86,84 @@ fn settings_at_their_limits_decide_nothing_wrong() {
     assert_eq!(ExactCuller::new(triangles, rays).verdicts(&unit_cell()).counts(), [0, 0, 2]);
 }
 
+/// The fields of the settings are public: their values need not be those that [`Settings::new`] lets through.
+#[test]
+fn a_clearance_that_is_no_number_counts_as_none() {
+    let plate = |y: f64| {
+        let at = |y: f64, z: f64| DVec3::new(5.0, y, z);
+        quad(at(y, 0.0), at(y + 1.0, 0.0), at(y + 1.0, 1.0), at(y, 1.0))
+    };
+    let triangles = prepared(&[plate(-2.0), plate(2.0)]);
+    for clearance in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0] {
+        let settings = Settings { clearance, rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(1e-4)) };
+        let mut culler = ExactCuller::new(triangles.clone(), settings);
+        assert_eq!(culler.verdicts(&unit_cell()).counts()[1], 0, "{clearance}");
+        assert_eq!(culler.accuracy(), Accuracy::Conservative, "{clearance}");
+    }
+}
+
+/// A triangle before the viewcell's face by less than the clearance, in an empty world.
+#[test]
+fn a_target_nearer_than_the_clearance_is_not_hidden() {
+    let t = [[1.005, 0.2, 0.2], [1.005, 0.8, 0.2], [1.005, 0.2, 0.8]].map(Vec3::from);
+    let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(0.01)) };
+    let found = ExactCuller::new(prepared(&[vec![t]]), settings).verdicts(&unit_cell());
+    assert_eq!(found.counts()[1], 0);
+}
+
+/// The top of a low viewcell is over a table top by less than the clearance, and its bottom below it: the
+/// table is seen at grazing angles only, from viewpoints that are behind the table top once it is advanced.
+#[test]
+fn a_table_top_at_the_height_of_a_low_viewcell_is_not_hidden() {
+    let at = |x: f64, y: f64| DVec3::new(x, y, 0.995);
+    let table = quad(at(3.0, -1.0), at(4.0, -1.0), at(4.0, 1.0), at(3.0, 1.0));
+    let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(0.01)) };
+    let cell = Viewcell::from_box(DVec3::new(0.0, 0.0, 0.992), DVec3::ONE);
+    let found = ExactCuller::new(prepared(&[table]), settings).verdicts(&cell);
+    assert_eq!(found.counts()[1], 0);
+}
+
+#[test]
+fn an_object_on_no_layer_does_not_occlude() {
+    let mut scene = scene(&wall_and_plate());
+    scene.set_layers(scene.id_at(0).unwrap(), 0).unwrap();
+    for effort in [Effort::Exact(0.0), Effort::Exact(1e-4)] {
+        let triangles = Arc::new(SceneTriangles::new(&scene));
+        assert_eq!(triangles.occluder_count(), 2);
+        let found = ExactCuller::new(triangles, few_rays(Settings::new(effort))).verdicts(&unit_cell());
+        assert_eq!(found.counts()[1], 0);
+    }
+}
+
+/// The viewcell is between a plate with a rim below and a parapet that blocks lines close to the horizontal;
+/// between rim and parapet the ocean is seen, a box without triangles as wide as the numbers allow. Points
+/// cut from its sides are wrong by metres.
+#[test]
+fn huge_bounds_are_not_proven_hidden_with_the_margins_of_small_triangles() {
+    let ring = |r: f64, z0: f64, z1: f64| -> Vec<common::Triangle> {
+        let at = |k: usize, z: f64| {
+            let (x, y) = [(-r, -r), (r, -r), (r, r), (-r, r)][k % 4];
+            DVec3::new(x, y, z)
+        };
+        (0..4).flat_map(|k| quad(at(k, z0), at(k + 1, z0), at(k + 1, z1), at(k, z1))).collect()
+    };
+    let at = |x: f64, y: f64| DVec3::new(x * 5.0, y * 5.0, -1.0);
+    let plate = quad(at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0));
+    let mut scene = scene(&[[plate, ring(5.0, -1.0, 0.01)].concat(), ring(6.0, -0.1, 20.0)]);
+    for far in [1e12f32, 1e16, 1e18, 1e24] {
+        let ocean = scene.insert(Aabb::from_arrays([-far, -far, -3.0], [far * 0.7, far * 0.7, -2.0]));
+        for c in [0.0, 1e-4] {
+            let triangles = Arc::new(SceneTriangles::new(&scene));
+            let mut culler = ExactCuller::new(triangles.clone(), few_rays(Settings::new(Effort::Exact(c))));
+            let cell = Viewcell::from_box(DVec3::new(-1.0, -1.0, 0.02), DVec3::ONE);
+            let found = culler.verdicts(&cell);
+            let verdict = found.iter(&triangles).find(|(id, _)| *id == ocean).unwrap().1;
+            assert_ne!(verdict, Verdict::Hidden, "{far}, {c}");
+        }
+        scene.remove(ocean).unwrap();
+    }
+}
+
 #[test]
 fn viewcells_without_a_box_decide_nothing() {
     let triangles = prepared(&wall_and_plate());
@@ -97,6 +176,18 @@ fn viewcells_without_a_box_decide_nothing() {
         (DVec3::splat(1e40), DVec3::splat(1e40)),
     ] {
         assert_eq!(culler.verdicts(&Viewcell::from_box(min, max)).counts(), [0, 0, 2]);
+        // Nothing is removed either, not even by rays alone.
+        let (cell, scene) = (Viewcell::from_box(min, max), scene(&wall_and_plate()));
+        let triangles = Arc::new(SceneTriangles::new(&scene));
+        for effort in [Effort::Rays(100), Effort::Exact(1e-4), Effort::Share(0.5)] {
+            let mut visible = all(&scene);
+            ExactCuller::new(triangles.clone(), Settings::new(effort)).cull(&scene, &cell, &mut visible);
+            visible.finish(&scene);
+            assert_eq!(visible.count(&scene), 2, "{effort:?}");
+        }
+        let cells = Viewcells::new([cell]);
+        let baker = ExactBaker::new(&triangles, &cells, Settings::new(Effort::Rays(100)));
+        assert_eq!(Bake::new(baker).run().cells[0].open, [0, 1]);
     }
     // A single point and a flat cell are viewcells like others.
     for max in [DVec3::ZERO, DVec3::new(0.0, 1.0, 1.0)] {
