@@ -26,7 +26,7 @@ fn hidden() -> (SceneTriangles, Proof) {
     let cell = Viewcell::from_box(DVec3::new(0.0, -0.5, 1.0), DVec3::new(1.0, 0.5, 2.0));
     let cell = CellBox::new(&cell, DVec3::ZERO).unwrap();
     let target = Target::Triangle(0);
-    let mut search = Search::new(&triangles, cell, 1e-4);
+    let mut search = Search::new(&triangles, cell, 1e-4, None);
     assert_eq!(search.solve_target(target, Budget { nodes: 20_000, divided: 200 }).0, Answer::Hidden);
     let steps = core::mem::take(&mut search.steps);
     (triangles, Proof { cell, target, clearance: 1e-4, steps })
