@@ -32,7 +32,8 @@ pub struct ExactOutcome {
 
 impl ExactOutcome {
     /// Returns which part of the reported objects is not known to be visible, from 0 to 1, over all
-    /// viewcells: the greatest possible error of the visible sets. 0 if nothing is reported.
+    /// viewcells: with proofs, the greatest possible part that is reported and hidden. 0 if nothing is
+    /// reported. What rays alone missed, and what was removed as hardly visible, is not counted.
     pub fn gap(&self) -> f64 {
         let sum = |list: fn(&BakedCell) -> &Vec<u32>| -> usize {
             self.cells.iter().map(|cell| list(cell).len()).sum()

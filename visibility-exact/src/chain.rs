@@ -23,6 +23,8 @@ use visibility_core::glam::DVec3;
 
 /// Most triangles of a chain.
 const MOST: usize = 3000;
+/// Most triangles at an edge that are looked at for the next of a chain.
+const AT_EDGE: usize = 64;
 
 impl Search<'_> {
     /// Tries to find a surface with the triangle `start` that blocks all segments of a node. `line` is a
@@ -158,7 +160,8 @@ impl Search<'_> {
         let here = across.dot(apex - a);
         let normal = (b - a).cross(apex - a).normalize_or_zero();
         let mut best: Option<(f64, u32)> = None;
-        for &next in all.triangles_at(all.edges(t)[k]) {
+        // With very many triangles at one edge, any of the first will do.
+        for &next in all.triangles_at(all.edges(t)[k]).iter().take(AT_EDGE) {
             if scratch.holds(next) || next == self.skip {
                 continue;
             }

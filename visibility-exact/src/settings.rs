@@ -11,7 +11,8 @@
 pub enum Effort {
     /// Rays alone, this many aimed at each object, and 64 times as many in all directions. Aggressive:
     /// objects that no ray finds are removed. If n random segments to an object were all blocked, the
-    /// unblocked share of all segments to it is below 3 / n, with a confidence of 95 %.
+    /// unblocked share of such segments is below 3 / n, with a confidence of 95 %: of those that rays choose,
+    /// whose triangles are taken by number and not by area.
     Rays(u32),
     /// Rays and proofs for boxes, then for each object left a certified bound on its visible share: the share
     /// of segments from faces of the viewcell to faces of the object's box, measured by area, that is not

@@ -80,7 +80,7 @@ impl Search<'_> {
                 open.push(Node { share, number: 64 + 2 * number + k as u32, sight, obstacle });
             }
         }
-        // Sums of shares round to less than 1e-9.
+        // Allows for the rounding of the sums; areas far from the origin may be wrong by more.
         if open.is_empty() { 0.0 } else { (left + 1e-9).clamp(0.0, 1.0) }
     }
 

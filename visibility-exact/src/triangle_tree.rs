@@ -31,6 +31,8 @@ const LEAF: usize = 4;
 const DEEP: usize = 48;
 /// Bound on the depth: [`DEEP`], and 2^32 triangles halved.
 const STACK: usize = DEEP + 34;
+/// Most triangles that a segment may touch without crossing them for certain, before the search ends.
+const TOUCHED: u32 = 4096;
 /// Number of bins of the heuristic.
 const BINS: usize = 16;
 
@@ -89,10 +91,10 @@ impl TriangleTree {
     }
 
     /// Collects up to `most` triangles that the segment from p to q certainly crosses. Returns whether there
-    /// may be others that it touches; true if the search ended at `most`.
+    /// may be others that it touches; true if the search ended at `most`, or because it touched too many.
     pub(crate) fn crossed(&self, p: DVec3, q: DVec3, skip: u32, most: usize, hits: &mut Vec<u32>) -> bool {
         hits.clear();
-        let mut unsure = false;
+        let (mut unsure, mut touched) = (false, 0);
         self.walk(p, q, |first, count| {
             for k in first..first + count {
                 if self.order[k] == skip {
@@ -106,7 +108,12 @@ impl TriangleTree {
                             return false;
                         }
                     }
-                    Crossing::Unsure => unsure = true,
+                    Crossing::Unsure => {
+                        (unsure, touched) = (true, touched + 1);
+                        if most == 1 || touched >= TOUCHED {
+                            return false;
+                        }
+                    }
                     Crossing::No => {}
                 }
             }

@@ -27,7 +27,8 @@ pub enum Verdict {
     /// The object is proven hidden, up to the clearance.
     Hidden,
     /// At most this share of the segments to the object's box, measured by area at both ends, is unblocked. A
-    /// certified bound, from 0 to 1, at most the share that [`Effort::Share`](crate::Effort::Share) asks for.
+    /// certified bound up to the clearance, from 0 to 1, at most the share that
+    /// [`Effort::Share`](crate::Effort::Share) asks for.
     Hardly(f64),
     /// None of these was found. Counts as visible.
     Open,
