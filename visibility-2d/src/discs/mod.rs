@@ -19,6 +19,8 @@
 mod directions;
 mod gaps;
 mod ray;
+#[cfg(test)]
+mod tests;
 mod tree;
 mod zone;
 

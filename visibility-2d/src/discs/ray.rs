@@ -21,8 +21,8 @@ pub struct RayDisc {
 impl Discs {
     /// Replaces `hits` with the first `count` discs that a ray meets within `range` metres, nearest first.
     /// `direction` may have any length. A ray that touches a disc meets it as far as rounding tells. No hits
-    /// if a number is NaN or the direction zero or beyond 1e150. Takes time in proportion to the nodes along
-    /// the ray up to the last hit.
+    /// if a number is NaN, the direction zero or infinite, or the origin beyond 1e150. Takes time in
+    /// proportion to the nodes along the ray up to the last hit.
     ///
     /// ```
     /// use visibility_2d::discs::{Disc, Discs};
@@ -42,13 +42,17 @@ impl Discs {
         hits: &mut Vec<RayDisc>,
     ) {
         hits.clear();
-        let length = crate::float::sqrt(direction[0] * direction[0] + direction[1] * direction[1]);
-        let is_good = length > 0.0 && length <= 1e150 && origin.iter().all(|x| x.abs() <= 1e150);
+        // By the larger component, so that squares neither vanish nor overflow.
+        let larger = direction[0].abs().max(direction[1].abs());
+        let [x, y] = direction.map(|x| x / larger);
+        let length = crate::float::sqrt(x * x + y * y);
+        // NaN for directions that are zero, infinite or NaN.
+        let is_good = length > 0.0 && origin.iter().all(|x| x.abs() <= 1e150);
         let Some(top) = self.levels.len().checked_sub(1) else { return };
         if !is_good || count == 0 || range.is_nan() {
             return;
         }
-        let along = [direction[0] / length, direction[1] / length];
+        let along = [x / length, y / length];
         let mut stack: SmallVec<[(f64, u32, u32); 64]> = SmallVec::new();
         stack.push((0.0, top as u32, 0));
         let mut limit = range;

@@ -1,12 +1,16 @@
-//! Discs on the plan in a hierarchy: sorted along a Morton curve, leaves of 16, nodes of 8.
+//! Discs on the plan in a hierarchy: halved at the median of the longer axis, leaves of 16, nodes of 8.
 
 use alloc::vec::Vec;
 use core::fmt;
+use smallvec::SmallVec;
 
 /// Discs of a leaf.
 pub(crate) const LEAF: usize = 16;
 /// Children of an inner node.
 pub(crate) const FAN: usize = 8;
+
+/// Most nodes that are searched for what overlaps a disc. Beyond that the disc hides nothing.
+const MOST_NODES: usize = 512;
 
 /// A disc on the plan: a trunk, a pillar, a silo.
 ///
@@ -74,24 +78,41 @@ impl Node {
         })
     }
 
-    /// Returns the node's discs' bounds relative to a point: least x and y, greatest x and y.
+    /// Returns the node's discs' bounds relative to a point, rounded outwards: least x and y, greatest x and
+    /// y, from -1e300 to 1e300.
     pub(crate) fn around(&self, [x, y]: [f64; 2]) -> [f64; 4] {
         let radius = f64::from(self.radius);
-        [
-            f64::from(self.min[0]) - radius - x,
-            f64::from(self.min[1]) - radius - y,
-            f64::from(self.max[0]) + radius - x,
-            f64::from(self.max[1]) + radius - y,
-        ]
+        // Three roundings of at most `u (|away| + radius)`, so `4u` of that are outwards. Bounds may be
+        // infinite, discs are within 4e150.
+        let by = |away: f64| (radius + 2.0 * f64::EPSILON * (away.abs() + radius)).min(f64::MAX);
+        let low = |bound: f32, at: f64| {
+            let away = f64::from(bound) - at;
+            (away - by(away)).max(-1e300)
+        };
+        let high = |bound: f32, at: f64| {
+            let away = f64::from(bound) - at;
+            (away + by(away)).min(1e300)
+        };
+        [low(self.min[0], x), low(self.min[1], y), high(self.max[0], x), high(self.max[1], y)]
+    }
+
+    /// Returns the distances along x and y from a point to the bounds of the centres; 0 within.
+    fn away(&self, point: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| {
+            (f64::from(self.min[axis]) - point[axis]).max(point[axis] - f64::from(self.max[axis])).max(0.0)
+        })
+    }
+
+    /// Returns whether a disc of the node may overlap another disc or touch it.
+    fn may_overlap(&self, disc: &Disc) -> bool {
+        let ([dx, dy], reach) = (self.away(disc.center), f64::from(self.radius) + disc.radius);
+        dx * dx + dy * dy <= reach * reach * (1.0 + 1e-11)
     }
 
     /// Returns a lower bound on the power, squared distance less squared radius, that a point has with
     /// respect to any of the node's discs.
-    pub(crate) fn least_power(&self, [x, y]: [f64; 2]) -> f64 {
-        let away = |axis: usize, at: f64| {
-            (f64::from(self.min[axis]) - at).max(at - f64::from(self.max[axis])).max(0.0)
-        };
-        let (dx, dy) = (away(0, x), away(1, y));
+    pub(crate) fn least_power(&self, point: [f64; 2]) -> f64 {
+        let [dx, dy] = self.away(point);
         dx * dx + dy * dy - f64::from(self.radius) * f64::from(self.radius)
     }
 }
@@ -108,7 +129,7 @@ fn up(x: f64) -> f32 {
 
 /// A set of discs on the plan, prepared for questions of visibility. Immutable, and shared by all eyes.
 ///
-/// Memory is about 40 bytes a disc. Takes `n log n` time to make, 0.3 s for a million discs.
+/// Memory is about 40 bytes a disc. Takes `n log n` time to make, wherever the discs are.
 ///
 /// ```
 /// use visibility_2d::discs::{Disc, Discs};
@@ -129,7 +150,8 @@ pub struct Discs {
 }
 
 impl Discs {
-    /// Prepares discs, which may overlap. A part of a disc that another reaches into hides nothing.
+    /// Prepares discs, which may overlap. A part of a disc that another reaches into hides nothing, nor does
+    /// a disc in a pile: one that thousands of others overlap.
     ///
     /// # Errors
     /// [`DiscError`] for discs that are not finite, and for too many.
@@ -143,17 +165,8 @@ impl Discs {
         if let Some(index) = discs.iter().position(|disc| !is_good(disc)) {
             return Err(DiscError::Disc { index });
         }
-        let mut order: Vec<(u32, u32)> = Vec::with_capacity(discs.len());
-        let low = |axis: usize| discs.iter().fold(f64::INFINITY, |low, disc| low.min(disc.center[axis]));
-        let high =
-            |axis: usize| discs.iter().fold(f64::NEG_INFINITY, |high, disc| high.max(disc.center[axis]));
-        let (min, size) = ([low(0), low(1)], (high(0) - low(0)).max(high(1) - low(1)));
-        let per = if size > 0.0 { 65535.0 / size } else { 0.0 };
-        for (index, disc) in (0..).zip(discs) {
-            let at = |axis: usize| ((disc.center[axis] - min[axis]) * per) as u32;
-            order.push((spread(at(0)) | spread(at(1)) << 1, index));
-        }
-        order.sort_unstable();
+        let mut order: Vec<([f64; 2], u32)> = (0..).zip(discs).map(|(i, disc)| (disc.center, i)).collect();
+        put_in_order(&mut order);
         let indices: Vec<u32> = order.iter().map(|&(_, index)| index).collect();
         let discs: Vec<Disc> = indices.iter().map(|&index| discs[index as usize]).collect();
         let mut levels: Vec<Vec<Node>> = Vec::new();
@@ -165,9 +178,8 @@ impl Discs {
                 levels.push(above);
             }
         }
-        let solid_radii = discs.iter().map(|disc| disc.radius).collect();
-        let mut made = Self { discs, indices, solid_radii, levels };
-        made.part_overlapping();
+        let mut made = Self { discs, indices, solid_radii: Vec::new(), levels };
+        made.solid_radii = (0..made.len()).map(|index| made.solid_radius(index)).collect();
         Ok(made)
     }
 
@@ -181,65 +193,58 @@ impl Discs {
         self.discs.is_empty()
     }
 
-    /// Lessens the solid radius of each disc that overlaps another to what the other leaves.
-    fn part_overlapping(&mut self) {
-        let mut stack: Vec<(u32, u32, u32)> = Vec::new();
-        if let Some(top) = self.levels.len().checked_sub(1) {
-            stack.push((top as u32, 0, 0));
-        }
-        // Pairs of nodes of one level whose bounds meet, each pair once.
-        while let Some((level, a, b)) = stack.pop() {
-            let nodes = &self.levels[level as usize];
-            let (first, second) = (&nodes[a as usize], &nodes[b as usize]);
-            let reach = first.radius + second.radius;
-            let apart = |axis: usize| {
-                first.min[axis] - second.max[axis] > reach * 1.000_001
-                    || second.min[axis] - first.max[axis] > reach * 1.000_001
-            };
-            if apart(0) || apart(1) {
+    /// Returns what the discs that overlap a disc leave of its radius: that of a disc around the same centre
+    /// that they do not reach into. 0 if too many have to be asked.
+    fn solid_radius(&self, index: usize) -> f64 {
+        let disc = &self.discs[index];
+        let mut solid = disc.radius;
+        let mut stack: SmallVec<[(usize, usize); 64]> = SmallVec::new();
+        stack.push((self.levels.len() - 1, 0));
+        let mut nodes = 0;
+        while let Some((level, node)) = stack.pop() {
+            nodes += 1;
+            if solid == 0.0 || nodes > MOST_NODES {
+                return 0.0;
+            }
+            if level > 0 {
+                let below = (node * FAN..).zip(self.levels[level - 1].iter().skip(node * FAN).take(FAN));
+                stack.extend(below.filter(|(_, n)| n.may_overlap(disc)).map(|(child, _)| (level - 1, child)));
                 continue;
             }
-            if level == 0 {
-                self.part_leaves(a as usize, b as usize);
-                continue;
-            }
-            let below = self.levels[level as usize - 1].len();
-            let children = |node: u32| node as usize * FAN..((node as usize + 1) * FAN).min(below);
-            for i in children(a) {
-                for j in children(b).filter(|&j| j >= i) {
-                    stack.push((level - 1, i as u32, j as u32));
-                }
-            }
-        }
-    }
-
-    fn part_leaves(&mut self, a: usize, b: usize) {
-        let count = self.discs.len();
-        let range = |leaf: usize| leaf * LEAF..((leaf + 1) * LEAF).min(count);
-        for i in range(a) {
-            let first = self.discs[i];
-            for j in range(b).filter(|&j| j > i) {
-                let second = self.discs[j];
-                let (dx, dy) = (first.center[0] - second.center[0], first.center[1] - second.center[1]);
-                let (squared, reach) = (dx * dx + dy * dy, first.radius + second.radius);
+            for (at, other) in (node * LEAF..).zip(self.discs.iter().skip(node * LEAF).take(LEAF)) {
+                let (dx, dy) = (disc.center[0] - other.center[0], disc.center[1] - other.center[1]);
+                let (squared, reach) = (dx * dx + dy * dy, disc.radius + other.radius);
                 // A little more than touching counts as overlapping: rounding.
-                if squared > reach * reach * (1.0 + 1e-12) {
-                    continue;
+                if at != index && squared <= reach * reach * (1.0 + 1e-12) {
+                    let left = crate::float::sqrt(squared) * (1.0 - 1e-12) - other.radius;
+                    solid = solid.min(left.max(0.0));
                 }
-                let distance = crate::float::sqrt(squared);
-                let left = |of: f64, other: f64| of.min((distance * (1.0 - 1e-12) - other).max(0.0));
-                self.solid_radii[i] = left(self.solid_radii[i], second.radius);
-                self.solid_radii[j] = left(self.solid_radii[j], first.radius);
             }
         }
+        solid
     }
 }
 
-/// Returns a number of 16 bits with a zero before each bit.
-fn spread(x: u32) -> u32 {
-    let x = x & 0xffff;
-    let x = (x | x << 8) & 0x00ff_00ff;
-    let x = (x | x << 4) & 0x0f0f_0f0f;
-    let x = (x | x << 2) & 0x3333_3333;
-    (x | x << 1) & 0x5555_5555
+/// Puts centres, with their indices, in the order of the leaves: halves a range at the median of the longer
+/// axis of its bounds, so often as it takes to come to a leaf. No place of a centre makes others share nodes
+/// that are wide: one far away costs one leaf. The left half is a power of two leaves, so that inner nodes
+/// are ranges too.
+fn put_in_order(centers: &mut [([f64; 2], u32)]) {
+    if centers.len() <= LEAF {
+        // The only order within a leaf that is the same for any way of selecting.
+        centers.sort_unstable_by_key(|&(_, index)| index);
+        return;
+    }
+    let (mut min, mut max) = (centers[0].0, centers[0].0);
+    for (center, _) in &*centers {
+        for axis in 0..2 {
+            (min[axis], max[axis]) = (min[axis].min(center[axis]), max[axis].max(center[axis]));
+        }
+    }
+    let axis = usize::from(max[1] - min[1] > max[0] - min[0]);
+    let half = LEAF * (centers.len().div_ceil(LEAF).next_power_of_two() / 2);
+    centers.select_nth_unstable_by(half, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let (left, right) = centers.split_at_mut(half);
+    put_in_order(left);
+    put_in_order(right);
 }

@@ -1,0 +1,147 @@
+//! Inputs at which margins, seams and bounds on work decide.
+
+use super::gaps::Gaps;
+use super::tree::LEAF;
+use super::{Disc, DiscView, DiscZone, Discs};
+use alloc::vec::Vec;
+use visibility_testing::Random;
+
+/// Returns the discs seen in a view, ascending.
+fn look(discs: &[Disc], view: &DiscView) -> Vec<u32> {
+    let mut seen = Vec::new();
+    DiscZone::new().look(&Discs::new(discs).unwrap(), view, &mut seen);
+    seen.sort_unstable();
+    seen
+}
+
+#[test]
+fn a_disc_thinner_than_rounding_hides_nothing_beside_it() {
+    let wall = Disc { center: [-5.0, 0.0], radius: 1.0 };
+    for (center, radius) in [
+        ([0.9998779222360098, 0.015625], 9.021663419577131e-19),
+        ([134201342.99987791, 2097152.0], 1.2108671669563533e-10),
+    ] {
+        let far = Disc { center: [-5.0 * center[0], 0.0], ..wall };
+        assert_eq!(look(&[Disc { center, radius }, far], &DiscView::new([0.0; 2])), [0, 1]);
+    }
+}
+
+#[test]
+fn a_cut_closes_nothing_outside_its_bounds() {
+    let mut random = Random(7);
+    let mut gaps = Gaps::new();
+    for _ in 0..200_000 {
+        // Widths about twice the error, where rounding may turn the moved ends around.
+        let error = random.fine_range(8.0, 9.0) * f64::EPSILON;
+        let (before, width) = (random.fine_range(0.0, 4.0) * error, random.fine_range(0.0, 4.0) * error);
+        // Anywhere, or over the seam, where the last end is finer than the first.
+        let anywhere = random.fine_range(0.0, 3.99);
+        let over = (4.0 - before, if width > before { width - before } else { 4.0 - (before - width) });
+        let (first, last) = [(anywhere, anywhere + width), over][random.below(2)];
+        gaps.begin(None);
+        gaps.cut(first, last, error);
+        let (opposite, aside) = ((first + 2.0) % 4.0, (first + 0.1) % 4.0);
+        for at in [opposite, aside] {
+            assert!(gaps.any(at, at + 1e-9, 1e-15), "{first} {last} {error}");
+        }
+    }
+}
+
+#[test]
+fn an_interval_moved_outwards_goes_on_beyond_the_seam() {
+    let mut gaps = Gaps::new();
+    gaps.begin(Some((3.5, 4.0)));
+    assert!(gaps.any(1e-16, 0.1, 1e-15) && !gaps.any(1e-14, 0.1, 1e-15));
+    gaps.begin(Some((0.0, 0.5)));
+    let last = 4.0f64.next_down();
+    assert!(gaps.any(3.9, last, 1e-14) && !gaps.any(3.9, last - 1e-13, 1e-14));
+}
+
+#[test]
+fn a_disc_that_touches_the_sector_is_reported_in_all_quarters() {
+    let turned = |[x, y]: [f64; 2], quarters: u32| (0..quarters).fold([x, y], |[x, y], _| [-y, x]);
+    for quarters in 0..4 {
+        // The tangents of the discs are the ends of the sector.
+        for y in [1.0, -1.0] {
+            let disc = Disc { center: turned([5.0, y], quarters), radius: 1.0 };
+            let (right, left) = if y > 0.0 { ([1.0, -1.0], [1.0, 0.0]) } else { ([1.0, 0.0], [1.0, 1.0]) };
+            let view = DiscView::new([0.0; 2]).with_sector(turned(right, quarters), turned(left, quarters));
+            assert_eq!(look(&[disc], &view), [0], "{quarters} {y}");
+        }
+    }
+}
+
+#[test]
+fn a_sector_takes_vectors_of_any_length() {
+    let discs = [[5.0, 0.0], [0.0, 5.0]].map(|center| Disc { center, radius: 1.0 });
+    for length in [f64::from_bits(1), 1e-310, 1e-200, 1.0, 1e200, 1e308, f64::MAX] {
+        let view = DiscView::new([0.0; 2]);
+        assert_eq!(look(&discs, &view.with_sector([length, -length], [length, length])), [0], "{length}");
+        assert_eq!(look(&discs, &view.with_sector([length, length], [length, -length])), [1], "{length}");
+        assert_eq!(look(&discs, &view.with_sector([length, 0.0], [length, 0.0])), [0u32; 0], "{length}");
+        for bad in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
+            assert_eq!(look(&discs, &view.with_sector([bad, 0.0], [length, length])), [0, 1]);
+            assert_eq!(look(&discs, &view.with_sector([length, 0.0], [length, bad])), [0, 1]);
+        }
+    }
+}
+
+#[test]
+fn a_disc_far_from_the_origin_is_found_to_its_tangent() {
+    let far = f64::from(1 << 30);
+    // The first disc is seen 4.8e-8 to the left of the direction +y, the others to the right only. More than
+    // one leaf, so that the bounds of leaves are asked.
+    let discs: Vec<Disc> = (0..40)
+        .map(|i| Disc { center: [far + 10.0 * f64::from(i), 1.0 + 10.0 * f64::from(i)], radius: 0.3 })
+        .collect();
+    let eye = [far - 2_516_582.0 / 8_388_608.0, 0.0];
+    let view = DiscView::new(eye).with_sector([-1e-8, 1.0], [-1.0, 0.0]);
+    assert_eq!(look(&discs, &view), [0]);
+}
+
+#[test]
+fn an_outlier_leaves_the_tree_tight() {
+    let mut random = Random(8);
+    for outlier in [1e9, 1e150] {
+        let mut discs: Vec<Disc> = (0..4096)
+            .map(|_| [random.fine_range(0.0, 64.0), random.fine_range(0.0, 64.0)])
+            .map(|center| Disc { center, radius: 0.3 })
+            .collect();
+        discs.push(Disc { center: [outlier, 0.0], radius: 0.3 });
+        let made = Discs::new(&discs).unwrap();
+        let is_wide = |centers: &&[Disc]| {
+            let extent = |axis: usize| {
+                let all = || centers.iter().map(|disc| disc.center[axis]);
+                all().fold(f64::MIN, f64::max) - all().fold(f64::MAX, f64::min)
+            };
+            extent(0) > 16.0 || extent(1) > 16.0
+        };
+        // The leaf of the outlier, at most.
+        assert!(made.discs.chunks(LEAF).filter(is_wide).count() <= 1, "{outlier}");
+    }
+}
+
+#[test]
+fn a_disc_in_a_pile_hides_nothing_and_others_hide() {
+    let pile = (0..20_000).map(|i| Disc { center: [1e-7 * f64::from(i), 0.0], radius: 1.0 });
+    let beside = [Disc { center: [1.2, 0.0], radius: 0.5 }, Disc { center: [9.0, 0.0], radius: 0.5 }];
+    let discs: Vec<Disc> = beside.into_iter().chain(pile).collect();
+    let made = Discs::new(&discs).unwrap();
+    let solid = |of: u32| made.solid_radii[made.indices.iter().position(|&i| i == of).unwrap()];
+    // The first meets more discs than are looked at.
+    assert_eq!([solid(0), solid(1), solid(2), solid(10_000)], [0.0, 0.5, 0.0, 0.0]);
+}
+
+#[test]
+fn a_ray_takes_directions_of_any_length() {
+    let discs = Discs::new(&[Disc { center: [3.0, 4.0], radius: 1.0 }]).unwrap();
+    let mut hits = Vec::new();
+    for scale in [f64::from_bits(1), 1e-200, 1e-170, 2e-162, 1.0, 1e200, 1e307] {
+        discs.first_hits([0.0; 2], [3.0 * scale, 4.0 * scale], 1, f64::INFINITY, &mut hits);
+        assert!(hits.len() == 1 && (hits[0].distance - 4.0).abs() < 1e-12, "{scale} {hits:?}");
+    }
+    for bad in [[f64::NAN, 1.0], [1.0, f64::NAN], [f64::INFINITY, 1.0], [1.0, f64::NEG_INFINITY], [0.0; 2]] {
+        discs.first_hits([0.0; 2], bad, 1, f64::INFINITY, &mut hits);
+        assert!(hits.is_empty(), "{bad:?}");
+    }
+}
