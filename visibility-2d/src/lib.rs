@@ -4,6 +4,8 @@
 //! itself: fog of war, guards, robots, perception, servers that decide who may see whom.
 //!
 //! - [`cdt`]: exact visibility among walls, which are segments, by a triangulation.
+//! - [`discs`]: exact zones and rays among round obstacles, such as the trunks of a forest.
+//! - [`horizon`]: culls what is below the skyline of houses and crowns that stand on the ground.
 #![no_std]
 #![forbid(unsafe_code)]
 extern crate alloc;

@@ -94,3 +94,55 @@ fn heights_must_be_in_order() {
     }
     assert_eq!(plan.cells(0.0, 1.0).unwrap().graph.cell_count(), 1);
 }
+
+/// A portal that is left out would hide what is behind it.
+#[test]
+fn portals_are_there_at_any_shape() {
+    let mut random = Random(11);
+    let walls: Vec<_> = (0..40)
+        .map(|_| {
+            let [x, y] = [0, 1].map(|_| random.range(0.0, 20.0));
+            Wall::new([x, y], [x + random.range(-4.0, 4.0), y + random.range(-4.0, 4.0)])
+        })
+        .collect();
+    let count = |scale: f64, low: f64, high: f64| {
+        let scaled =
+            |wall: &Wall| Wall::new(wall.ends[0].map(|x| x * scale), wall.ends[1].map(|x| x * scale));
+        let plan = Plan::new(&walls.iter().map(scaled).collect::<Vec<_>>()).unwrap();
+        plan.cells(low, high).map(|cells| cells.graph.portals().len())
+    };
+    let portals = count(1.0, 0.0, 2.5).unwrap();
+    assert!(portals > 40);
+    for (scale, low, high) in
+        [(1.0, 0.0, 1e-13), (1.0, -5e16, 5e16), (2f64.powi(190), 0.0, 3.0), (1.0, 0.0, 1e-300)]
+    {
+        assert_eq!(count(scale, low, high), Ok(portals), "{scale} {low} {high}");
+    }
+    // Where no polygon has such corners, the heights are refused.
+    for (low, high) in [(-1e308, 1e308), (0.0, 1e300)] {
+        assert_eq!(count(1.0, low, high), Err(PlanError::Heights));
+    }
+}
+
+#[test]
+fn a_slit_of_the_last_bit_has_a_portal() {
+    // A wall with a slit from 0.3 to 0.1 + 0.2.
+    let walls = [
+        Wall::new([0.0, 0.0], [1.0, 0.0]),
+        Wall::new([1.0, 0.0], [1.0, 1.0]),
+        Wall::new([1.0, 1.0], [0.0, 1.0]),
+        Wall::new([0.0, 1.0], [0.0, 0.0]),
+        Wall::new([0.5, 0.0], [0.5, 0.3]),
+        Wall::new([0.5, 0.1 + 0.2], [0.5, 1.0]),
+    ];
+    let plan = Plan::new(&walls).unwrap();
+    let cells = plan.cells(0.0, 3.0).unwrap();
+    let slit = cells.graph.portals().iter().find(|portal| {
+        portal.polygon().vertices().iter().all(|v| v.x == 0.5) && portal.polygon().vertices()[0].y < 0.4
+    });
+    let vertices = slit.expect("a portal in the slit").polygon().vertices();
+    for y in [0.3, 0.1 + 0.2] {
+        let reach = |least: bool| vertices.iter().any(|v| if least { v.y <= y } else { v.y >= y });
+        assert!(reach(true) && reach(false), "{vertices:?}");
+    }
+}

@@ -291,3 +291,36 @@ fn a_wall_that_touches_the_range_is_in_it() {
         assert!(!sees(5.0 * k * (1.0 - unsure)), "{k} {m} {n}");
     }
 }
+
+#[test]
+fn rays_name_a_wall_that_stops_them() {
+    let wall_of = |walls: &[Wall], through: Point| {
+        Plan::new(walls).unwrap().ray([0.0, 0.0], through).unwrap().unwrap().wall
+    };
+    // Glass behind the contact of two walls.
+    let corner = [
+        Wall::new([2.0, 0.0], [3.0, 0.0]).with_opacity(Opacity::Clear),
+        Wall::new([2.0, 0.0], [2.0, 1.0]),
+        Wall::new([2.0, 0.0], [2.0, -1.0]),
+    ];
+    assert_eq!(wall_of(&corner, [1.0, 0.0]), Some(1));
+    // Glass, a one-way wall that lets the ray pass, one that does not, on one segment.
+    let ends = [[2.0, -1.0], [2.0, 1.0]];
+    let one_way = |[a, b]: [Point; 2]| Wall::new(a, b).with_opacity(Opacity::OneWay);
+    let stacked = [
+        Wall::new(ends[0], ends[1]).with_opacity(Opacity::Clear),
+        one_way(ends),
+        one_way([ends[1], ends[0]]),
+        Wall::new(ends[0], ends[1]),
+    ];
+    assert_eq!(wall_of(&stacked, [1.0, 0.25]), Some(2));
+    assert_eq!(wall_of(&stacked[..2], [1.0, 0.25]), None);
+    // Along a wall on its left, up to a wall to the left; glass and a wall to the right are not in the way.
+    let along = [
+        Wall::new([3.0, 0.0], [3.0, -1.0]),
+        Wall::new([1.0, 0.0], [3.0, 0.0]),
+        Wall::new([1.0, 0.0], [1.0, -1.0]),
+        Wall::new([3.0, 0.0], [3.0, 1.0]),
+    ];
+    assert_eq!(wall_of(&along, [1.0, 0.0]), Some(3));
+}

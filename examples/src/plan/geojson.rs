@@ -7,8 +7,8 @@ use serde_json::Value;
 ///
 /// # Errors
 ///
-/// Returns the place of a syntax error, or the key path of an object without type or with coordinates of
-/// another form than its type has.
+/// Returns the place of a syntax error, or the key path of an object without type, without the list that its
+/// type has, or with coordinates of another form.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let value: Value = serde_json::from_str(content)
         .map_err(|error| Problem::new(format!("line {}", error.line()), error.to_string()))?;
@@ -18,13 +18,12 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
 }
 
 fn object(value: &Value, path: &str, plan: &mut PlanFile) -> Result<(), Problem> {
-    let members = |key: &str| (list(&value[key]), format!("{path}.{key}"));
     let (coordinates, path_of) = (&value["coordinates"], format!("{path}.coordinates"));
     match value["type"].as_str() {
-        Some("FeatureCollection" | "GeometryCollection") => {
-            let key = if value["features"].is_array() { "features" } else { "geometries" };
-            let (items, path) = members(key);
-            for (index, item) in items.iter().enumerate() {
+        Some(collection @ ("FeatureCollection" | "GeometryCollection")) => {
+            let key = if collection == "FeatureCollection" { "features" } else { "geometries" };
+            let path = format!("{path}.{key}");
+            for (index, item) in list(&value[key], &path)?.iter().enumerate() {
                 object(item, &format!("{path}[{index}]"), plan)?;
             }
         }
@@ -37,7 +36,7 @@ fn object(value: &Value, path: &str, plan: &mut PlanFile) -> Result<(), Problem>
         Some("MultiLineString") => chains(coordinates, &path_of, false, plan)?,
         Some("Polygon") => chains(coordinates, &path_of, true, plan)?,
         Some("MultiPolygon") => {
-            for (index, polygon) in list(coordinates).iter().enumerate() {
+            for (index, polygon) in list(coordinates, &path_of)?.iter().enumerate() {
                 chains(polygon, &format!("{path_of}[{index}]"), true, plan)?;
             }
         }
@@ -46,19 +45,19 @@ fn object(value: &Value, path: &str, plan: &mut PlanFile) -> Result<(), Problem>
     Ok(())
 }
 
-fn list(value: &Value) -> &[Value] {
-    value.as_array().map_or(&[], Vec::as_slice)
+fn list<'a>(value: &'a Value, path: &str) -> Result<&'a [Value], Problem> {
+    value.as_array().map(Vec::as_slice).ok_or_else(|| Problem::new(path, "expected a list"))
 }
 
 fn chains(value: &Value, path: &str, closed: bool, plan: &mut PlanFile) -> Result<(), Problem> {
-    for (index, chain) in list(value).iter().enumerate() {
+    for (index, chain) in list(value, path)?.iter().enumerate() {
         plan.push_chain(&positions(chain, &format!("{path}[{index}]"))?, closed);
     }
     Ok(())
 }
 
 fn positions(value: &Value, path: &str) -> Result<Vec<[f64; 2]>, Problem> {
-    let items = value.as_array().ok_or_else(|| Problem::new(path, "expected a list of positions"))?;
+    let items = list(value, path)?;
     items.iter().enumerate().map(|(index, item)| position(item, &format!("{path}[{index}]"))).collect()
 }
 
@@ -100,5 +99,10 @@ mod tests {
         assert_eq!(place(r#"{"type": "LineString"}"#), ".coordinates");
         let nested = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": {}}]}"#;
         assert_eq!(place(nested), ".features[0].geometry.type");
+        assert_eq!(place(r#"{"type": "Polygon", "coordinates": 5}"#), ".coordinates");
+        assert_eq!(place(r#"{"type": "MultiPolygon", "coordinates": [5]}"#), ".coordinates[0]");
+        assert_eq!(place(r#"{"type": "MultiLineString"}"#), ".coordinates");
+        assert_eq!(place(r#"{"type": "FeatureCollection"}"#), ".features");
+        assert_eq!(place(r#"{"type": "GeometryCollection", "features": []}"#), ".geometries");
     }
 }

@@ -1,21 +1,30 @@
 //! Plans as SVG: the outlines of paths, lines, polylines, polygons and rectangles are walls.
 //!
-//! Curves become chords. Coordinates are user units of the file, with y downwards. Transforms would move
-//! walls, so a file that has any is refused rather than read wrongly.
+//! Curves become chords. Coordinates are user units of the file, with y downwards. Transforms, `use` and an
+//! `svg` inside another would move walls, so a file that has any is refused rather than read wrongly. What is
+//! not drawn where it stands (definitions, clip paths, masks, markers, patterns, symbols) is no wall.
 
 use super::plan_file::{PlanFile, Problem};
 
 /// Number of chords of a curve.
 const CHORDS: usize = 16;
 
+/// Elements whose content is not drawn where it stands.
+const UNDRAWN: [&str; 6] = ["defs", "clipPath", "mask", "marker", "pattern", "symbol"];
+
+const TRANSFORM: &str = "transforms are not supported: apply them to the coordinates first";
+
+/// Properties of style sheets that move what is drawn.
+const MOVING: [&str; 5] = ["transform", "translate", "rotate", "scale", "offset-path"];
+
 /// Reads the outlines of an SVG file as walls.
 ///
 /// # Errors
 ///
-/// Returns the byte offset of an element whose coordinates are wrong, or that has a transform.
+/// Returns the byte offset of an element whose coordinates are wrong, or that moves what is drawn.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let mut plan = PlanFile { y_down: true, ..PlanFile::default() };
-    let mut at = 0;
+    let (mut at, mut has_root) = (0, false);
     while let Some(begin) = content[at..].find('<').map(|index| at + index) {
         // Comments and declarations hold no elements.
         let skip = [("<!--", "-->"), ("<![CDATA[", "]]>")]
@@ -26,9 +35,22 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
             continue;
         }
         let end = element_end(content, begin);
-        element(&content[begin + 1..end], &mut plan)
-            .map_err(|problem| Problem::new(format!("byte {begin}"), problem))?;
+        let problem = |problem: String| Problem::new(format!("byte {begin}"), problem);
+        let text = &content[begin + 1..end];
+        let name = name_of(text);
+        if name == "svg" && core::mem::replace(&mut has_root, true) {
+            return Err(problem("an `svg` inside another is not supported".into()));
+        }
+        element(text, &mut plan).map_err(problem)?;
         at = end;
+        // The content of these elements is skipped, up to the end of the element.
+        if (name == "style" || UNDRAWN.contains(&name)) && !text.ends_with('/') {
+            let length = content[end..].find(&format!("</{name}")).unwrap_or(content.len() - end);
+            at = end + length;
+            if name == "style" && is_moving(&content[end..at]) {
+                return Err(problem(TRANSFORM.into()));
+            }
+        }
     }
     Ok(plan)
 }
@@ -45,6 +67,19 @@ fn element_end(content: &str, begin: usize) -> usize {
         }
     }
     content.len()
+}
+
+/// Returns the name of an element, given the text between `<` and `>`.
+fn name_of(element: &str) -> &str {
+    element.split(|c: char| c.is_whitespace() || c == '/').next().unwrap_or("")
+}
+
+/// Returns whether a style has a property that moves what is drawn.
+fn is_moving(style: &str) -> bool {
+    style
+        .split([';', '{', '}'])
+        .filter_map(|part| part.split_once(':'))
+        .any(|(property, _)| MOVING.iter().any(|moving| property.trim().eq_ignore_ascii_case(moving)))
 }
 
 /// Returns the value of an attribute: the text between quotes after `name=`.
@@ -64,15 +99,16 @@ fn attribute<'a>(element: &'a str, name: &str) -> Option<&'a str> {
 }
 
 fn element(element: &str, plan: &mut PlanFile) -> Result<(), String> {
-    if attribute(element, "transform").is_some() {
-        return Err("transforms are not supported: apply them to the coordinates first".into());
+    if attribute(element, "transform").is_some() || attribute(element, "style").is_some_and(is_moving) {
+        return Err(TRANSFORM.into());
     }
     let number = |name: &str| match attribute(element, name) {
         None => Ok(0.0),
         Some(value) => value.trim().parse::<f64>().map_err(|_| format!("`{name}` is no number: `{value}`")),
     };
-    let name = element.split(|c: char| c.is_whitespace() || c == '/').next().unwrap_or("");
+    let name = name_of(element);
     match name {
+        "use" => return Err("`use` is not supported: repeat the outline instead".into()),
         "path" => path(attribute(element, "d").unwrap_or(""), plan)?,
         "line" => plan.walls.push([[number("x1")?, number("y1")?], [number("x2")?, number("y2")?]]),
         "rect" => {
@@ -155,6 +191,9 @@ fn path(data: &str, plan: &mut PlanFile) -> Result<(), String> {
     // Last control point, for the smooth curves of commands S and T.
     let mut control = [0.0; 2];
     let mut command = 'M';
+    if !numbers.is_at_end() && !numbers.0.starts_with(['M', 'm']) {
+        return Err("a path begins with a move".into());
+    }
     while !numbers.is_at_end() {
         match numbers.command() {
             Some(next) => command = next,
@@ -314,6 +353,17 @@ mod tests {
     }
 
     #[test]
+    fn what_is_not_drawn_is_no_wall() {
+        for svg in [
+            r#"<defs/><style>.a{text-transform:none}</style><path style="fill:none" d="M0 0L1 1"/>"#,
+            r#"<defs id="d"><path d="M2 2L3 3"/></defs><path d="M0 0L1 1"/>"#,
+            r#"<clipPath><rect width="3" height="3"/></clipPath><path d="M0 0L1 1"/>"#,
+        ] {
+            assert_eq!(walls(svg), [[[0.0, 0.0], [1.0, 1.0]]], "{svg}");
+        }
+    }
+
+    #[test]
     fn what_is_wrong_is_told() {
         for svg in [
             r#"<path d="M1"/>"#,
@@ -321,6 +371,12 @@ mod tests {
             r#"<path d="M1 1L2 2z3 3"/>"#,
             r#"<g transform="scale(2)"><path d="M0 0L1 1"/></g>"#,
             r#"<line x1="one"/>"#,
+            r#"<path d="5 5 6 6"/>"#,
+            r#"<path d="L5 5 6 6"/>"#,
+            r#"<g style="fill:none; Transform : scale(2)"><path d="M0 0L1 1"/></g>"#,
+            r#"<style><![CDATA[ .a > .b { scale: 2 } ]]></style><path d="M0 0L1 1"/>"#,
+            r#"<svg><svg x="4"><path d="M0 0L1 1"/></svg></svg>"#,
+            r##"<path id="a" d="M0 0L1 1"/><use href="#a" x="4"/>"##,
         ] {
             assert!(read(svg).is_err(), "{svg}");
         }

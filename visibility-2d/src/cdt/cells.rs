@@ -96,7 +96,8 @@ impl Plan {
     /// in world units, along z. Walls that are opaque now have no portal, so make doors clear first. Nothing
     /// outside the rectangle around the plan is in a cell.
     ///
-    /// Portals so narrow that they have no area beside their height, some 1e-13 of it, are left out.
+    /// A portal that is so narrow beside its height, or so low beside its width, that it has no area (some
+    /// 1e-14) is made larger than its wall's gap, so that nothing seen is hidden.
     ///
     /// ```
     /// use visibility_2d::cdt::{Opacity, Plan, Wall};
@@ -112,8 +113,8 @@ impl Plan {
     /// ```
     ///
     /// # Errors
-    /// [`PlanError::Heights`] unless `low` is below `high` and both are finite, [`PlanError::TooMany`] for
-    /// more cells or portals than [`CellGraph::LIMIT`].
+    /// [`PlanError::Heights`] unless `low` is below `high` and both are finite, or if areas of portals are too
+    /// large for `f64`. [`PlanError::TooMany`] for more cells or portals than [`CellGraph::LIMIT`].
     pub fn cells(&self, low: f64, high: f64) -> Result<PlanCells, PlanError> {
         if !(low < high && low.is_finite() && high.is_finite()) {
             return Err(PlanError::Heights);
@@ -167,12 +168,8 @@ impl Plan {
                 continue;
             }
             // The second cell is to the right of the half-edge, and sees these corners counter-clockwise.
-            let [a, b] = self.ends(h);
-            let corner = |[x, y]: Point, z: f64| DVec3::new(x, y, z);
-            let quad = [corner(a, low), corner(b, low), corner(b, high), corner(a, high)];
-            if let Ok(polygon) = ConvexPolygon::new(quad) {
-                portals.push((polygon, [from, to]));
-            }
+            let portal = portal(self.ends(h), [low, high]).ok_or(PlanError::Heights)?;
+            portals.push((portal, [from, to]));
         }
         let count = cells.len().max(portals.len());
         let graph = CellGraph::new(cells.len(), portals).map_err(|error| match error {
@@ -181,6 +178,27 @@ impl Plan {
         })?;
         Ok(PlanCells { graph, viewcells: Viewcells::new(cells), of_triangle, first_corner, corners })
     }
+}
+
+/// Returns the upright rectangle over a segment, made larger until it is a polygon. `None` if there is none.
+fn portal(segment: [Point; 2], heights: [f64; 2]) -> Option<ConvexPolygon> {
+    let [mut a, mut b] = segment.map(|[x, y]| DVec3::new(x, y, 0.0));
+    let [mut low, mut high] = heights;
+    // Three times as large each time: from the least width to 1e-14 of the greatest height takes less.
+    for _ in 0..2048 {
+        let quad = [a.with_z(low), b.with_z(low), b.with_z(high), a.with_z(high)];
+        if let Ok(polygon) = ConvexPolygon::new(quad) {
+            return Some(polygon);
+        }
+        // Multiples of the difference keep the direction, which is that of the last bits.
+        let (along, height) = (b - a, high - low);
+        if along.abs().max_element() < height {
+            (a, b) = (a - along, b + along);
+        } else {
+            (low, high) = (low - height, high + height);
+        }
+    }
+    None
 }
 
 /// Returns the upright prism over a convex outline.

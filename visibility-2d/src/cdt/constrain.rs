@@ -10,11 +10,12 @@
 //! is smaller, so splitting ends. No gap opens: a chain has the ends of its wall and no holes.
 
 use super::error::PlanError;
-use super::predicates::{Point, is_same_way, orient};
+use super::predicates::{LEAST, Point, area, is_same_way, orient};
 use super::triangulation::{NONE, Triangulation, next, previous};
 use alloc::vec::Vec;
 
-/// Greatest number of vertices of a triangulation, ends of walls and crossings together.
+/// Greatest number of vertices of a triangulation, ends of walls and crossings together; also of items in its
+/// lists of walls.
 pub(crate) const MOST_VERTICES: usize = 1 << 24;
 
 /// Marks a link or a twin as the index of a boundary step.
@@ -65,7 +66,8 @@ impl Constrainer {
     /// Makes the wall between two vertices a chain of edges. Nothing happens for equal vertices.
     ///
     /// # Errors
-    /// [`PlanError::TooMany`] when crossings make more than [`MOST_VERTICES`] vertices.
+    /// [`PlanError::TooMany`] when crossings make more than [`MOST_VERTICES`] vertices, or overlaps more than
+    /// so many items. One step can double the items, which their `u32` numbers allow.
     pub(crate) fn insert(
         &mut self,
         of: &mut Triangulation,
@@ -77,9 +79,10 @@ impl Constrainer {
         of.lists.push((wall, NONE));
         self.tasks.push(Task { from, to, walls });
         while let Some(task) = self.tasks.pop() {
-            if of.points.len() > MOST_VERTICES {
+            let count = of.points.len().max(of.lists.len());
+            if count > MOST_VERTICES {
                 self.tasks.clear();
-                return Err(PlanError::TooMany { count: of.points.len() });
+                return Err(PlanError::TooMany { count });
             }
             self.advance(of, task);
         }
@@ -303,13 +306,17 @@ fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
 }
 
 /// Returns the `f64` point nearest to the crossing of `ab` and `cd`, up to a few units of rounding, in the
-/// bounding boxes of both.
+/// bounding boxes of both. Lines that 106 bits cannot tell from parallel ones are cut in the middle of `ab`.
+///
+/// A number below [`LEAST`] becomes 0, which the boxes then hold: their corners are 0 or beyond `LEAST`.
 fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
-    let (of_a, of_b) = (orient(c, d, a), orient(c, d, b));
+    let (of_a, of_b) = (area(c, d, a), area(c, d, b));
     let share = of_a / (of_a - of_b);
+    let share = if (0.0..=1.0).contains(&share) { share } else { 0.5 };
     core::array::from_fn(|axis| {
         let x = a[axis] + share * (b[axis] - a[axis]);
         let x = x.max(a[axis].min(b[axis])).min(a[axis].max(b[axis]));
-        x.max(c[axis].min(d[axis])).min(c[axis].max(d[axis]))
+        let x = x.max(c[axis].min(d[axis])).min(c[axis].max(d[axis]));
+        if x.abs() < LEAST { 0.0 } else { x }
     })
 }

@@ -6,16 +6,16 @@ use core::fmt;
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum PlanError {
-    /// A coordinate is NaN, infinite, or of a magnitude above 1e60.
+    /// A coordinate of a point is NaN, infinite, or of a magnitude above 1e60.
     Coordinate {
         /// Index of the wall with the faulty point, or of the point among the points of a query, from 0.
         index: usize,
         /// The faulty point.
         point: [f64; 2],
     },
-    /// There are too many walls, or walls that cross too often.
+    /// There are too many walls, or walls that cross or overlap too often.
     TooMany {
-        /// Number of walls given, or number of vertices reached with crossings.
+        /// Number of walls given, or number of vertices or of overlaps reached, or of cells or portals.
         count: usize,
     },
     /// A wall has a number that the plan does not have.
@@ -27,7 +27,8 @@ pub enum PlanError {
     },
     /// A region has no point, or one outside the rectangle around the plan.
     Region,
-    /// The lower bound of heights is not below the upper one, or one is not finite.
+    /// The lower bound of heights is not below the upper one, one is not finite, or they are so large or so
+    /// close beside the plan that a portal has no area as `f64`.
     Heights,
 }
 
@@ -35,14 +36,17 @@ impl fmt::Display for PlanError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Coordinate { index, point: [x, y] } => {
-                write!(f, "point ({x}, {y}) of number {index} is not finite or above 1e60")
+                write!(f, "point ({x}, {y}) of number {index} has a coordinate that is no number up to 1e60")
             }
-            Self::TooMany { count } => write!(f, "{count} walls or crossings are too many"),
+            Self::TooMany { count } => write!(f, "{count} walls, crossings or overlaps are too many"),
             Self::UnknownWall { wall, walls } => {
                 write!(f, "wall {wall} is unknown: the plan has {walls}, numbered from 0")
             }
             Self::Region => write!(f, "the region is empty, or not inside the rectangle around the plan"),
-            Self::Heights => write!(f, "the lower height must be below the upper one, and both finite"),
+            Self::Heights => write!(
+                f,
+                "the lower height must be below the upper one, and both of a size that suits the plan"
+            ),
         }
     }
 }

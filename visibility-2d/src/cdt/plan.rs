@@ -5,9 +5,12 @@ use super::error::PlanError;
 use super::hilbert::Curve;
 use super::predicates::{GREATEST, LEAST, Point, checked};
 use super::triangulation::{NONE, Triangulation, next, previous};
-use super::wall::{Opacity, Wall, is_along};
+use super::wall::{Opacity, Wall};
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
+
+/// Greatest number of walls of all pieces: one for each edge of a triangulation, and some that overlap.
+const MOST_WALLS: usize = 4 * MOST_VERTICES;
 
 /// A half-edge of a plan: 8 bytes, of which one query reads some dozens.
 #[derive(Clone, Copy, Debug)]
@@ -37,11 +40,14 @@ impl HalfEdge {
 /// Walls of a floor plan, triangulated: answers what can be seen from a point or a region of the plane.
 ///
 /// Walls are segments, infinitely thin and closed. They may touch, cross, overlap, repeat and have no length.
-/// Two walls that cross are split at the `f64` point nearest to their crossing; every other answer is exact
-/// for the ends of walls as given. A rectangle around all walls bounds the plan; nothing stands outside.
+/// Two walls that cross are split at an `f64` point within a few units of rounding of their crossing; every
+/// other answer is exact for the ends of walls as given. A rectangle around all walls bounds the plan; nothing
+/// stands outside.
 ///
-/// Building takes expected time `n log n` in the number of walls and crossings. A query takes time in
-/// proportion to what it sees, and a binary search to find its eye.
+/// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
+/// a piece of another along which the wall lies). A query takes time in proportion to what it sees, and a
+/// binary search to find its eye. If one wall is some 65,536 times as far away as the others extend, the
+/// search is a walk past up to the square root of their number, more if they are in one line.
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
@@ -83,15 +89,17 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Greatest number of walls. Crossings count as well: at most 2^24 vertices in all.
-    pub const LIMIT: usize = MOST_VERTICES / 2;
+    /// Greatest number of walls: their ends and the corners of the rectangle are 2^24 vertices. Crossings count
+    /// as well.
+    pub const LIMIT: usize = MOST_VERTICES / 2 - 2;
 
     /// Makes a plan of walls, numbered from 0 in the order given. The rectangle around the plan leaves a
     /// margin of a quarter of the larger extent of all walls, at least 1.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] for a coordinate that is NaN, infinite or above 1e60,
-    /// [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls or 2^24 vertices.
+    /// [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps, or if
+    /// the walls of all pieces are together more than 2^26.
     pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
         let [low, high] = bounds_of(walls)?;
         Self::with_margin(walls, (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0))
@@ -112,8 +120,9 @@ impl Plan {
         // the least coordinate, and at most the greatest.
         let size = low.iter().chain(&high).fold(LEAST, |size, x| size.max(x.abs()));
         let margin = margin.max(4.0 * f64::EPSILON * size).clamp(LEAST, GREATEST);
-        let (low, high) = (low.map(|x| x - margin), high.map(|x| x + margin));
+        // Without the margin, beside which all walls could be at one place of the curve.
         let curve = Curve::new(low, high);
+        let (low, high) = (low.map(|x| x - margin), high.map(|x| x + margin));
         let mut ends = Vec::with_capacity(2 * walls.len());
         for (index, wall) in walls.iter().enumerate() {
             for end in wall.ends {
@@ -126,11 +135,16 @@ impl Plan {
         for (wall, ends) in (0u32..).zip(vertices.chunks_exact(2)) {
             constrainer.insert(&mut triangulation, ends[0], ends[1], wall)?;
         }
-        Ok(Self::packed(triangulation, walls, curve, [low, high]))
+        Self::packed(triangulation, walls, curve, [low, high])
     }
 
     /// Renumbers vertices and triangles along the curve and sorts walls into pieces.
-    fn packed(from: Triangulation, walls: &[Wall], curve: Curve, bounds: [Point; 2]) -> Self {
+    fn packed(
+        from: Triangulation,
+        walls: &[Wall],
+        curve: Curve,
+        bounds: [Point; 2],
+    ) -> Result<Self, PlanError> {
         let order = |points: &mut dyn Iterator<Item = Point>| {
             let mut order: Vec<_> =
                 points.zip(0u32..).map(|(point, i)| ((curve.place::<16>(point) >> 32) as u32, i)).collect();
@@ -182,7 +196,7 @@ impl Plan {
                     piece = plan.piece[twin as usize];
                 } else if edge.walls != NONE {
                     piece = plan.piece_edge.len() as u32;
-                    plan.push_piece(here, &from.lists, edge.walls);
+                    plan.push_piece(here, &from.lists, edge.walls)?;
                 }
                 plan.piece.push(piece);
             }
@@ -191,11 +205,11 @@ impl Plan {
         for piece in 0..plan.piece_edge.len() as u32 {
             plan.set_flags(piece);
         }
-        plan
+        Ok(plan)
     }
 
     /// Appends a piece with the walls of a list, sorted and without repetition.
-    fn push_piece(&mut self, h: u32, lists: &[(u32, u32)], mut item: u32) {
+    fn push_piece(&mut self, h: u32, lists: &[(u32, u32)], mut item: u32) -> Result<(), PlanError> {
         let first = self.walls_of_pieces.len();
         while item != NONE {
             let (wall, rest) = lists[item as usize];
@@ -215,6 +229,8 @@ impl Plan {
         self.walls_of_pieces.truncate(kept);
         self.first_wall.push(kept as u32);
         self.piece_edge.push(h);
+        // Pieces share a list, so that all together may have many more walls than the lists.
+        if kept > MOST_WALLS { Err(PlanError::TooMany { count: kept }) } else { Ok(()) }
     }
 
     fn list_pieces_of_walls(&mut self) {
@@ -241,13 +257,12 @@ impl Plan {
         let (mut out, mut back) = (WALL, WALL);
         let ends = self.ends(h);
         for &wall in self.walls_of(piece) {
-            let Wall { ends: wall_ends, opacity } = self.walls[wall as usize];
+            let wall = &self.walls[wall as usize];
             // The triangle of a half-edge is on its left. Lines of sight out of it come from there.
-            let along = is_along(wall_ends, ends);
-            if opacity == Opacity::Opaque || opacity == Opacity::OneWay && !along {
+            if wall.stops(ends) {
                 out |= BLOCKS;
             }
-            if opacity == Opacity::Opaque || opacity == Opacity::OneWay && along {
+            if wall.stops([ends[1], ends[0]]) {
                 back |= BLOCKS;
             }
         }

@@ -15,8 +15,8 @@ use super::triangulation::{NONE, Place, next, previous};
 pub struct RayHit {
     /// Point in world units where the ray ends, rounded.
     pub point: [f64; 2],
-    /// Number of the wall at which the ray ends, the least of several. `None` at the rectangle around the
-    /// plan.
+    /// Number of the wall at which the ray ends, the least of several that do not let the ray pass. `None` at
+    /// the rectangle around the plan.
     pub wall: Option<u32>,
 }
 
@@ -40,8 +40,8 @@ enum Stop {
     Reached,
     /// The segment ends at a half-edge, between its ends.
     Edge(u32),
-    /// The segment ends at the vertex of a half-edge.
-    Vertex(u32),
+    /// The segment ends at the vertex of a half-edge, come on some sides. On none: at the rectangle.
+    Vertex(u32, u8),
 }
 
 impl Plan {
@@ -82,23 +82,31 @@ impl Plan {
         if a == b {
             return Ok(None);
         }
-        let wall_of = |h: u32| {
-            let piece = self.piece[h as usize];
-            if piece == NONE { None } else { self.walls_of(piece).first().copied() }
-        };
-        Ok(match (Walk { plan: self, a, b, is_ray: true }).run() {
+        let walk = Walk { plan: self, a, b, is_ray: true };
+        Ok(match walk.run() {
             Stop::Reached => None,
             Stop::Edge(h) => {
                 let [p, q] = self.ends(h);
                 let (of_p, of_q) = (orient(a, b, p), orient(a, b, q));
                 let share = of_p / (of_p - of_q);
                 let point = [0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis]));
-                Some(RayHit { point, wall: wall_of(h) })
+                Some(RayHit { point, wall: self.wall_that_stops(h) })
             }
-            Stop::Vertex(h) => {
-                Some(RayHit { point: self.start(h), wall: self.fan(h).filter_map(wall_of).min() })
+            Stop::Vertex(h, came) => {
+                let stops = self.fan(h).filter_map(|h| walk.stop_at(h, came));
+                Some(RayHit {
+                    point: self.start(h),
+                    wall: stops.filter_map(|h| self.wall_that_stops(h)).min(),
+                })
             }
         })
+    }
+
+    /// Returns the first wall along a half-edge at which lines of sight out of its triangle end.
+    fn wall_that_stops(&self, h: u32) -> Option<u32> {
+        let piece = self.piece[h as usize];
+        let walls = if piece == NONE { &[] } else { self.walls_of(piece) };
+        walls.iter().copied().find(|&wall| self.walls()[wall as usize].stops(self.ends(h)))
     }
 }
 
@@ -137,12 +145,12 @@ impl Walk<'_> {
                     }
                     let sides = if is_start { came } else { came & self.open_sides(h) };
                     if sides == 0 {
-                        return Stop::Vertex(h);
+                        return Stop::Vertex(h, came);
                     }
                     match self.leave(h, sides) {
                         Some(at) => at,
                         // The walk leaves the rectangle at a corner, or ends on an edge.
-                        None if self.is_ray => return Stop::Vertex(h),
+                        None if self.is_ray => return Stop::Vertex(h, 0),
                         None => return Stop::Reached,
                     }
                 }
@@ -245,20 +253,25 @@ impl Walk<'_> {
 
     /// Returns the sides on which a segment may pass a vertex, of which no wall keeps it.
     fn open_sides(&self, h: u32) -> u8 {
+        let is_closed = |side: u8| self.plan.fan(h).any(|h| self.stop_at(h, side).is_some());
+        [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()
+    }
+
+    /// Returns the half of an edge, given by the half-edge that begins at a vertex, at which the walk ends
+    /// that passes the vertex on one of some sides. `None` if the edge does not end the walk.
+    fn stop_at(&self, h: u32, sides: u8) -> Option<u32> {
         let plan = self.plan;
-        let mut sides = LEFT | RIGHT;
-        for h in plan.fan(h) {
-            let edge = plan.edges[h as usize];
-            let Some(twin) = edge.twin() else { continue };
-            let side = self.side(plan.start(next(h)));
-            // On the left, the segment passes clockwise, out of the triangle of the half-edge.
-            if side > 0.0 && edge.twin & BLOCKS != 0 {
-                sides &= !LEFT;
-            } else if side < 0.0 && plan.edges[twin as usize].twin & BLOCKS != 0 {
-                sides &= !RIGHT;
-            }
-        }
-        sides
+        let twin = plan.edges[h as usize].twin()?;
+        let side = self.side(plan.start(next(h)));
+        // On the left, the segment passes clockwise, out of the triangle of the half-edge.
+        let passed = if side > 0.0 && sides & LEFT != 0 {
+            h
+        } else if side < 0.0 && sides & RIGHT != 0 {
+            twin
+        } else {
+            return None;
+        };
+        (plan.edges[passed as usize].twin & BLOCKS != 0).then_some(passed)
     }
 
     /// Returns the step from a vertex in the direction of `b`, passed on some sides. `None` if no triangle

@@ -1,8 +1,10 @@
 //! Tests of the triangulation itself: its structure, and walls that cross, repeat or come from hostile bits.
 
+use super::constrain::MOST_VERTICES;
+use super::hilbert::Curve;
 use super::plan::{BLOCKS, WALL};
 use super::predicates::{in_circle, orient};
-use super::triangulation::{NONE, next, previous};
+use super::triangulation::{NONE, Triangulation, next, previous};
 use super::{Plan, PlanError, PlanView, Visibility, Wall};
 use alloc::vec::Vec;
 use visibility_testing::Random;
@@ -185,5 +187,95 @@ fn check_structure(plan: &Plan) {
     for t in 0..plan.triangle_count() as u32 {
         let [a, b, c] = plan.triangle(t).unwrap();
         assert!(orient(a, b, c) > 0.0, "triangle {a:?} {b:?} {c:?}");
+    }
+}
+
+/// Walls on top of walls are listed pair by pair: some 100,000 of them would fill any memory.
+#[test]
+fn too_many_overlaps_are_an_error() {
+    // Wall i lies on i pieces: the lists grow while walls are laid.
+    let nested: Vec<_> = (1..6500).map(|i| Wall::new([0.0, 0.0], [f64::from(i), 0.0])).collect();
+    assert!(matches!(Plan::new(&nested), Err(PlanError::TooMany { .. })));
+    // Equal walls are one list, which crossings make that of many pieces.
+    let mut crossed = alloc::vec![Wall::new([0.0, 0.0], [9000.0, 0.0]); 9000];
+    crossed.extend((1..9000).map(f64::from).map(|x| Wall::new([x, -1.0], [x, 1.0])));
+    assert!(matches!(Plan::new(&crossed), Err(PlanError::TooMany { .. })));
+    let few = Plan::new(&nested[..1000]).unwrap();
+    assert_eq!(few.pieces().map(|(_, walls)| walls.len()).sum::<usize>(), 1000 * 1001 / 2);
+}
+
+#[test]
+fn as_many_walls_as_the_limit_have_vertices() {
+    // Two ends each, and the corners of the rectangle.
+    assert!(2 * core::hint::black_box(Plan::LIMIT) + 4 <= MOST_VERTICES);
+}
+
+#[test]
+fn a_wide_margin_keeps_the_order_along_the_curve() {
+    let mut random = Random(5);
+    let point = |random: &mut Random| [0, 1].map(|_| random.range(0.0, 1000.0));
+    let walls: Vec<_> = (0..1000)
+        .map(|_| {
+            let end = point(&mut random);
+            Wall::new(end, end.map(|x| x + 0.1))
+        })
+        .collect();
+    let plan = Plan::with_margin(&walls, 1e15).unwrap();
+    for _ in 0..100 {
+        let [x, y] = point(&mut random);
+        let [u, v] = plan.start(plan.near([x, y]));
+        // The mean distance to the nearest wall is 16.
+        assert!((u - x).abs() + (v - y).abs() < 400.0, "{x} {y}: {u} {v}");
+    }
+    check_structure(&plan);
+}
+
+#[test]
+fn points_at_one_place_of_the_curve_are_inserted_in_order() {
+    let mut random = Random(6);
+    let mut points: Vec<_> = (0..4096).map(|i| [f64::from(i), 0.0]).collect();
+    for i in (1..points.len()).rev() {
+        points.swap(i, random.below(i + 1));
+    }
+    let (low, high) = ([-1e15; 2], [1e15; 2]);
+    let mut triangulation = Triangulation::new(low, high);
+    triangulation.insert_all(&points, &Curve::new(low, high));
+    // Vertices are numbered as they are inserted; the first four are the rectangle.
+    let steps = triangulation.points[4..].windows(2).map(|pair| (pair[0][0] - pair[1][0]).abs());
+    let length: f64 = steps.sum();
+    assert!(length < 16.0 * 4096.0, "{length}");
+}
+
+#[test]
+fn nearly_parallel_walls_are_split_where_they_cross() {
+    let walls = [
+        Wall::new(
+            [1.414_452_842_312_045_3, 2.078_951_414_446_432_3],
+            [5.431_334_633_635_018, 8.491_184_539_348_32],
+        ),
+        Wall::new(
+            [0.559_327_261_150_22, 0.713_896_413_494_834_6],
+            [6.116_033_472_845_556, 9.584_183_737_594_998],
+        ),
+    ];
+    let plan = Plan::new(&walls).unwrap();
+    // By fractions of whole numbers.
+    let crossing = [2.583_835_515_027_79, 3.945_661_638_748_201_7];
+    let is_near = |end: [f64; 2]| (0..2).all(|k| (end[k] - crossing[k]).abs() < 1e-12);
+    assert!(
+        plan.pieces().any(|(ends, _)| ends.into_iter().any(is_near)),
+        "{:?}",
+        plan.pieces().collect::<Vec<_>>()
+    );
+}
+
+#[test]
+fn crossings_obey_the_least_coordinate() {
+    let walls =
+        [Wall::new([-3e-40, -1e-40], [3.1e-40, 1e-40]), Wall::new([-1e-40, 3e-40], [1e-40, -3.1e-40])];
+    let plan = Plan::new(&walls).unwrap();
+    assert_eq!(plan.pieces().len(), 4);
+    for (ends, _) in plan.pieces() {
+        assert!(ends.iter().flatten().all(|&x| x == 0.0 || x.abs() >= 1e-40), "{ends:?}");
     }
 }

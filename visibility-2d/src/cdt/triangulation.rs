@@ -2,7 +2,11 @@
 //!
 //! This work is based on: C. L. Lawson, "Software for C1 Surface Interpolation", 1977 (insertion by flips);
 //! Nina Amenta, Sunghee Choi and Guenter Rote, "Incremental Constructions con BRIO", 2003 (points in random
-//! rounds, each along a space-filling curve, so that no input takes quadratic time).
+//! rounds, each along a space-filling curve, so that flips take no quadratic time on any input).
+//!
+//! Points at one place of the curve are in the order of x: on a line each is next to the one before. Many
+//! others at one place, beside a point 2^32 times as far away as they extend, are found by walks past the
+//! square root of their number.
 //!
 //! Triangle `t` has the half-edges `3 t`, `3 t + 1` and `3 t + 2`, counter-clockwise. All points lie strictly
 //! inside the rectangle of the first four, so every insertion splits a triangle or an inner edge.
@@ -102,7 +106,11 @@ impl Triangulation {
                 (round, curve.place::<32>(point), index)
             })
             .collect();
-        order.sort_unstable();
+        order.sort_unstable_by(|a, b| {
+            let [p, q] = [a.2, b.2].map(|index| points[index as usize]);
+            let by_point = || p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1])).then(a.2.cmp(&b.2));
+            (a.0, a.1).cmp(&(b.0, b.1)).then_with(by_point)
+        });
         self.points.reserve(points.len());
         self.out.reserve(points.len());
         self.edges.reserve(6 * points.len());

@@ -8,11 +8,10 @@ use super::range::{Disc, chord};
 use super::triangulation::{NONE, Place};
 use super::view::PlanView;
 use alloc::vec::Vec;
-use visibility_core::stamp::Stamp;
 
 /// The answer of [`Plan::look`]: visibility polygon, its area and the walls seen. Keeps its memory, so that a
-/// warm query does not allocate, and the place of the last eye, from which the next one is found.
-#[derive(Clone, Debug)]
+/// warm query does not allocate.
+#[derive(Clone, Debug, Default)]
 pub struct Visibility {
     polygon: Vec<Point>,
     walls: Vec<u32>,
@@ -22,23 +21,6 @@ pub struct Visibility {
     /// For each wall the number of the query that has seen it last.
     marks: Vec<u32>,
     query: u32,
-    /// Plan, half-edge near the last eye, and the last eye.
-    last: (Stamp, u32, Point),
-}
-
-impl Default for Visibility {
-    fn default() -> Self {
-        Self {
-            polygon: Vec::new(),
-            walls: Vec::new(),
-            twice_area: 0.0,
-            cones: Vec::new(),
-            sector: Vec::new(),
-            marks: Vec::new(),
-            query: 0,
-            last: (Stamp::NONE, 0, [0.0; 2]),
-        }
-    }
 }
 
 impl Visibility {
@@ -112,7 +94,7 @@ impl Plan {
 
     fn look_from(&self, from: &Expansion<'_>, view: &PlanView, limited: bool, answer: &mut Visibility) {
         let eye = from.eye;
-        let place = self.place_of(eye, &mut answer.last);
+        let place = self.locate(eye, self.near(eye));
         let Visibility { polygon, walls, twice_area, cones, marks, query, .. } = answer;
         match place {
             Place::Edge(h) if self.piece[h as usize] != NONE => {
@@ -182,14 +164,6 @@ impl Plan {
         if polygon.len() > 1 && polygon.first() == polygon.last() {
             polygon.pop();
         }
-    }
-
-    /// Finds the place of an eye, starting at the last one if it was near.
-    fn place_of(&self, eye: Point, last: &mut (Stamp, u32, Point)) -> Place {
-        let near = self.near(eye);
-        let place = self.locate(eye, near);
-        *last = (self.stamp(), near, eye);
-        place
     }
 
     /// Returns whether the outer rectangle does not surround a place.

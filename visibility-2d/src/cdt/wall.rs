@@ -42,6 +42,16 @@ impl Wall {
     pub fn with_opacity(self, opacity: Opacity) -> Self {
         Self { opacity, ..self }
     }
+
+    /// Returns whether lines of sight end that cross a piece of the wall, from the left side of the piece as
+    /// given to the right side.
+    pub(crate) fn stops(&self, piece: [Point; 2]) -> bool {
+        match self.opacity {
+            Opacity::Opaque => true,
+            Opacity::Clear => false,
+            Opacity::OneWay => !is_along(self.ends, piece),
+        }
+    }
 }
 
 impl From<[DVec2; 2]> for Wall {
