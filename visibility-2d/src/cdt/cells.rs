@@ -113,8 +113,8 @@ impl Plan {
     /// ```
     ///
     /// # Errors
-    /// [`PlanError::Heights`] unless `low` is below `high` and both are finite, or if areas of portals are too
-    /// large for `f64`. [`PlanError::TooMany`] for more cells or portals than [`CellGraph::LIMIT`].
+    /// [`PlanError::Heights`] unless `low` is below `high` and both are finite, or if areas of portals are
+    /// too large for `f64`. [`PlanError::TooMany`] for more cells or portals than [`CellGraph::LIMIT`].
     pub fn cells(&self, low: f64, high: f64) -> Result<PlanCells, PlanError> {
         if !(low < high && low.is_finite() && high.is_finite()) {
             return Err(PlanError::Heights);

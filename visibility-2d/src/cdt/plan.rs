@@ -41,8 +41,8 @@ impl HalfEdge {
 ///
 /// Walls are segments, infinitely thin and closed. They may touch, cross, overlap, repeat and have no length.
 /// Two walls that cross are split at an `f64` point within a few units of rounding of their crossing; every
-/// other answer is exact for the ends of walls as given. A rectangle around all walls bounds the plan; nothing
-/// stands outside.
+/// other answer is exact for the ends of walls as given. A rectangle around all walls bounds the plan;
+/// nothing stands outside.
 ///
 /// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
 /// a piece of another along which the wall lies). A query takes time in proportion to what it sees, and a
@@ -89,8 +89,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Greatest number of walls: their ends and the corners of the rectangle are 2^24 vertices. Crossings count
-    /// as well.
+    /// Greatest number of walls: their ends and the corners of the rectangle are 2^24 vertices. Crossings
+    /// count as well.
     pub const LIMIT: usize = MOST_VERTICES / 2 - 2;
 
     /// Makes a plan of walls, numbered from 0 in the order given. The rectangle around the plan leaves a
@@ -98,8 +98,8 @@ impl Plan {
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] for a coordinate that is NaN, infinite or above 1e60,
-    /// [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps, or if
-    /// the walls of all pieces are together more than 2^26.
+    /// [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps, or
+    /// if the walls of all pieces are together more than 2^26.
     pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
         let [low, high] = bounds_of(walls)?;
         Self::with_margin(walls, (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0))

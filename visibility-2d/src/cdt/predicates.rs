@@ -45,8 +45,8 @@ pub(crate) fn orient_slow(a: Point, b: Point, c: Point) -> f64 {
     robust::orient2d(coord(a), coord(b), coord(c))
 }
 
-/// Returns twice the signed area that [`orient`] tells the sign of, with 106 bits: where the points are nearly
-/// collinear, `orient` may have the sign only.
+/// Returns twice the signed area that [`orient`] tells the sign of, with 106 bits: where the points are
+/// nearly collinear, `orient` may have the sign only.
 ///
 /// Differences are exact as sums of two numbers, and so are products: T. J. Dekker, "A Floating-Point
 /// Technique for Extending the Available Precision", 1971. What is left out is 2^-105 of the two products.

@@ -90,8 +90,8 @@ impl Gaps {
     pub(crate) fn cut(&mut self, first: f64, last: f64, error: f64) {
         let width = if first <= last { last - first } else { last + 4.0 - first };
         // The ends of an interval thinner than their error may be the wrong way around, which looks like
-        // almost a full turn. Of three errors, two are cut off, and one is more than the rounding of the width
-        // (`2^-51`) and of the moved ends (`2^-51` and `2^-52`), so that they keep their order.
+        // almost a full turn. Of three errors, two are cut off, and one is more than the rounding of the
+        // width (`2^-51`) and of the moved ends (`2^-51` and `2^-52`), so that they keep their order.
         if width <= 3.0 * error || width > 2.0 {
             return;
         }
