@@ -1,4 +1,4 @@
-//! What is read from a file of a floor plan, and what can be wrong with the file.
+//! Content of a floor plan file, and the error that names a faulty place in it.
 
 /// Walls and eyes read from a file.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -23,7 +23,7 @@ impl PlanFile {
     }
 }
 
-/// What is wrong with a file, and where.
+/// Error in the content of a plan file, with its place.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Problem {
     /// Position in the file: a line, a byte offset or a key path.

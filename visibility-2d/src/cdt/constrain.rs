@@ -40,7 +40,7 @@ struct Step {
     walls: u32,
 }
 
-/// What is next on the way of a wall.
+/// Next step of a wall that is followed through the triangulation from one of its ends to the other.
 enum Way {
     /// The wall runs along this half-edge.
     Along(u32),

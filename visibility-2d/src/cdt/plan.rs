@@ -110,7 +110,7 @@ impl Plan {
     /// least one that keeps all walls strictly inside.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new).
+    /// The errors of [`new`](Self::new), for the same reasons.
     pub fn with_margin(walls: &[Wall], margin: f64) -> Result<Self, PlanError> {
         if walls.len() > Self::LIMIT {
             return Err(PlanError::TooMany { count: walls.len() });

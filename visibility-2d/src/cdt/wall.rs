@@ -28,7 +28,7 @@ pub enum Opacity {
 pub struct Wall {
     /// The two ends of the wall in world units. Equal ends make a wall that is never seen and hides nothing.
     pub ends: [[f64; 2]; 2],
-    /// How the wall acts on lines of sight.
+    /// Which lines of sight the wall stops: all, none, or those from one side.
     pub opacity: Opacity,
 }
 

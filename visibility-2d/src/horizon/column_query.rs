@@ -185,7 +185,7 @@ impl Columns {
         for lane in 0..N {
             let (x, y, z) = (&relative.x, &relative.y, &relative.z);
             let is_beside = (x[0][lane] > 0.0) | (x[1][lane] < 0.0) | (y[0][lane] > 0.0) | (y[1][lane] < 0.0);
-            // Of the given box: `relative` is widened, which would make a slightly inverted box proper.
+            // The box as given is tested: `relative` is widened, so a slightly inverted box is proper there.
             let is_proper = boxes.iter().fold(true, |all, [min, max]| all & (min[lane] <= max[lane]));
             let is_number =
                 (x[0][lane] <= x[1][lane]) & (y[0][lane] <= y[1][lane]) & (z[0][lane] <= z[1][lane]);
