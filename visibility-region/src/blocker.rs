@@ -13,6 +13,11 @@ const TRANSFORMED: f64 = 8.0 * f64::EPSILON;
 /// [`OccluderMesh::is_convex`] allows.
 const DENTS: f64 = 4.0 * f32::EPSILON as f64;
 
+/// Returns the depth of the dents that a convex mesh may have, of the greatest magnitude of a coordinate.
+pub(crate) fn dents(mesh: &OccluderMesh) -> f64 {
+    if mesh.is_convex() && !mesh.is_cuboid() { DENTS } else { 0.0 }
+}
+
 /// A convex blocker: a closed convex polyhedron, or one convex polygon.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Blocker {
@@ -30,7 +35,8 @@ pub(crate) struct Blocker {
 }
 
 impl Blocker {
-    /// Makes the blocker that is a whole convex mesh. `caps` are triangles of the mesh that close a hole.
+    /// Makes the blocker that is a whole convex mesh. `caps` are triangles of the mesh that close a hole. The
+    /// mesh must be in the plane of one of them wherever it is closed.
     pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A, caps: &[Triangle]) -> Self {
         let mut blocker = Self::placed(mesh, transform, mesh.positions().iter().map(|p| p.as_dvec3()));
         let turned = turn(transform);
@@ -39,16 +45,7 @@ impl Blocker {
         let placement = Placement::new(mesh, transform);
         let order = turned([0, 1, 2]).map(|i| i as usize);
         let placed = |cap: &Triangle| order.map(|i| placement.place(cap[i].as_dvec3()));
-        // A sliver of a fan has no plane to speak of; its neighbours have the same.
-        let is_wide = |[a, b, c]: &[DVec3; 3]| {
-            let (u, v) = (*b - *a, *c - *a);
-            u.cross(v).length() > 1e-4 * u.length_squared().max(v.length_squared())
-        };
-        blocker.caps = caps.iter().map(placed).filter(is_wide).collect();
-        // A hole that has no plane at all is in front of everything.
-        if blocker.caps.is_empty() && !caps.is_empty() {
-            blocker.caps.push([DVec3::ZERO; 3]);
-        }
+        blocker.caps = caps.iter().map(placed).collect();
         blocker
     }
 
@@ -68,10 +65,9 @@ impl Blocker {
     /// Maps points of a mesh to scene coordinates. The blocker has no faces yet.
     fn placed(mesh: &OccluderMesh, transform: &Affine3A, points: impl Iterator<Item = DVec3>) -> Self {
         let placement = Placement::new(mesh, transform);
-        let dents = if mesh.is_convex() && !mesh.is_cuboid() { placement.size * DENTS } else { 0.0 };
         Self {
             vertices: points.map(|p| placement.place(p)).collect(),
-            slack: placement.doubt + dents,
+            slack: placement.doubt + placement.size * dents(mesh),
             ..Self::default()
         }
     }

@@ -7,6 +7,7 @@
 //! the choice of few blockers and the test of whole nodes. Blockers do not fuse: a house smaller than the
 //! viewcell hides little, and a row of them hides no more.
 
+use crate::bits::Bits;
 use crate::blocker::Blocker;
 use crate::remove::{cell_box, remove_hidden};
 use crate::solids::Solids;
@@ -140,17 +141,18 @@ fn candidates<'a>(
             list.push(Candidate { shape, rank, bounds });
         }
     };
-    let mut occludes = alloc::vec![false; scene.index_limit()];
-    visible.for_each_occluder(scene, |id| occludes[id.index()] = true);
-    let mut has_solid = alloc::vec![false; scene.index_limit()];
-    for solid in solids.list.iter().filter(|solid| occludes[solid.id.index()]) {
-        has_solid[solid.id.index()] = true;
+    let occluding = Bits::occluding(scene, visible);
+    let mut has_solid = Bits::new(scene.index_limit());
+    for solid in solids.list.iter().filter(|solid| occluding.contains(solid.id.index())) {
+        has_solid.insert(solid.id.index());
         let size = solid.max - solid.min;
         let area = DVec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
         add(Shape::Solid(&solid.blocker), [solid.min, solid.max], area);
     }
     visible.for_each_occluder(scene, |id| {
-        let Some((mesh, transform)) = scene.occluder(id).filter(|_| !has_solid[id.index()]) else { return };
+        let Some((mesh, transform)) = scene.occluder(id).filter(|_| !has_solid.contains(id.index())) else {
+            return;
+        };
         for triangle in 0..mesh.triangles().len() {
             let v = Blocker::triangle(mesh, transform, triangle).vertices;
             let bounds = [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];

@@ -6,8 +6,17 @@
 //!   takes a fraction of a second.
 //! - [`VirtualOccluders`] are a few rectangles that hide, from an eye in the viewcell, what moves later on.
 //! - [`SamplingCuller`] is aggressive: a lower bound to judge the others by.
-//! - [`VolumetricCuller`], [`ShrunkCuller`] and [`ConvexBlockersCuller`] are the methods of other papers,
-//!   all conservative: octrees of opaque cells, shrunk occluders from sample points, single convex blockers.
+//! - [`VolumetricCuller`], [`ShrunkCuller`] and [`ConvexBlockersCuller`] are the methods of other papers, all
+//!   conservative: octrees of opaque cells, shrunk occluders from sample points, single convex blockers.
+//!
+//! # Which objects occlude
+//! The occluders of a conservative method are, as those of the culler of occlusion maps in `visibility-core`,
+//! the *candidates* that are flagged as occluders and have a mesh: see
+//! [`VisibleSet::for_each_occluder`](visibility_core::VisibleSet::for_each_occluder). An object that an
+//! earlier stage has dropped, that is on no layer of the set, or that is never culled hides nothing, since it
+//! may not be drawn. Virtual occluders, made without candidates, stand for all occluders on a layer, and hide
+//! only in views that draw all of these. The aggressive [`SamplingCuller`] errs the other way: whatever may
+//! be drawn blocks its rays, candidate or not.
 //!
 //! ```
 //! use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -34,8 +43,10 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+mod bits;
 mod blocker;
 mod convex_blockers;
+mod extent;
 mod remove;
 mod sampling;
 mod shrunk;

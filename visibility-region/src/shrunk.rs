@@ -9,6 +9,7 @@
 //!
 //! Occluders thinner than `2 e` vanish, so thin walls hide nothing from a viewcell of metres.
 
+use crate::bits::Bits;
 use crate::remove::cell_box;
 use crate::solids::{Solid, Solids};
 use crate::umbra::is_closed_from;
@@ -25,7 +26,9 @@ use visibility_core::{
 /// the viewcell are visible.
 const NEAR: f64 = 1e-6;
 
-/// Margin of lengths for the rounding of meshes to `f32`, of the greatest magnitude of a coordinate.
+/// Margin of lengths for rounding to `f32`, of the sums of the magnitudes that placed coordinates are summed
+/// of. A vertex of the shrunk mesh rounds by half an epsilon of itself, and a map that places the vertex in
+/// `f32` by four roundings, 2 epsilon of the sum: 2.5 would do.
 const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 
 /// Hides what a culler from a point hides from each of some points of a viewcell's boundary, with the scene's
@@ -158,11 +161,12 @@ fn shrunk_scene(
     };
     let mut shrunk = Scene::new();
     let copies = shrunk.insert_batch(ids.iter().map(copy));
-    let mut is_candidate = alloc::vec![false; scene.index_limit()];
-    visible.for_each_occluder(scene, |id| is_candidate[id.index()] = true);
+    let occluding = Bits::occluding(scene, visible);
     for of_object in solids.chunk_by(|a, b| a.id == b.id) {
         let id = of_object[0].id;
-        let Some((_, transform)) = scene.occluder(id).filter(|_| is_candidate[id.index()]) else { continue };
+        let Some((_, transform)) = scene.occluder(id).filter(|_| occluding.contains(id.index())) else {
+            continue;
+        };
         let shrink = |solid: &&Solid| shrink(&solid.mesh, transform, distance);
         let triangles: Vec<Triangle> = of_object.iter().filter_map(shrink).flatten().collect();
         if let Ok(mesh) = OccluderMesh::from_triangles(&triangles) {
@@ -180,11 +184,13 @@ fn shrunk_scene(
 /// its points is inside the solid itself. `None` if nothing is left.
 fn shrink(solid: &OccluderMesh, transform: &Affine3A, distance: f64) -> Option<Vec<Triangle>> {
     let bounds = solid.bounds();
-    let placed = bounds.transformed(transform);
-    // The map may place the shrunk solid with an error of `f32`, and its vertices are rounded.
-    let magnitude = f64::from(placed.min.abs().max(placed.max.abs()).max_element());
-    let distance = distance + magnitude * ROUNDING;
     let columns = transform.matrix3.to_cols_array_2d().map(|column| DVec3::from_array(column.map(f64::from)));
+    let translation = DVec3::from_array(transform.translation.to_array().map(f64::from));
+    // The vertices are rounded in coordinates of the mesh, and the map may place them with an error of `f32`:
+    // both are relative to the terms of the sum that a placed coordinate is, which may cancel.
+    let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
+    let terms = columns[0].abs() * reach.x + columns[1].abs() * reach.y + columns[2].abs() * reach.z;
+    let distance = distance + (terms + translation.abs()).length() * ROUNDING;
     let linear = DMat3::from_cols_array_2d(&columns.map(|column| column.to_array()));
     if solid.is_cuboid() {
         // Each side of the parallelepiped moves inwards along its own axis.
@@ -259,28 +265,28 @@ mod tests {
         let wide = Affine3A::from_scale(Vec3::new(2.0, 1.0, 1.0));
         let bounds = Aabb::from_points(shrink(&mesh, &wide, 0.25).unwrap().into_iter().flatten());
         assert!((bounds.min.x - 3.125).abs() < 1e-4 && bounds.min.x >= 3.125);
+        let pyramid = |x: f32| {
+            let base = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+            let [a, b, c, d] = base.map(|[u, v]| Vec3::new(x + u, v, 0.0));
+            let top = Vec3::new(x + 2.0, 2.0, 4.0);
+            let sides = [[a, b, top], [b, c, top], [c, d, top], [d, a, top]];
+            OccluderMesh::from_triangles(&[&[[a, c, b], [a, d, c]], &sides[..]].concat()).unwrap()
+        };
+        let [left, right] = [2.0, -2.0].map(|x| DVec3::new(x, 0.0, -1.0).normalize());
+        let planes = [(DVec3::Z, 0.0), (left, 0.0), (right, 4.0 * left.x)];
         // A pyramid scales about its middle: its base rises by the distance at least.
-        let p = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
-        let [a, b, c, d] = p;
-        let top = Vec3::new(2.0, 2.0, 4.0);
-        let pyramid = OccluderMesh::from_triangles(&[
-            [a, c, b],
-            [a, d, c],
-            [a, b, top],
-            [b, c, top],
-            [c, d, top],
-            [d, a, top],
-        ])
-        .unwrap();
-        let triangles = shrink(&pyramid, &Affine3A::IDENTITY, 0.25).unwrap();
+        let triangles = shrink(&pyramid(0.0), &Affine3A::IDENTITY, 0.25).unwrap();
         let points: Vec<DVec3> = triangles.iter().flatten().map(|p| p.as_dvec3()).collect();
-        let inwards = [
-            (DVec3::Z, 0.0),
-            (DVec3::new(2.0, 0.0, -1.0).normalize(), 0.0),
-            (DVec3::new(-2.0, 0.0, -1.0).normalize(), DVec3::new(2.0, 0.0, 1.0).normalize().x * 4.0),
-        ];
-        for (normal, offset) in inwards {
-            assert!(points.iter().all(|p| normal.dot(*p) + offset >= 0.25), "{normal}");
+        assert!(planes.iter().all(|(normal, offset)| points.iter().all(|p| normal.dot(*p) + offset >= 0.25)));
+        // Far from the origin of the mesh the vertices round by 0.03, however near the transform moves them.
+        let far = Affine3A::from_translation(Vec3::new(-1e6, 0.0, 0.0));
+        let pyramid = pyramid(1e6);
+        for i in 0..50 {
+            let by = 0.01 + 0.002 * f64::from(i);
+            let Some(triangles) = shrink(&pyramid, &far, by) else { continue };
+            for p in triangles.iter().flatten().map(|p| p.as_dvec3() - DVec3::X * 1e6) {
+                assert!(planes.iter().all(|(normal, offset)| normal.dot(p) + offset >= by), "{p} for {by}");
+            }
         }
     }
 }

@@ -4,10 +4,11 @@
 //! the mesh blocks like the solid for every viewpoint strictly behind the planes of the hole: a line of sight
 //! enters a convex solid once, and not through the hole.
 
-use crate::blocker::Blocker;
+use crate::bits::Bits;
+use crate::blocker::{Blocker, dents};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::scene::{SceneCursor, Triangle};
+use visibility_core::scene::{Changes, SceneCursor, Triangle};
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
 /// Greatest number of triangles of an open mesh that is tried to be closed.
@@ -37,23 +38,26 @@ impl Solid {
 #[derive(Clone, Debug)]
 pub(crate) struct Solids {
     cursor: SceneCursor,
+    /// Indices of the objects that were occluders.
+    occluders: Bits,
     pub(crate) list: Vec<Solid>,
 }
 
 impl Solids {
     pub(crate) const fn new() -> Self {
-        Self { cursor: SceneCursor::START, list: Vec::new() }
+        Self { cursor: SceneCursor::START, occluders: Bits::EMPTY, list: Vec::new() }
     }
 
-    /// Finds the solids anew if the scene has changed. Returns whether it has.
+    /// Finds the solids anew if occluders of the scene have changed. Returns whether they have.
     pub(crate) fn sync(&mut self, scene: &Scene) -> bool {
-        if self.cursor.is_current(scene) {
+        if !occluders_changed(&mut self.cursor, scene, &self.occluders) {
             return false;
         }
-        self.cursor = SceneCursor::at(scene);
         self.list.clear();
+        self.occluders.reset(scene.index_limit());
         for id in scene.ids() {
             let Some((mesh, transform)) = scene.occluder(id) else { continue };
+            self.occluders.insert(id.index());
             for piece in pieces(mesh) {
                 let closed;
                 let (solid, caps) = if piece.is_convex() {
@@ -77,13 +81,25 @@ impl Solids {
     }
 }
 
+/// Moves a cursor to the present state of a scene. Returns whether anything has changed since that is, or
+/// was, an occluder; `known` are the indices of the occluders at the cursor's state.
+pub(crate) fn occluders_changed(cursor: &mut SceneCursor, scene: &Scene, known: &Bits) -> bool {
+    match cursor.follow(scene) {
+        Changes::Everything => true,
+        Changes::Objects(ids) => {
+            ids.iter().any(|&id| known.contains(id.index()) || scene.occluder(id).is_some())
+        }
+    }
+}
+
 /// Returns the parts of a mesh, or the mesh itself if it has none.
 pub(crate) fn pieces(mesh: &OccluderMesh) -> &[OccluderMesh] {
     if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() }
 }
 
-/// Closes the hole of an open mesh. Returns the convex solid, and the triangles that close it. `None` if
-/// there is not exactly one hole, or the closed mesh is not convex.
+/// Closes the hole of an open mesh. Returns the convex solid, and the caps: triangles that close it, without
+/// slivers. `None` if there is not exactly one hole, if the closed mesh is not convex, or if a sliver is not
+/// in the plane of a cap.
 pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)> {
     if mesh.is_closed() || mesh.triangles().len() > OPEN {
         return None;
@@ -107,5 +123,91 @@ pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)
         (1..hole.len().max(2) - 1).map(|i| corner(&[hole[0], hole[i + 1], hole[i]])).collect();
     triangles.extend(&fan);
     let closed = OccluderMesh::from_triangles(&triangles).ok()?;
-    closed.is_convex().then_some((closed, fan))
+    let caps = caps(&fan, &closed)?;
+    closed.is_convex().then_some((closed, caps))
+}
+
+/// Returns the triangles of `fan` that have a plane to speak of. `None` if one without is not in the plane of
+/// one with.
+///
+/// A line of sight from strictly behind the plane of a cap does not enter the solid through the cap. If it
+/// enters through a sliver that is within the depth of the solid's dents of that plane, it stays as close to
+/// the plane as long as it is in the solid, since the solid does not reach beyond. It misses the solid
+/// without its dents, and nothing is hidden from such a line.
+fn caps(fan: &[Triangle], solid: &OccluderMesh) -> Option<Vec<Triangle>> {
+    let normal = |t: &Triangle| {
+        let [a, b, c] = t.map(|p| p.as_dvec3());
+        (b - a).cross(c - a)
+    };
+    let is_wide = |t: &&Triangle| {
+        let [a, b, c] = t.map(|p| p.as_dvec3());
+        normal(t).length() > 1e-4 * (b - a).length_squared().max((c - a).length_squared())
+    };
+    let size = solid.bounds().min.abs().max(solid.bounds().max.abs()).max_element();
+    let slack = dents(solid) * f64::from(size);
+    let (wide, slivers): (Vec<&Triangle>, Vec<&Triangle>) = fan.iter().partition(is_wide);
+    let is_in_plane = |t: &Triangle, plane: &Triangle| {
+        let (normal, anchor) = (normal(plane), plane[0].as_dvec3());
+        t.iter().all(|p| normal.dot(p.as_dvec3() - anchor).abs() <= slack * normal.length())
+    };
+    let is_covered = |t: &&Triangle| wide.iter().any(|plane| is_in_plane(t, plane));
+    (!wide.is_empty() && slivers.iter().all(is_covered)).then(|| wide.into_iter().copied().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+    use visibility_core::glam::Vec3;
+
+    /// The walls and the roof of a house without a bottom. One wall has a slit at the foot of its corner,
+    /// `width` wide and `height` high.
+    fn house(width: f32, height: f32) -> Vec<Triangle> {
+        let floor = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+        let up = |p: Vec3| p + Vec3::Z * 9.0;
+        let [a, b, c, d] = [floor(0.0, 0.0), floor(4.0, 0.0), floor(4.0, 4.0), floor(0.0, 4.0)];
+        let (p, s) = (floor(4.0 - width, 0.0), Vec3::new(4.0 - width, 0.0, height));
+        let wall = |a: Vec3, b: Vec3| [[a, b, up(b)], [a, up(b), up(a)]];
+        let front = [[a, p, s], [a, s, up(a)], [s, up(b), up(a)], [s, b, up(b)]];
+        let walls = [wall(b, c), wall(c, d), wall(d, a), [[up(a), up(b), up(c)], [up(a), up(c), up(d)]]];
+        front.into_iter().chain(walls.into_iter().flatten()).collect()
+    }
+
+    #[test]
+    fn a_slit_at_the_foot_of_a_house_is_open() {
+        let mut closed = 0;
+        for (width, height) in [(1.0, 3.0), (1e-3, 3.0), (3e-4, 8.0), (1e-5, 1.0)] {
+            let triangles = house(width, height);
+            // The order of the triangles decides where the fan begins that closes the hole.
+            for first in 0..3 * triangles.len() {
+                let mut triangles = triangles.clone();
+                triangles.rotate_left(first / 3);
+                triangles[0].rotate_left(first % 3);
+                let mesh = OccluderMesh::from_triangles(&triangles).unwrap();
+                let Some((_, caps)) = close(&mesh) else { continue };
+                closed += 1;
+                let is_in_slit = |cap: &Triangle| cap.iter().all(|p| p.y == 0.0);
+                assert!(caps.iter().any(is_in_slit), "{width} x {height}, from {first}: {caps:?}");
+            }
+        }
+        assert!(closed > 0);
+    }
+
+    #[test]
+    fn slivers_are_dropped_in_the_plane_of_a_cap_only() {
+        let p = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+        let solid = OccluderMesh::from_triangles(&[
+            [p(0.0, 0.0, 0.0), p(0.0, 4.0, 0.0), p(4.0, 0.0, 0.0)],
+            [p(0.0, 0.0, 0.0), p(4.0, 0.0, 0.0), p(0.0, 0.0, 4.0)],
+            [p(0.0, 0.0, 0.0), p(0.0, 0.0, 4.0), p(0.0, 4.0, 0.0)],
+            [p(4.0, 0.0, 0.0), p(0.0, 4.0, 0.0), p(0.0, 0.0, 4.0)],
+        ]);
+        let solid = solid.unwrap();
+        let bottom = [p(0.0, 0.0, 0.0), p(0.0, 4.0, 0.0), p(4.0, 0.0, 0.0)];
+        let sliver = |z: f32| [p(0.0, 0.0, 0.0), p(4.0, 0.0, 0.0), p(4.0, 1e-5, z)];
+        assert_eq!(caps(&[bottom, sliver(0.0)], &solid), Some(vec![bottom]));
+        assert_eq!(caps(&[sliver(1e-6), bottom], &solid), Some(vec![bottom]), "as deep as the dents may be");
+        assert_eq!(caps(&[bottom, sliver(1e-5)], &solid), None);
+        assert_eq!(caps(&[sliver(0.0)], &solid), None, "no cap has a plane");
+    }
 }

@@ -9,7 +9,9 @@
 //!
 //! Walls thinner than the octree's cells hold no opaque cell and hide nothing.
 
+use crate::bits::Bits;
 use crate::blocker::Blocker;
+use crate::extent::quantile;
 use crate::remove::{cell_box, remove_hidden};
 use crate::solids::{Solid, Solids};
 use crate::umbra::{Umbra, is_closed_from};
@@ -21,6 +23,10 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 
 /// Greatest number of cells of the octree: 1 MiB.
 const NODES: usize = 1 << 17;
+
+/// Greatest number of solids that the cells list in all, besides 16 for each solid: 8 MiB. Where the
+/// boundaries of many solids pass the same cells, these cells stay large.
+const LISTED: usize = 1 << 21;
 
 /// Number of blockers of a viewcell.
 const BLOCKERS: usize = 256;
@@ -48,7 +54,8 @@ struct Octree {
 /// Hides what boxes of opaque space hide from all of a viewcell. Conservative.
 ///
 /// Space is opaque inside the convex solids of occluder meshes. Solids that meet the viewcell do not count.
-/// The octree has at most 131,072 cells, and is built anew when the scene has changed.
+/// The octree has at most 131,072 cells around nine tenths of the solids, and is built anew when occluders of
+/// the scene have changed.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -111,10 +118,9 @@ impl RegionCuller for VolumetricCuller {
         let Some((min, max)) = cell_box(cell, scene.origin()) else {
             return visible.retain(scene, |_, _| true);
         };
-        let mut is_candidate = alloc::vec![false; scene.index_limit()];
-        visible.for_each_occluder(scene, |id| is_candidate[id.index()] = true);
+        let occluding = Bits::occluding(scene, visible);
         let is_usable = |solid: &Solid| {
-            is_candidate[solid.id.index()]
+            occluding.contains(solid.id.index())
                 && !solid.meets(min, max)
                 && is_closed_from(&solid.blocker, min, max)
         };
@@ -162,26 +168,40 @@ impl Octree {
         let around = solids.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], solid| {
             [min.min(solid.min), max.max(solid.max)]
         });
-        let [min, max] = if solids.is_empty() { [DVec3::ZERO; 2] } else { around };
+        // A few solids that reach much farther than the others are divided near the others alone.
+        let reach = |solid: &Solid| solid.min.abs().max(solid.max.abs()).max_element();
+        let most =
+            quantile(&mut solids.iter().map(reach).collect::<Vec<_>>(), 0.9).map_or(0.0, |most| most * 1.25);
+        let [min, max] = around.map(|corner| corner.clamp(DVec3::splat(-most), DVec3::splat(most)));
         let behind: Vec<_> = solids.iter().map(|solid| Umbra::interior(&solid.blocker)).collect();
-        // A cube, somewhat larger than the solids.
-        let (middle, half) = (min * 0.5 + max * 0.5, (max - min).max_element() * 0.51);
-        let mut octree = Self { min: middle - half, max: middle + half, nodes: Vec::new() };
+        // A cube, somewhat larger than the solids. Its planes should not be planes of solids, as a floor
+        // through its middle would be: cells that touch the boundary of a solid are not inside.
+        let (middle, half) = (min * 0.5 + max * 0.5, (max - min).max_element() * 0.5);
+        let mut octree = Self { min: middle - 1.017 * half, max: middle + 1.041 * half, nodes: Vec::new() };
         octree.nodes.push(Node { children: NONE, solid: NONE });
         let mut queue = alloc::collections::VecDeque::new();
         queue.push_back((0usize, [octree.min, octree.max], (0..solids.len() as u32).collect::<Vec<_>>()));
-        while let Some((node, [min, max], mut near)) = queue.pop_front() {
-            near.retain(|&solid| solids[solid as usize].meets(min, max));
+        let mut listed = solids.len();
+        let most = LISTED + 16 * solids.len();
+        while let Some((node, [min, max], near)) = queue.pop_front() {
             let contains =
                 |&solid: &u32| behind[solid as usize].classify_box(min, max) == Containment::Inside;
             if let Some(solid) = near.iter().copied().find(contains) {
                 octree.nodes[node].solid = solid;
-            } else if !near.is_empty() && octree.nodes.len() + 8 <= NODES && min.cmplt(max).all() {
+            } else if !near.is_empty()
+                && octree.nodes.len() + 8 <= NODES
+                && listed + 8 * near.len() <= most
+                && min.cmplt(max).all()
+            {
                 let first = octree.nodes.len();
                 octree.nodes[node].children = first as u32;
                 for child in 0..8 {
                     octree.nodes.push(Node { children: NONE, solid: NONE });
-                    queue.push_back((first + child, child_box(min, max, child), near.clone()));
+                    let [min, max] = child_box(min, max, child);
+                    let meets = |&solid: &u32| solids[solid as usize].meets(min, max);
+                    let near: Vec<u32> = near.iter().copied().filter(meets).collect();
+                    listed += near.len();
+                    queue.push_back((first + child, [min, max], near));
                 }
             }
         }
@@ -357,5 +377,14 @@ mod tests {
         assert!(space.is_blocked(DVec3::splat(3.0), DVec3::splat(4.0), true));
         assert!(!space.is_blocked(DVec3::splat(3.0), DVec3::splat(8.0), true), "the surface is not opaque");
         assert!(!space.is_blocked(DVec3::splat(3.0), DVec3::splat(80.0), true), "nor is what is outside");
+    }
+
+    #[test]
+    fn cells_list_few_solids_in_all() {
+        // The surfaces of all solids pass the same cells.
+        let boxes: Vec<_> = (0..2000).map(|i| ([0.0; 3], [8.0 + i as f32 * 1e-5; 3])).collect();
+        let octree = space_of(&boxes);
+        assert!((9..8 * LISTED / boxes.len()).contains(&octree.nodes.len()), "{}", octree.nodes.len());
+        assert!(space_of(&boxes[..1]).nodes.len() > 10_000);
     }
 }

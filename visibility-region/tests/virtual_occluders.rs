@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Aabb, OcclusionMap, Pose, Scene, View};
+use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, Scene, View};
 use visibility_region::{ExtendedProjectionCuller, VirtualOccluders};
 use visibility_testing::Random;
 
@@ -24,7 +24,7 @@ fn no_ray_reaches_a_box_that_virtual_occluders_hide() {
         let scale = rng.pick(&[1.0, 1e3]);
         let (mut world, cell) = random_world(&mut rng, scale);
         let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
-        assert!(map.occluders().len() <= VirtualOccluders::MOST && map.is_current(&world.scene));
+        assert!(map.occluders().len() <= VirtualOccluders::MOST);
         if cell.max.cmple(cell.min).any() {
             continue; // no near plane fits into a flat cell
         }
@@ -40,6 +40,7 @@ fn no_ray_reaches_a_box_that_virtual_occluders_hide() {
             })
             .collect();
         for eye in eyes {
+            assert!(map.sync(&world.scene), "objects that hide nothing were added");
             map.begin(&view(eye, rng.direction(), 1e-6 * scale), DVec3::ZERO);
             let hidden: Vec<Aabb> =
                 boxes.iter().copied().filter(|b| map.test(b) == Occlusion::Hidden).collect();
@@ -70,6 +71,7 @@ fn nothing_is_hidden_from_an_eye_outside_of_the_cell() {
     let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
     let post = world.bounds[3].1;
     let mut answer = |eye: DVec3, near: f64| {
+        map.sync(&world.scene);
         map.begin(&view(eye, DVec3::X, near), DVec3::ZERO);
         map.test(&post)
     };
@@ -77,6 +79,7 @@ fn nothing_is_hidden_from_an_eye_outside_of_the_cell() {
     assert_eq!(answer(DVec3::new(-0.5, 0.5, 0.5), 0.1), Occlusion::Partial, "before the cell");
     assert_eq!(answer(DVec3::new(8.0, 0.5, 0.5), 0.1), Occlusion::Partial, "behind the wall");
     assert_eq!(answer(DVec3::splat(0.5), 7.0), Occlusion::Partial, "sight begins behind the wall");
+    map.sync(&world.scene);
     map.begin(&view(DVec3::splat(0.5), DVec3::X, 0.1), DVec3::ZERO);
     assert_eq!(map.test(&Aabb::EMPTY), Occlusion::Visible);
     assert_eq!(map.test(&Aabb::new(Vec3::NAN, Vec3::ONE)), Occlusion::Visible);
@@ -89,6 +92,7 @@ fn the_scene_may_lie_anywhere_in_the_world() {
     world.scene.set_origin(origin).unwrap();
     let cell = Viewcell::from_box(cell.min + origin, cell.max + origin);
     let mut map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
+    map.sync(&world.scene);
     map.begin(&view(origin + 0.5, DVec3::X, 0.1), origin);
     assert_eq!(map.test(&world.bounds[3].1), Occlusion::Hidden);
     let corner = map.occluders()[0].corners()[0] - origin;
@@ -100,14 +104,89 @@ fn empty_scenes_and_cells_have_no_virtual_occluders() {
     let none = |scene: &Scene, cell: &Viewcell| {
         ExtendedProjectionCuller::new().virtual_occluders(scene, cell).occluders().is_empty()
     };
-    let (mut world, cell) = wall();
+    let (world, cell) = wall();
     assert!(none(&Scene::new(), &cell));
     for p in [DVec3::NAN, DVec3::INFINITY] {
         assert!(none(&world.scene, &Viewcell::from_box(p, p)));
     }
     assert!(none(&world.scene, &Viewcell::from_box(DVec3::ONE, DVec3::ZERO)));
     assert!(!none(&world.scene, &cell));
-    let map = ExtendedProjectionCuller::new().virtual_occluders(&world.scene, &cell);
-    world.add(&common::cuboid([0.0; 3], [1.0; 3]), false, Affine3A::IDENTITY);
-    assert!(!map.is_current(&world.scene));
+}
+
+/// Tests that virtual occluders hide only what the walls of the present scene hide, while scenes are changed,
+/// reverted, cloned, swapped and dropped, and that they go on while only other objects change.
+#[test]
+fn other_scenes_and_changed_walls_make_virtual_occluders_inert() {
+    let mut rng = Random(7);
+    let post = Aabb::from_arrays([20.0, 0.0, 0.0], [20.5, 0.5, 1.0]);
+    let thick = Aabb::from_arrays([5.0, -9.0, -9.0], [5.2, 9.0, 9.0]);
+    let scene_of = |wall: Aabb| {
+        let mut world = World::new();
+        world.add_box(wall.min.to_array(), wall.max.to_array());
+        world.add_target(post);
+        world.scene
+    };
+    let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+    let mut culler = ExtendedProjectionCuller::new();
+    let scene = scene_of(thick);
+    let mut scenes = [scene.clone(), scene, scene_of(Aabb::new(thick.min, thick.max - Vec3::Y * 8.0))];
+    let mut live = culler.virtual_occluders(&scenes[0], &cell);
+    // Index of the scene that `live` was made from, and whether its wall, if it occluded then, has changed
+    // since.
+    let (mut made_from, mut is_stale, mut had_wall) = (Some(0), false, true);
+    let mut counts = [0, 0];
+    for _ in 0..1500 {
+        let at = made_from.filter(|_| rng.one_in(2)).unwrap_or(rng.below(scenes.len()));
+        let [wall, mover] = [0, 1].map(|index| scenes[at].id_at(index).unwrap());
+        match rng.below(20) {
+            0 => {
+                let was = scenes[at].object(wall).unwrap().occluder;
+                scenes[at].set_occluder(wall, !was).unwrap();
+                is_stale |= made_from == Some(at) && had_wall;
+            }
+            1 => {
+                // Moved and moved back: the log tells of a change.
+                let bounds = scenes[at].bounds(wall).unwrap();
+                scenes[at].set_bounds(wall, Aabb::new(bounds.min + 30.0, bounds.max + 30.0)).unwrap();
+                scenes[at].set_bounds(wall, bounds).unwrap();
+                let mesh = scenes[at].add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+                scenes[at].set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+                is_stale |= made_from == Some(at) && had_wall;
+            }
+            2 => scenes[at].set_bounds(mover, Aabb::new(post.min, post.max + rng.unit() as f32)).unwrap(),
+            3 => {
+                let to = rng.below(scenes.len());
+                scenes[to] = scenes[at].clone();
+                made_from = made_from.filter(|&from| from != to);
+            }
+            4 => {
+                let to = rng.below(scenes.len());
+                scenes.swap(at, to);
+                made_from = made_from.map(|from| {
+                    if from == at {
+                        to
+                    } else if from == to {
+                        at
+                    } else {
+                        from
+                    }
+                });
+            }
+            5..8 => {
+                live = culler.virtual_occluders(&scenes[at], &cell);
+                (made_from, is_stale) = (Some(at), false);
+                had_wall = scenes[at].object(wall).unwrap().occluder;
+            }
+            _ => {}
+        }
+        let synced = !rng.one_in(4);
+        let held = synced && live.sync(&scenes[at]);
+        live.begin(&view(DVec3::splat(0.5), DVec3::X, 0.1), DVec3::ZERO);
+        let hides = live.test(&post) == Occlusion::Hidden;
+        let is_same = made_from == Some(at) && !is_stale;
+        assert_eq!(held, synced && is_same, "confirmed for the scene as it was, and for no other");
+        assert!(!hides || held && had_wall);
+        counts[usize::from(hides)] += 1;
+    }
+    assert!(counts.iter().all(|&count| count > 60), "{counts:?}");
 }

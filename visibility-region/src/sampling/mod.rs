@@ -18,6 +18,7 @@ mod random;
 mod ray;
 mod tree;
 
+use crate::bits::Bits;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use eyes::Eyes;
@@ -373,26 +374,5 @@ impl Search<'_> {
         let point = ray.at(at);
         let blocked = (point - eye).length_squared() < (target - eye).length_squared() * (1.0 - 1e-9);
         Some(End { triangle, point, blocked })
-    }
-}
-
-/// A set of indices, one bit each.
-struct Bits(Vec<u64>);
-
-impl Bits {
-    fn new(limit: usize) -> Self {
-        Self(alloc::vec![0; limit.div_ceil(64)])
-    }
-
-    fn contains(&self, index: usize) -> bool {
-        self.0.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
-    }
-
-    /// Adds an index below the limit. Returns whether it is new.
-    fn insert(&mut self, index: usize) -> bool {
-        let Some(word) = self.0.get_mut(index / 64) else { return false };
-        let new = *word >> (index % 64) & 1 == 0;
-        *word |= 1 << (index % 64);
-        new
     }
 }

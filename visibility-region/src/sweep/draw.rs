@@ -144,8 +144,8 @@ impl<'a> Occluder<'a> {
 pub(crate) struct Pen {
     brush: Brush,
     vertices: Vec<DVec3>,
-    /// For each triangle, 1 if it faces the whole cell, -1 if its back does, 0 if neither; twice that once it
-    /// is in a piece.
+    /// For each triangle, 1 if it faces the whole cell, -1 if its back does, 0 if neither; twice that once
+    /// it is in a piece.
     facing: Vec<i8>,
     stack: Vec<u32>,
     piece: Vec<u32>,

@@ -2,9 +2,11 @@
 //! along.
 
 use super::direction::{Direction, LocalBox};
+use crate::bits::Bits;
+use crate::extent::contains;
 use alloc::vec::Vec;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
-use visibility_core::{Scene, VisibleSet};
+use visibility_core::{Aabb, Scene, VisibleSet};
 
 /// A node or an object in local coordinates of the direction that it is asked of.
 #[derive(Clone, Copy, Debug)]
@@ -17,11 +19,12 @@ pub(crate) struct Item {
 const STEEPEST: f64 = 4.0;
 
 /// Assigns the objects of `visible` to the six directions, as whole nodes where all objects below are
-/// farthest along one direction, or nearly. Objects that reach into the box of the viewcell, or too far aside
-/// of it, are left out: they count as visible.
+/// farthest along one direction, or nearly. Objects that reach out of `usable_bounds`, into the box of the
+/// viewcell, or too far aside of it, are left out: they count as visible.
 pub(crate) fn assign(
     scene: &Scene,
     visible: &VisibleSet,
+    usable_bounds: &Aabb,
     directions: &[Direction; 6],
     lists: &mut [Vec<Item>; 6],
     stack: &mut Vec<Option<usize>>,
@@ -31,11 +34,13 @@ pub(crate) fn assign(
     stack.push(None);
     while let Some(node) = stack.pop() {
         nodes += 1;
-        SceneHierarchy.for_each_child(scene, node, &mut |child, bounds| {
-            let boxes = directions.each_ref().map(|direction| direction.local_box(&bounds));
+        SceneHierarchy.for_each_child(scene, node, &mut |child, scene_bounds| {
+            let boxes = directions.each_ref().map(|direction| direction.local_box(&scene_bounds));
             let farthest = (1..6).fold(0, |best, i| if boxes[i].lo.z > boxes[best].lo.z { i } else { best });
             let (direction, bounds) = (&directions[farthest], boxes[farthest]);
-            let usable = bounds.lo.z > direction.guard() && is_ahead(direction, &bounds);
+            let usable = contains(usable_bounds, &scene_bounds)
+                && bounds.lo.z > direction.guard()
+                && is_ahead(direction, &bounds);
             match child {
                 Child::Object(id) => {
                     if usable && visible.contains(scene, id) {
@@ -77,10 +82,12 @@ pub(crate) fn for_each_child(
     });
 }
 
-/// Sets the bits of all objects below a node, or of an object, by object index.
-pub(crate) fn mark(scene: &Scene, child: Child, bits: &mut [u64]) {
+/// Adds the indices of all objects below a node, or of an object.
+pub(crate) fn mark(scene: &Scene, child: Child, bits: &mut Bits) {
     match child {
-        Child::Object(id) => bits[id.index() / 64] |= 1 << (id.index() % 64),
+        Child::Object(id) => {
+            bits.insert(id.index());
+        }
         Child::Node(node) => {
             SceneHierarchy.for_each_child(scene, Some(node), &mut |child, _| mark(scene, child, bits));
         }

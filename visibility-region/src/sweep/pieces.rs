@@ -12,6 +12,7 @@
 use super::direction::CellBox;
 use super::facing::facing;
 use super::surfaces::Surfaces;
+use crate::bits::Bits;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
@@ -21,11 +22,15 @@ use visibility_core::glam::DVec3;
 /// of what it covers. Several smaller pieces are drawn faster and cover no less.
 const MOST_TRIANGLES: u32 = 256;
 
+/// Greatest number of drawn triangles on one segment that run along it the same way and are paired. Finding
+/// the flattest partner takes the square of their number. Where more meet, the segment bounds all of them.
+const MOST_ON_SEGMENT: usize = 32;
+
 /// The pieces of one viewcell.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
     /// For each triangle of the surfaces, 1 if its front faces the whole cell, -1 if its back occludes and
-    /// does, otherwise 0.
+    /// does, otherwise 0. 0 for the triangles of objects that do not occlude in this call.
     facing: Vec<i8>,
     parent: Vec<u32>,
     /// Number of triangles of the piece that each triangle represents.
@@ -50,14 +55,17 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Finds the pieces of surfaces. First come those of single parts of meshes, then those that join
-    /// several.
-    pub(crate) fn find(&mut self, surfaces: &Surfaces, cell: &CellBox) {
+    /// Finds the pieces of the surfaces of occluding objects. First come those of single parts of meshes,
+    /// then those that join several.
+    pub(crate) fn find(&mut self, surfaces: &Surfaces, occluding: &Bits, cell: &CellBox) {
         self.triangles.clear();
         self.contours.clear();
         self.pieces.clear();
         self.facing.clear();
         self.facing.extend(surfaces.triangles.iter().map(|surface| {
+            if !occluding.contains(surfaces.owner(surface)) {
+                return 0;
+            }
             let facing = cell.facing(surface.corners.map(|p| p.as_dvec3()));
             if surface.two_sided { facing } else { facing.max(0) }
         }));
@@ -99,6 +107,11 @@ impl Pieces {
                     facing if (facing > 0) == forward => self.plus.push(triangle),
                     _ => self.minus.push(triangle),
                 }
+            }
+            if self.plus.len().max(self.minus.len()) > MOST_ON_SEGMENT {
+                let all = self.plus.iter().chain(&self.minus);
+                self.bounding.extend(all.map(|&triangle| (triangle, segment as u32)));
+                continue;
             }
             while let Some(first) = self.plus.pop() {
                 let fits = |&(_, &other): &(usize, &u32)| joins || part(first) == part(other);
@@ -231,6 +244,53 @@ impl CellBox {
     /// plane cuts the box or nearly does.
     fn facing(&self, corners: [DVec3; 3]) -> i8 {
         let corners = corners.map(|p| self.to_axes(p));
-        facing(corners, DVec3::ZERO, self.half(), self.error(), self.is_mirrored())
+        // Corners may be farther away than the error of the box allows for. Pieces whose corners err by more
+        // than 4 times as much are not drawn.
+        facing(corners, DVec3::ZERO, self.half(), 4.0 * self.error(), self.is_mirrored())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+    use visibility_core::glam::{Affine3A, Vec3};
+    use visibility_core::pvs::Viewcell;
+    use visibility_core::{Object, OccluderMesh, Scene, VisibleSet};
+
+    /// Returns the number of triangles and contour segments of each piece of a book whose spine many pages
+    /// share, half of them on either side.
+    fn book(pages: usize) -> Vec<[usize; 2]> {
+        let mut scene = Scene::new();
+        let spine = [Vec3::new(5.0, 0.0, -1.0), Vec3::new(5.0, 0.0, 1.0)];
+        let page = |i: usize| {
+            let is_right = i.is_multiple_of(2);
+            let across = if is_right { 1.0 } else { -1.0 };
+            let corner = Vec3::new(5.0 + 0.01 * i as f32, across, 0.0);
+            if is_right { [spine[0], spine[1], corner] } else { [spine[1], spine[0], corner] }
+        };
+        let triangles: Vec<_> = (0..pages).map(page).collect();
+        let mesh = OccluderMesh::from_triangles(&triangles).unwrap();
+        let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        let cell = Viewcell::from_box(DVec3::splat(-0.1), DVec3::splat(0.1));
+        let bounds = scene.culled_bounds().unwrap();
+        let cell = CellBox::new(&cell, DVec3::ZERO, &bounds, DVec3::AXES).unwrap();
+        let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
+        pieces.find(&surfaces, &Bits::occluding(&scene, &VisibleSet::new()), &cell);
+        pieces
+            .all()
+            .iter()
+            .map(|piece| [pieces.triangles(piece).len(), pieces.contour(piece).len()])
+            .collect()
+    }
+
+    #[test]
+    fn a_segment_that_many_triangles_share_bounds_all_of_them() {
+        assert_eq!(book(2), [[2, 4]]);
+        assert_eq!(book(2 * MOST_ON_SEGMENT), [[2, 4]; MOST_ON_SEGMENT]);
+        let more = 2 * (MOST_ON_SEGMENT + 1);
+        assert_eq!(book(more), vec![[1, 3]; more]);
     }
 }

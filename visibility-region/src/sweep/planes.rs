@@ -12,14 +12,18 @@ use super::occludees::Item;
 use super::pieces::Pieces;
 use super::ray_map::SIDE;
 use super::surfaces::Surfaces;
+use crate::bits::Bits;
+use crate::extent::quantile;
 use alloc::vec::Vec;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 use visibility_core::{Aabb, Scene};
 
 /// Number of planes right behind occluders.
 const BEHIND: usize = 24;
-/// Ratio of the distances of planes that are not behind occluders.
+/// Least ratio of the distances of planes that are not behind occluders, and greatest number of these planes.
+/// Where objects are at very different distances, the planes are farther apart.
 const GROWTH: f64 = 1.3;
+const GROWING: usize = 27;
 /// Two planes behind occluders are at least this ratio apart.
 const APART: f64 = 1.004;
 
@@ -51,8 +55,10 @@ impl Cone {
             }
         }
         // The first plane: a twentieth of the cell's width, which a person passes in a step, but for tiny
-        // cells not below what the precision and the number of planes allow.
-        let first = (0.05 * direction.widest()).max(1e-3 * deepest).min(0.5 * deepest);
+        // cells not below what the number of planes allows. The median does not depend on an object far away.
+        let mut depths: Vec<f64> = items.iter().map(|item| item.bounds.lo.z).collect();
+        let usual = quantile(&mut depths, 0.5)?;
+        let first = (0.05 * direction.widest()).max(2e-3 * usual).min(0.5 * deepest);
         (first > 0.0).then_some(Self { slopes, first, deepest, near: 0.5 * first })
     }
 
@@ -115,13 +121,15 @@ pub(crate) struct Candidate<'a> {
 #[derive(Clone, Copy)]
 pub(crate) struct Occluders<'a> {
     pub(crate) scene: &'a Scene,
+    /// Objects that may occlude in this call.
+    pub(crate) occluding: &'a Bits,
     pub(crate) surfaces: &'a Surfaces,
     pub(crate) pieces: &'a Pieces,
 }
 
 /// Collects the occluders that may cover something of the cone, nearest first.
 pub(crate) fn occluders<'a>(
-    Occluders { scene, surfaces, pieces }: Occluders<'a>,
+    Occluders { scene, occluding, surfaces, pieces }: Occluders<'a>,
     direction: &Direction,
     cone: &Cone,
     stack: &mut Vec<Option<usize>>,
@@ -148,7 +156,7 @@ pub(crate) fn occluders<'a>(
             match child {
                 Child::Node(node) => stack.push(Some(node)),
                 Child::Object(id) => {
-                    if surfaces.contains(id.index()) {
+                    if surfaces.objects.contains(id.index()) || !occluding.contains(id.index()) {
                         return;
                     }
                     let Some((mesh, transform)) = scene.occluder(id) else { return };
@@ -186,11 +194,12 @@ pub(crate) fn distances(direction: &Direction, cone: &Cone, occluders: &[Candida
     behind.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.total_cmp(&b.0)));
     behind.truncate(BEHIND);
     let mut all: Vec<f64> = behind.into_iter().map(|(d, _)| d).collect();
-    let mut d = cone.first;
-    while d < cone.deepest {
-        all.push(d);
-        d *= GROWTH;
+    let mut growth = GROWTH;
+    while (0..GROWING).fold(cone.first, |d, _| d * growth) < cone.deepest {
+        growth *= 1.05;
     }
+    let growing = core::iter::successors(Some(cone.first), |d| Some(d * growth));
+    all.extend(growing.take(GROWING).take_while(|d| *d < cone.deepest));
     all.sort_by(f64::total_cmp);
     all
 }

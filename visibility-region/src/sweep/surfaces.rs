@@ -5,6 +5,7 @@
 //! sides on one line along an axis, as where a long wall meets two short ones. Positions are compared bit by
 //! bit, so nothing is joined that is not joined exactly.
 
+use crate::bits::Bits;
 use alloc::vec::Vec;
 use visibility_core::Scene;
 use visibility_core::glam::{Affine3A, Vec3};
@@ -20,8 +21,10 @@ pub(crate) struct Surfaces {
     /// Sides of triangles on each segment, as twice the index of the triangle, plus 1 if the triangle runs
     /// from the first end to the second.
     sides: Vec<u32>,
-    /// One bit for each object index: whether its triangles are here.
-    objects: Vec<u64>,
+    /// Indices of the objects whose triangles are here.
+    pub(crate) objects: Bits,
+    /// Object index of each part.
+    owners: Vec<u32>,
 }
 
 /// A triangle of an object.
@@ -53,14 +56,13 @@ const MOST_SEGMENTS: usize = 16;
 impl Surfaces {
     /// Collects the surfaces of a scene. Takes O(n log n) time for n triangles.
     pub(crate) fn new(scene: &Scene) -> Self {
-        let mut all = Self { objects: alloc::vec![0; scene.index_limit().div_ceil(64)], ..Self::default() };
-        let mut number = 0;
+        let mut all = Self { objects: Bits::new(scene.index_limit()), ..Self::default() };
         for id in scene.ids() {
             let Some((mesh, transform)) = scene.occluder(id) else { continue };
             if *transform != Affine3A::IDENTITY {
                 continue;
             }
-            all.objects[id.index() / 64] |= 1 << (id.index() % 64);
+            all.objects.insert(id.index());
             let parts = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
             for part in parts {
                 // No back of a closed mesh is seen from outside.
@@ -68,19 +70,19 @@ impl Surfaces {
                 all.triangles.extend(part.triangles().iter().map(|t| Surface {
                     // Adding zero makes zeros of both signs equal.
                     corners: t.map(|i| part.positions()[i as usize] + 0.0),
-                    part: number,
+                    part: all.owners.len() as u32,
                     two_sided,
                 }));
-                number += 1;
+                all.owners.push(id.index() as u32);
             }
         }
         all.find_segments();
         all
     }
 
-    /// Returns whether the object with an index has its triangles here.
-    pub(crate) fn contains(&self, object: usize) -> bool {
-        self.objects.get(object / 64).is_some_and(|word| word >> (object % 64) & 1 != 0)
+    /// Returns the index of the object that a triangle is of.
+    pub(crate) fn owner(&self, surface: &Surface) -> usize {
+        self.owners[surface.part as usize] as usize
     }
 
     /// Returns the sides on a segment, as twice the index of the triangle, plus 1 if the triangle runs from

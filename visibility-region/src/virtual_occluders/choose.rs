@@ -3,12 +3,13 @@
 use super::rectangles::largest;
 use super::{VirtualOccluder, VirtualOccluders};
 use crate::ExtendedProjectionCuller;
+use crate::bits::Bits;
 use crate::sweep::direction::Direction;
 use crate::sweep::window::Window;
 use alloc::vec::Vec;
 use visibility_core::pvs::Viewcell;
 use visibility_core::scene::SceneCursor;
-use visibility_core::{Aabb, Scene};
+use visibility_core::{Aabb, Scene, VisibleSet};
 
 /// Rectangles of each map that are candidates.
 const A_PLANE: usize = 4;
@@ -51,7 +52,8 @@ impl Candidate {
 
 impl ExtendedProjectionCuller {
     /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MOST`], chosen one by one so
-    /// that each hides the most objects that those before do not. None if the viewcell is empty or not
+    /// that each hides the most objects that those before do not. All occluders of the scene count that are
+    /// on a layer, so a view must draw all of them. None if the viewcell is empty or not
     /// finite, or if nothing is hidden.
     ///
     /// Takes a few times as long as [culling](visibility_core::RegionCuller::cull), plus time in proportion
@@ -85,10 +87,19 @@ impl ExtendedProjectionCuller {
                 ends: [best.ends[0].map(|end| end + x), best.ends[1].map(|end| end + y)],
             });
         }
+        let occluding = Bits::occluding(scene, &VisibleSet::new());
+        let occluders = scene.ids().filter(|id| occluding.contains(id.index()));
+        let mut layers: Vec<u32> =
+            occluders.filter_map(|id| scene.object(id).ok()).map(|object| object.layers).collect();
+        layers.sort_unstable();
+        layers.dedup();
         VirtualOccluders {
             cell: cell.clone(),
             occluders: chosen,
             cursor: SceneCursor::at(scene),
+            occluding,
+            layers,
+            confirmed: false,
             active: Vec::new(),
         }
     }

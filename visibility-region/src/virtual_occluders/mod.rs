@@ -10,12 +10,13 @@
 mod choose;
 mod rectangles;
 
+use crate::bits::Bits;
 use crate::sweep::direction::{CellBox, Direction};
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
-use visibility_core::scene::SceneCursor;
+use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, Scene, View};
 
 /// A rectangle in world space that no ray from its viewcell reaches: occluders block all of them before it.
@@ -49,10 +50,12 @@ impl VirtualOccluder {
 /// Made by [`virtual_occluders`](crate::ExtendedProjectionCuller::virtual_occluders). They reach as far aside
 /// as the objects of the scene, seen from the viewcell, and are chosen to hide most of these.
 ///
-/// The scene's opaque objects are in them already, so occluders [added](OcclusionMap::add) to the map are
-/// ignored. Nothing is hidden in a frame of which lines of sight begin outside of the viewcell. Virtual
-/// occluders go on hiding what occluders hid that have been moved, removed or opened since: make them anew
-/// then ([`is_current`](Self::is_current) tells).
+/// The scene's occluders are in them already, so occluders [added](OcclusionMap::add) to the map are ignored.
+/// The map hides nothing
+/// - unless [`sync`](Self::sync) has found since the frame before that the scene's occluders are as they
+///   were;
+/// - in a frame of which lines of sight begin outside of the viewcell;
+/// - in a view whose layers leave out one of the scene's occluders.
 ///
 /// Cost: a test takes some 20 nanoseconds for each virtual occluder, and a frame as much to begin.
 ///
@@ -70,6 +73,7 @@ impl VirtualOccluder {
 /// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
 /// let mut map = ExtendedProjectionCuller::new().virtual_occluders(&scene, &cell);
 ///
+/// map.sync(&scene); // before each frame
 /// let eye = DVec3::splat(0.5);
 /// let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)?;
 /// map.begin(&view, scene.origin());
@@ -81,7 +85,16 @@ impl VirtualOccluder {
 pub struct VirtualOccluders {
     cell: Viewcell,
     occluders: Vec<VirtualOccluder>,
+    /// The scene's state up to which its changes are known to matter not.
     cursor: SceneCursor,
+    /// Indices of the objects that occluded when the virtual occluders were made.
+    occluding: Bits,
+    /// Layers of these objects, each mask once. All of them are drawn by a view that shares a layer with
+    /// each mask.
+    layers: Vec<u32>,
+    /// Whether [`sync`](Self::sync) has been called since the last frame began, and the occluders are as
+    /// they were.
+    confirmed: bool,
     /// The virtual occluders as the lines of sight of this frame see them.
     active: Vec<Active>,
 }
@@ -103,9 +116,26 @@ impl VirtualOccluders {
         &self.occluders
     }
 
-    /// Returns whether nothing of the scene has changed since the virtual occluders were made from it.
-    pub fn is_current(&self, scene: &Scene) -> bool {
-        self.cursor.is_current(scene)
+    /// Confirms for the next frame, until [`begin`](OcclusionMap::begin), that the scene's occluders are as
+    /// they were when the virtual occluders were made. Returns false for another scene, a clone included, and
+    /// if an occluder was moved, opened, changed otherwise or removed: the map then hides nothing, and
+    /// virtual occluders are to be made anew. Other objects may change, come and go. The scene must be
+    /// the one that is culled in that frame.
+    ///
+    /// Takes time in proportion to the changes since the call before. A scene with so many changes between
+    /// two calls that its log does not list them counts as another.
+    pub fn sync(&mut self, scene: &Scene) -> bool {
+        self.confirmed = match self.cursor.peek(scene) {
+            Changes::Everything => false,
+            Changes::Objects(ids) => !ids.iter().any(|id| self.occluding.contains(id.index())),
+        };
+        if self.confirmed {
+            self.cursor = SceneCursor::at(scene);
+        } else if self.cursor.is_in(scene) {
+            // What has changed stays changed: the list need not be read again.
+            self.cursor = SceneCursor::START;
+        }
+        self.confirmed
     }
 
     /// Returns a box in world space, minimum and maximum corner, that lines of sight of a view begin in.
@@ -140,6 +170,10 @@ impl OcclusionMap for VirtualOccluders {
 
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.active.clear();
+        let confirmed = core::mem::take(&mut self.confirmed);
+        if !(confirmed && self.layers.iter().all(|layers| layers & view.layers() != 0)) {
+            return;
+        }
         let Some((min, max)) = self.sight_start(view) else { return };
         let start = Viewcell::from_box(min, max);
         for occluder in &self.occluders {

@@ -4,6 +4,10 @@
 //! triangles. A ray counts as unobstructed only if it misses every triangle by more than rounding.
 #![allow(dead_code, unreachable_pub)]
 
+mod point_shadows;
+
+#[allow(unused_imports)]
+pub use point_shadows::PointShadows;
 use std::collections::BTreeSet;
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::scene::Triangle;

@@ -1,0 +1,40 @@
+//! How far a scene reaches, whatever a few of its objects do: a sky, an endless floor, an object that was put
+//! astray. Coordinates decide by margins in proportion to the magnitudes around, and maps and octrees divide
+//! a range in proportion to its size, so that one such object would take the precision from all others.
+
+use alloc::vec::Vec;
+use visibility_core::glam::Vec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Aabb, Scene};
+
+/// Number of objects that the reach of all is estimated from.
+const SAMPLE: usize = 1024;
+
+/// Objects that reach so many times farther than nine of ten objects do are left out: 2^14.
+const FARTHEST: f64 = 16_384.0;
+
+/// Returns the `part`-th quantile of some numbers, which are reordered. `None` without numbers.
+pub(crate) fn quantile(numbers: &mut [f64], part: f64) -> Option<f64> {
+    let last = numbers.len().checked_sub(1)?;
+    Some(*numbers.select_nth_unstable_by((last as f64 * part) as usize, f64::total_cmp).1)
+}
+
+/// Returns the bounds within which objects of a scene are looked at from a viewcell, relative to the scene's
+/// origin. Objects that reach out of these bounds count as visible, and hide nothing.
+pub(crate) fn usable_bounds(scene: &Scene, cell: &Viewcell) -> Option<Aabb> {
+    let bounds = scene.culled_bounds()?;
+    let step = scene.index_limit() / SAMPLE + 1;
+    let sampled = (0..scene.index_limit()).step_by(step).filter_map(|index| scene.id_at(index));
+    let bounds_of = sampled.filter_map(|id| scene.bounds(id).ok()).filter(Aabb::is_proper);
+    let reach = |min: Vec3, max: Vec3| f64::from(min.abs().max(max.abs()).max_element());
+    let mut reaches: Vec<f64> = bounds_of.map(|bounds| reach(bounds.min, bounds.max)).collect();
+    let own = (cell.min - scene.origin()).abs().max((cell.max - scene.origin()).abs()).max_element();
+    let most = FARTHEST * quantile(&mut reaches, 0.9)?.max(own);
+    let most = Vec3::splat(most.min(f64::from(f32::MAX)) as f32);
+    Some(Aabb::new(bounds.min.max(-most), bounds.max.min(most)))
+}
+
+/// Tests whether bounds contain a box, their own sides included.
+pub(crate) fn contains(bounds: &Aabb, inner: &Aabb) -> bool {
+    bounds.min.cmple(inner.min).all() && inner.max.cmple(bounds.max).all()
+}

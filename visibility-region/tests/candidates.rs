@@ -1,0 +1,98 @@
+//! Only candidates occlude: an object that an earlier stage has dropped, or that no camera draws, hides
+//! nothing.
+
+mod common;
+
+use common::{PointShadows, World};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::occlusion::Occlusion;
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Aabb, ObjectId, OcclusionMap, Pose, RegionCuller, Scene, View, VisibleSet};
+use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, ShrunkCuller, VolumetricCuller};
+
+/// A wall, given in scene coordinates or by a transform, and an object that the wall hides.
+fn world(transform: Affine3A) -> (World, ObjectId, ObjectId) {
+    let mut world = World::new();
+    let wall = common::cuboid([5.0, -20.0, -20.0], [9.0, 20.0, 20.0]);
+    let wall = world.add(&wall, false, transform).unwrap();
+    let behind = world.add_target(Aabb::from_arrays([10.0, -0.3, -0.3], [10.5, 0.3, 0.3]));
+    (world, wall, behind)
+}
+
+fn cell() -> Viewcell {
+    Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5))
+}
+
+fn view(layers: u32) -> View {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers)
+}
+
+fn cullers() -> [Box<dyn RegionCuller>; 4] {
+    [
+        Box::new(ExtendedProjectionCuller::new()),
+        Box::new(ConvexBlockersCuller::new()),
+        Box::new(VolumetricCuller::new()),
+        Box::new(ShrunkCuller::new(PointShadows, 2)),
+    ]
+}
+
+/// A wall in scene coordinates, and one by a transform.
+fn transforms() -> [Affine3A; 2] {
+    [Affine3A::IDENTITY, Affine3A::from_scale(Vec3::new(1.0, 1.0, 1.125))]
+}
+
+#[test]
+fn what_an_earlier_stage_dropped_hides_nothing() {
+    for (transform, mut culler) in transforms().into_iter().flat_map(|t| cullers().map(|c| (t, c))) {
+        let (world, wall, behind) = world(transform);
+        let mut sees = |dropped: Option<ObjectId>| {
+            let mut visible = VisibleSet::new();
+            visible.retain(&world.scene, |id, _| Some(id) != dropped);
+            culler.cull(&world.scene, &cell(), &mut visible);
+            visible.contains(&world.scene, behind)
+        };
+        assert!(!sees(None) && sees(Some(wall)) && !sees(None));
+    }
+}
+
+#[test]
+fn what_is_on_no_layer_of_the_candidates_hides_nothing() {
+    for (transform, mut culler) in transforms().into_iter().flat_map(|t| cullers().map(|c| (t, c))) {
+        let (mut world, wall, behind) = world(transform);
+        let mut sees = |scene: &Scene, mut visible: VisibleSet| {
+            culler.cull(scene, &cell(), &mut visible);
+            visible.contains(scene, behind)
+        };
+        let of_layers = |scene: &Scene, layers: u32| {
+            let mut visible = VisibleSet::new();
+            visible.fill(scene, &view(layers));
+            visible
+        };
+        world.scene.set_layers(wall, 2).unwrap();
+        assert!(!sees(&world.scene, VisibleSet::new()));
+        assert!(!sees(&world.scene, of_layers(&world.scene, 3)));
+        assert!(sees(&world.scene, of_layers(&world.scene, 1)), "drawn by other cameras");
+        world.scene.set_layers(wall, 0).unwrap();
+        assert!(sees(&world.scene, VisibleSet::new()), "drawn by no camera");
+    }
+}
+
+#[test]
+fn virtual_occluders_stand_for_what_the_view_draws() {
+    for transform in transforms() {
+        let (mut world, wall, behind) = world(transform);
+        let (mut culler, bounds) = (ExtendedProjectionCuller::new(), world.scene.bounds(behind).unwrap());
+        let mut hides = |scene: &Scene, layers: u32| {
+            let mut map = culler.virtual_occluders(scene, &cell());
+            assert!(map.sync(scene));
+            map.begin(&view(layers), DVec3::ZERO);
+            map.test(&bounds) == Occlusion::Hidden
+        };
+        assert!(hides(&world.scene, 1));
+        world.scene.set_layers(wall, 2).unwrap();
+        assert!(hides(&world.scene, 2) && hides(&world.scene, 3) && !hides(&world.scene, 1));
+        world.scene.set_layers(wall, 0).unwrap();
+        assert!(!hides(&world.scene, u32::MAX));
+    }
+}
