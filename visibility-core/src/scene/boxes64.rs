@@ -65,7 +65,7 @@ impl Boxes64 {
 /// Reduces the values with `better`, a minimum or maximum, starting from `start`. Works in sixteen
 /// independent columns, which compiles to SIMD; the operation is associative and commutative, so the order
 /// does not affect the result.
-fn fold(values: &[f32; 64], start: f32, better: impl Fn(f32, f32) -> f32) -> f32 {
+pub(super) fn fold<T: Copy>(values: &[T; 64], start: T, better: impl Fn(T, T) -> T) -> T {
     let mut columns = [start; 16];
     for chunk in values.chunks_exact(16) {
         for (column, &value) in columns.iter_mut().zip(chunk) {

@@ -371,7 +371,7 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_bounds(&mut self, id: ObjectId, bounds: Aabb) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
-        self.forget_place(id, slot, &bounds);
+        self.forget_place(id, &bounds);
         self.move_object(slot, id, &bounds);
         self.log.push(id, self.generations.len());
         Ok(())
@@ -400,12 +400,11 @@ impl Scene {
     /// [`SceneError::UnknownObject`] with the first id that is not in the scene.
     pub fn set_bounds_batch(&mut self, moved: &[(ObjectId, Aabb)]) -> Result<(), SceneError> {
         let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
-        scratch.slots.clear();
-        let found = moved.iter().try_for_each(|&(id, _)| self.slot(id).map(|slot| scratch.slots.push(slot)));
+        let found = self.find_slots(moved.iter().map(|&(id, _)| self.slot(id)), &mut scratch);
         if found.is_ok() {
             if !self.placements.is_empty() || !self.triangles.is_empty() {
-                for ((id, bounds), &slot) in moved.iter().zip(&scratch.slots) {
-                    self.forget_place(*id, slot, bounds);
+                for (id, bounds) in moved {
+                    self.forget_place(*id, bounds);
                 }
             }
             self.move_batch(moved, &mut scratch);
@@ -414,7 +413,27 @@ impl Scene {
         found
     }
 
-    /// Sets the bounds of `moved`, whose slots are in `scratch.slots`, in the same order. Logs the changes.
+    /// Returns whether a batch of `count` objects is moved in one pass over the hierarchy.
+    fn is_refit(&self, count: usize) -> bool {
+        count >= self.tree.node_count() && count >= self.len() / MANY && count <= Scratch::MAX_BATCH
+    }
+
+    /// Writes the slots of a batch's objects to `scratch`, as [`move_batch`](Self::move_batch) needs them.
+    /// Ends with the first error.
+    fn find_slots(
+        &self,
+        mut slots: impl ExactSizeIterator<Item = Result<Slot, SceneError>>,
+        scratch: &mut Scratch,
+    ) -> Result<(), SceneError> {
+        scratch.slots.clear();
+        if !self.is_refit(slots.len()) {
+            return slots.try_for_each(|slot| slot.map(|slot| scratch.slots.push(slot)));
+        }
+        let positions = scratch.clear_positions(self.tree.node_count());
+        slots.zip(0..).try_for_each(|(slot, position)| slot.map(|slot| positions[slot.0 as usize] = position))
+    }
+
+    /// Sets the bounds of `moved`, whose slots [`find_slots`](Self::find_slots) has found. Logs the changes.
     fn move_batch(&mut self, moved: &[(ObjectId, Aabb)], scratch: &mut Scratch) {
         if ChangeLog::is_too_much(moved.len(), self.generations.len()) {
             self.log.invalidate();
@@ -423,7 +442,7 @@ impl Scene {
         }
         let layout = self.layout;
         if moved.len() >= self.tree.node_count() && moved.len() <= Scratch::MAX_BATCH {
-            if moved.len() >= self.len() / MANY {
+            if self.is_refit(moved.len()) {
                 self.tree.refit_batch(moved, scratch, &mut self.queue);
             } else {
                 self.tree.move_batch_by_leaf(moved, scratch, &mut self.queue);

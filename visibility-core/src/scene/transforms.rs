@@ -96,10 +96,8 @@ impl Scene {
     /// Those of [`set_transform`](Self::set_transform), for the first object of `moved` that has one.
     pub fn set_transforms_batch<T: ToAffine>(&mut self, moved: &[(ObjectId, T)]) -> Result<(), SceneError> {
         let mut scratch = core::mem::replace(&mut self.tree.scratch, Scratch::EMPTY);
-        scratch.slots.clear();
-        let found = moved.iter().try_for_each(|(id, transform)| {
-            self.slot_with_local(*id, &transform.to_affine()).map(|slot| scratch.slots.push(slot))
-        });
+        let slots = moved.iter().map(|(id, transform)| self.slot_with_local(*id, &transform.to_affine()));
+        let found = self.find_slots(slots, &mut scratch);
         if found.is_ok() {
             let mut placed = core::mem::take(&mut scratch.placed);
             placed.clear();
@@ -145,12 +143,13 @@ impl Scene {
 
     /// Removes what places an object if `bounds` differ from its present bounds: its mesh, its triangles and
     /// its local box.
-    pub(super) fn forget_place(&mut self, id: ObjectId, slot: Slot, bounds: &Aabb) {
+    pub(super) fn forget_place(&mut self, id: ObjectId, bounds: &Aabb) {
         if self.placements.get(id.index).is_none()
             && self.triangles.get(id.index()).is_none_or(|triangles| triangles.is_empty())
         {
             return;
         }
+        let slot = self.tree.slots[id.index()];
         if self.tree.bounds[slot.node()].get(slot.lane()) != *bounds {
             self.drop_triangles(id.index);
             self.replace_mesh(id.index, None);

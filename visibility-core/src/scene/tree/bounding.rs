@@ -5,7 +5,7 @@
 
 use super::detail_bounds::{DetailBounds, diagonal_squared, diagonals_squared};
 use super::{Slot, Tree};
-use crate::scene::boxes64::lanes;
+use crate::scene::boxes64::{fold, lanes};
 use crate::scene::draw_range::Detail;
 
 impl Tree {
@@ -49,8 +49,7 @@ impl Tree {
             return below.fold(DetailBounds::NONE, DetailBounds::max);
         }
         let diagonals = diagonals_squared(&self.bounds[node]);
-        let diagonal_squared =
-            diagonals.into_iter().fold(0.0, |most, diagonal| if diagonal > most { diagonal } else { most });
+        let diagonal_squared = fold(&diagonals, 0.0, |a, b| if b > a { b } else { a });
         let undetailed = self.occupied[node] & !self.detailed[node];
         let end = lanes(self.detailed[node]).map(|lane| self.draw_end(Slot::new(node as u32, lane)));
         let end = if undetailed == 0 { end.fold(0.0, f32::max) } else { f32::INFINITY };

@@ -21,23 +21,9 @@ impl Tree {
     ) {
         let Scratch { positions, leavers, .. } = scratch;
         leavers.clear();
-        positions.clear();
-        positions.resize(self.slots.len(), NONE);
-        for ((id, _), position) in moved.iter().zip(0..) {
-            positions[id.index()] = position;
-        }
-        for leaf in 0..self.node_count() {
-            if self.occupied[leaf] == 0 || self.levels[leaf] != 0 && !self.is_unculled_leaf(leaf) {
-                continue;
-            }
-            // Each loop accesses one array at random, so that the processor can wait for many cache misses
-            // at once.
-            let mut of_lane = [NONE; 64];
-            let mut mask = 0;
-            for (lane, id) in self.ids[leaf].iter().enumerate() {
-                of_lane[lane] = positions.get(id.index()).copied().unwrap_or(NONE);
-                mask |= u64::from(of_lane[lane] != NONE) << lane;
-            }
+        for (leaf, of_lane) in positions.as_chunks::<64>().0.iter().enumerate() {
+            let mask =
+                of_lane.iter().zip(0..).fold(0, |mask, (&at, lane)| mask | u64::from(at != NONE) << lane);
             if mask == 0 {
                 continue;
             }
@@ -45,11 +31,13 @@ impl Tree {
                 leavers.extend(lanes(mask).map(|lane| of_lane[lane]));
                 continue;
             }
+            fetch(moved, of_lane);
             let mut boxes = self.bounds[leaf].clone();
             for lane in lanes(mask) {
                 boxes.set(lane, &moved[of_lane[lane] as usize].1);
             }
-            let home = self.parent(leaf as u32).map(|above| self.bounds[above.node()].get(above.lane()));
+            let above = self.parent(leaf as u32);
+            let home = above.map(|above| self.bounds[above.node()].get(above.lane()));
             let free = !self.occupied[leaf];
             if !all_stay(&boxes, free, home.as_ref()) {
                 for lane in lanes(mask) {
@@ -60,6 +48,9 @@ impl Tree {
                     }
                 }
             }
+            if let Some(above) = above {
+                self.bounds[above.node()].set(above.lane(), &boxes.hull());
+            }
             self.bounds[leaf] = boxes;
             self.detail_bounds[leaf] = self.measured(leaf);
             queue.push(leaf);
@@ -67,18 +58,16 @@ impl Tree {
         self.tighten_all();
     }
 
-    /// Sets the bounds of all inner nodes to the hulls of their contents, and their bounds on details to what
-    /// they hold, level by level. Those of the leaves must be right.
+    /// Sets the bounds of all nodes above the leaves to the hulls of their contents, and their bounds on
+    /// details to what they hold, level by level. The lanes that hold leaves must be right.
     fn tighten_all(&mut self) {
         let height = if self.root == NONE { 0 } else { self.levels[self.root as usize] };
-        for level in 0..=height {
+        for level in 1..=height {
             for node in 0..self.node_count() {
                 if self.levels[node] != level || self.occupied[node] == 0 {
                     continue;
                 }
-                if level > 0 {
-                    self.detail_bounds[node] = self.measured(node);
-                }
+                self.detail_bounds[node] = self.measured(node);
                 if let Some(above) = self.parent(node as u32) {
                     let hull = self.bounds[node].hull();
                     self.bounds[above.node()].set(above.lane(), &hull);
@@ -86,6 +75,19 @@ impl Tree {
             }
         }
     }
+}
+
+/// Loads the boxes at the given positions of a batch into the cache. The processor waits for all of these
+/// cache misses at once, whereas copying a box before the next is loaded lets it wait for few at a time.
+fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; 64]) {
+    let mut sum = 0;
+    for &position in positions {
+        if let Some((_, bounds)) = moved.get(position as usize) {
+            // The ends of a box may lie in two cache lines.
+            sum ^= bounds.min.x.to_bits() ^ bounds.max.z.to_bits();
+        }
+    }
+    core::hint::black_box(sum);
 }
 
 /// Returns whether all boxes, except in the lanes of `free`, certainly are finite and not far from `home`. A

@@ -1,6 +1,6 @@
 //! Scratch memory for moving many objects at once.
 
-use super::slot::Slot;
+use super::slot::{NONE, Slot};
 use crate::{Aabb, ObjectId};
 use alloc::vec::Vec;
 
@@ -9,7 +9,8 @@ use alloc::vec::Vec;
 pub(in crate::scene) struct Scratch {
     /// Ids and new bounds of the objects of a batch of transforms, in batch order.
     pub(in crate::scene) placed: Vec<(ObjectId, Aabb)>,
-    /// Indexed by object: the object's last position in the batch, `NONE` if the batch does not have it.
+    /// Indexed by slot: the last position in the batch of the object in the slot, `NONE` if the batch does
+    /// not have the object.
     pub(super) positions: Vec<u32>,
     /// Slot of each object of the batch before the first move, in batch order.
     pub(in crate::scene) slots: Vec<Slot>,
@@ -35,6 +36,13 @@ impl Scratch {
         ends: Vec::new(),
         leavers: Vec::new(),
     };
+
+    /// Sets the positions for all slots of `nodes` nodes to `NONE` and returns them.
+    pub(in crate::scene) fn clear_positions(&mut self, nodes: usize) -> &mut [u32] {
+        self.positions.clear();
+        self.positions.resize(nodes * 64, NONE);
+        &mut self.positions
+    }
 
     pub(in crate::scene) fn memory(&self) -> usize {
         size_of_val(&self.placed[..])
