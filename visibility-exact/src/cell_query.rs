@@ -11,7 +11,7 @@ use crate::proof::Proof;
 use crate::rays::Random;
 use crate::search::{Answer, Budget, Search, Segment};
 use crate::settings::Settings;
-use crate::sight::{CellBox, Target};
+use crate::sight::{CellBox, Target, position_error};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 use alloc::{vec, vec::Vec};
@@ -186,8 +186,11 @@ impl<'a> CellQuery<'a> {
 
     /// Returns whether a box may meet the viewcell, or is too close to it for a target.
     fn meets_cell(&self, min: DVec3, max: DVec3) -> bool {
-        let pad = DVec3::splat(8.0 * self.search.delta + 2.0 * self.search.clearance);
-        self.search.cell.meets(min - pad, max + pad)
+        let Search { triangles, cell, clearance, .. } = &self.search;
+        let target = Target::Box { min, max };
+        let Some(delta) = position_error(triangles, cell, target, *clearance) else { return true };
+        let pad = DVec3::splat(8.0 * delta + 2.0 * clearance);
+        cell.meets(min - pad, max + pad)
     }
 
     /// Proves groups of objects hidden, halving those that it cannot prove. Returns the single objects left.
@@ -275,9 +278,11 @@ impl<'a> CellQuery<'a> {
         // A box without triangles was not proven hidden.
         let (mut all_hidden, mut spent) = (!order.is_empty(), 0);
         let mut proofs = Vec::new();
+        let (cell, c) = (self.search.cell, self.search.clearance);
+        let delta = triangles.position_error(cell.magnitude() + 3.0 * c);
         for t in order {
             let corners = triangles.corners(t);
-            if !is_apart(&self.search.cell, &corners, 4.0 * self.search.delta + 2.0 * self.search.clearance) {
+            if !is_apart(&self.search.cell, &corners, 4.0 * delta + 2.0 * c) {
                 all_hidden = false;
                 break;
             }

@@ -4,8 +4,8 @@
 
 use crate::polygon::Polygon;
 use crate::proof::{LoopEdge, Proof, Step};
-use crate::sight::{Half, Sight, Target, sights};
-use crate::triangles::SceneTriangles;
+use crate::sight::{Half, Sight, Target, position_error, sights};
+use crate::triangles::{SceneTriangles, unit_normal};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use core::fmt;
@@ -56,7 +56,8 @@ impl Proof {
         {
             return Err(ProofError::Malformed);
         }
-        let delta = triangles.position_error(self.cell.magnitude() + 3.0 * self.clearance);
+        let delta = position_error(triangles, &self.cell, self.target, self.clearance);
+        let delta = delta.ok_or(ProofError::Malformed)?;
         let target_vertices = match self.target {
             Target::Triangle(t) if self.clearance == 0.0 => triangles.vertices(t).to_vec(),
             _ => Vec::new(),
@@ -425,7 +426,7 @@ impl Check<'_> {
         if !triangles.iter().all(|&t| self.triangles.occludes(t)) {
             return false;
         }
-        let normal = (first[1] - first[0]).cross(first[2] - first[0]).normalize_or_zero();
+        let Some(normal) = unit_normal(first) else { return false };
         let flat = corners.iter().flatten().all(|x| normal.dot(*x - first[0]).abs() <= 3.0 * self.delta);
         // Sides of one triangle alone have all corners on their inner side.
         let mut sides: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();

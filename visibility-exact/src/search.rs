@@ -5,7 +5,7 @@ use crate::chain_scratch::{ChainScratch, Obstacle};
 use crate::matrix_game::MatrixGame;
 use crate::proof::Step;
 use crate::shaft::Shaft;
-use crate::sight::{CellBox, Sight, Target, sights};
+use crate::sight::{CellBox, Sight, Target, position_error, sights};
 use crate::triangles::SceneTriangles;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -61,7 +61,7 @@ pub(crate) struct Search<'a> {
     pub(crate) triangles: &'a SceneTriangles,
     pub(crate) cell: CellBox,
     pub(crate) clearance: f64,
-    /// Bound on the errors of positions.
+    /// Bound on the errors of positions, for the target at work.
     pub(crate) delta: f64,
     /// The target triangle if it must not occlude: without clearance.
     pub(crate) skip: u32,
@@ -108,7 +108,9 @@ impl<'a> Search<'a> {
     /// Answers for a target. Returns the answer and the number of nodes used. After [`Answer::Hidden`] the
     /// proof is in [`steps`](Self::steps).
     pub(crate) fn solve_target(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
-        self.begin(target, budget);
+        if !self.begin(target, budget) {
+            return (Answer::Undecided, 0);
+        }
         let mut answer = Answer::Hidden;
         let all = sights(self.triangles, &self.cell, target, self.clearance, 4.0 * self.delta);
         let Some(all) = all else { return (Answer::Undecided, self.used) };
@@ -127,8 +129,8 @@ impl<'a> Search<'a> {
         (answer, self.used)
     }
 
-    /// Prepares for nodes of a target.
-    pub(crate) fn begin(&mut self, target: Target, budget: Budget) {
+    /// Prepares for nodes of a target. Returns false if the clearance is within the error of positions.
+    pub(crate) fn begin(&mut self, target: Target, budget: Budget) -> bool {
         (self.skip, self.target_vertices) = (NONE, [NONE; 3]);
         if let Target::Triangle(t) = target
             && self.clearance == 0.0
@@ -137,6 +139,9 @@ impl<'a> Search<'a> {
         }
         (self.budget, self.used) = (budget, 0);
         self.steps.clear();
+        let delta = position_error(self.triangles, &self.cell, target, self.clearance);
+        self.delta = delta.unwrap_or(f64::INFINITY);
+        delta.is_some()
     }
 
     fn node(&mut self, sight: &Sight, depth: u32) -> Answer {

@@ -13,7 +13,7 @@
 //! angles, are not asked about.
 
 use crate::polygon::Polygon;
-use crate::triangles::{LIMIT, SceneTriangles};
+use crate::triangles::{LIMIT, SceneTriangles, unit_normal};
 use alloc::vec::Vec;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::DVec3;
@@ -73,6 +73,24 @@ pub(crate) enum Target {
     Box { min: DVec3, max: DVec3 },
     /// A triangle, by its number.
     Triangle(u32),
+}
+
+/// Returns the bound on the errors of positions in all that is asked about a target: its polygons are cut from
+/// faces of the viewcell and of the target, so that coordinates are at most those of triangles, viewcell and
+/// target box, and the clearance more. `None` if the clearance is within this error, so that it would not part
+/// touching surfaces.
+pub(crate) fn position_error(
+    triangles: &SceneTriangles,
+    cell: &CellBox,
+    target: Target,
+    c: f64,
+) -> Option<f64> {
+    let magnitude = match target {
+        Target::Box { min, max } => min.abs().max(max.abs()).max_element(),
+        Target::Triangle(_) => 0.0,
+    };
+    let delta = triangles.position_error(cell.magnitude().max(magnitude) + 3.0 * c);
+    (c == 0.0 || c >= 64.0 * delta).then_some(delta)
 }
 
 /// A pair of polygons between which lines of sight run.
@@ -135,7 +153,7 @@ pub(crate) fn sights(
     match target {
         Target::Triangle(number) => {
             let t = triangles.corners(number);
-            let Some(normal) = (t[1] - t[0]).cross(t[2] - t[0]).try_normalize() else { return Some(all) };
+            let Some(normal) = unit_normal(&t) else { return Some(all) };
             for normal in [normal, -normal] {
                 let q = if c > 0.0 {
                     Polygon::new(&inset(&t, c).map(|v| v + normal * c))
@@ -174,4 +192,104 @@ fn inset(t: &[DVec3; 3], c: f64) -> [DVec3; 3] {
     let farthest = t.iter().map(|v| v.distance(center)).fold(0.0, f64::max);
     let part = (c / radius).min(2.0 * c / farthest).min(0.5);
     if part > 0.0 { t.map(|v| v + (center - v) * part) } else { *t }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{vec, vec::Vec};
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, Scene};
+    use visibility_testing::{Random, sign_of_sum};
+
+    fn unit_cell() -> CellBox {
+        CellBox { min: DVec3::ZERO, max: DVec3::ONE }
+    }
+
+    fn prepared(triangles: Vec<[Vec3; 3]>) -> SceneTriangles {
+        let mut scene = Scene::new();
+        let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, triangles).unwrap();
+        SceneTriangles::new(&scene)
+    }
+
+    /// A box below the viewcell as wide as the numbers allow, in a scene of small triangles: where the box's
+    /// top is cut by the plane of the viewcell's face, rounding moves the cut by up to metres.
+    #[test]
+    fn the_error_of_positions_covers_what_is_cut_from_a_huge_box() {
+        let mut random = Random(5);
+        let triangles = prepared(vec![[Vec3::X, Vec3::Y, Vec3::Z]]);
+        let mut worst = 0.0f64;
+        for _ in 0..2000 {
+            let far = 10f64.powf(random.range(0.0, 20.0));
+            let mut side = || far * random.fine_range(0.5, 1.0);
+            let (a, b, c, d) = (side(), side(), side(), side());
+            let (min, max) = (DVec3::new(-a, -b, -3.0), DVec3::new(c, d, -2.0));
+            let target = Target::Box { min, max };
+            let delta = position_error(&triangles, &unit_cell(), target, 0.0).unwrap();
+            for sight in sights(&triangles, &unit_cell(), target, 0.0, 4.0 * delta).unwrap() {
+                let (face, outside) = (sight.before_p.normal, sight.before_p.offset);
+                let least = sight.q.corners().iter().map(|q| face.dot(*q) + outside).fold(f64::MAX, f64::min);
+                // A cut through the box reaches down to the face's plane, and `pad` further.
+                if face.z == 0.0 && c > 2.0 && d > 2.0 && sight.before_q.normal.z > 0.0 {
+                    worst = worst.max((least + 4.0 * delta) / delta);
+                }
+            }
+        }
+        assert!(worst <= 1.0, "a cut is off by {worst} error bounds");
+    }
+
+    /// Triangles as thin as their numbers allow: what is behind a triangle's plane by exact arithmetic is not
+    /// found to be certainly before.
+    #[test]
+    fn planes_of_slivers_are_right() {
+        let mut random = Random(6);
+        for round in 0..3000 {
+            let along = random.vec3(-1.0, 1.0);
+            let thin = 10f64.powf(random.range(-6.0, -1.0)) as f32;
+            let base = random.vec3(-1.0, 1.0) * 10f64.powf(random.range(-9.0, 0.0)) as f32;
+            let t = [base, base + along * 8.0, base + along * 4.0 + random.vec3(-1.0, 1.0) * thin];
+            let triangles = prepared(vec![t]);
+            let target = Target::Triangle(0);
+            let delta = position_error(&triangles, &unit_cell(), target, 0.0).unwrap();
+            let cell = CellBox { min: DVec3::splat(20.0), max: DVec3::splat(21.0) };
+            let t = t.map(Vec3::as_dvec3);
+            for sight in sights(&triangles, &cell, target, 0.0, 4.0 * delta).unwrap() {
+                // Corners of the triangle lie on its plane.
+                for v in t {
+                    let height = sight.before_q.height(v);
+                    assert!(height.abs() <= delta, "{round}: a corner is off by {} bounds", height / delta);
+                }
+                let x = random.vec3(-8.0, 8.0).as_dvec3();
+                let height = sight.before_q.height(x);
+                let is_front = sight.before_q.normal.dot(unit_normal(&t).unwrap()) > 0.0;
+                let exact = orientation(&t, x) * if is_front { 1 } else { -1 };
+                assert!(height.abs() <= 4.0 * delta || (height > 0.0) == (exact > 0), "{round}: {height}");
+            }
+        }
+    }
+
+    /// Returns the sign of the height of x over a triangle's plane, of six products of three coordinates for
+    /// each corner left out, by exact sums.
+    fn orientation(t: &[DVec3; 3], x: DVec3) -> i32 {
+        let minor = |a: DVec3, b: DVec3, c: DVec3, sign: f64| {
+            let orders = [
+                (0, 1, 2, 1.0),
+                (1, 2, 0, 1.0),
+                (2, 0, 1, 1.0),
+                (0, 2, 1, -1.0),
+                (2, 1, 0, -1.0),
+                (1, 0, 2, -1.0),
+            ];
+            orders.map(|(i, j, k, s)| (a[i] * b[j], c[k] * s * sign))
+        };
+        let all = [
+            minor(t[0], t[1], t[2], -1.0),
+            minor(t[0], t[1], x, 1.0),
+            minor(t[0], x, t[2], 1.0),
+            minor(x, t[1], t[2], 1.0),
+        ];
+        sign_of_sum(all.into_iter().flatten())
+    }
 }

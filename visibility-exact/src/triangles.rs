@@ -1,8 +1,9 @@
 //! The triangles of a scene, welded: which triangles share an edge, and which form one convex polygon.
 
-use crate::line_side::{U, side, sign};
+use crate::line_side::U;
 use crate::triangle_tree::TriangleTree;
 use alloc::{boxed::Box, vec, vec::Vec};
+use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::SceneCursor;
 use visibility_core::{ObjectId, Scene};
@@ -208,7 +209,9 @@ impl SceneTriangles {
 
     fn grow_piece(&self, first: u32) -> Piece {
         let plane = self.corners(first);
-        let normal = (plane[1] - plane[0]).cross(plane[2] - plane[0]);
+        let normal = unit_normal(&plane).unwrap_or(DVec3::ZERO);
+        // As flat as the check of proofs asks for.
+        let flatness = self.position_error(0.0);
         let of =
             |i: u32, k: usize| (self.vertices[i as usize][k], self.edges[i as usize][k], self.corners(i)[k]);
         let mut ring: Vec<(u32, u32, DVec3)> = (0..3).map(|k| of(first, k)).collect();
@@ -226,7 +229,7 @@ impl SceneTriangles {
             let numbers = self.vertices[other as usize];
             let Some(m) = (0..3).find(|&m| numbers[m] == b && numbers[(m + 1) % 3] == a) else { continue };
             let (c, _, pc) = of(other, (m + 2) % 3);
-            let flat = sign(side(pc, plane[0], plane[1], plane[2], 0.0)) == 0;
+            let flat = normal.dot(pc - plane[0]).abs() <= flatness;
             let (previous, next) = (ring[(at + n - 2) % n].2, ring[(at + 1) % n].2);
             let turns = |x: DVec3, y: DVec3, z: DVec3| (y - x).cross(z - y).dot(normal) >= 0.0;
             if !flat
@@ -342,4 +345,22 @@ impl SceneTriangles {
     pub(crate) fn position_error(&self, magnitude: f64) -> f64 {
         128.0 * U * self.magnitude.max(magnitude)
     }
+}
+
+/// Returns the unit normal of a triangle, right to the last bits however thin the triangle is. `None` for a
+/// triangle without area.
+///
+/// The cross product of two sides of a thin triangle cancels: with sides of length L and a height of h, in
+/// `f64` its direction is wrong by some U L / h, and points of the triangle are off its plane by U L^2 / h.
+/// Products of 106 bits leave no such error unless h is below 2^-50 L, which coordinates of 24 bits only have
+/// near the origin.
+pub(crate) fn unit_normal(t: &[DVec3; 3]) -> Option<DVec3> {
+    // Scaled by a power of 2, so that no product underflows or overflows.
+    let size = t.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+    let scale = f64::from_bits((2046 - (size.to_bits() >> 52 & 0x7ff).clamp(1, 2045)) << 52);
+    let side =
+        |k: usize| [0, 1, 2].map(|axis| DoubleDouble::difference(t[k][axis] * scale, t[0][axis] * scale));
+    let (u, w) = (side(1), side(2));
+    let part = |i: usize, j: usize| u[i].times(w[j]).plus(u[j].times(w[i]).negated()).hi;
+    DVec3::new(part(1, 2), part(2, 0), part(0, 1)).try_normalize()
 }

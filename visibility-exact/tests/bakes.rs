@@ -56,6 +56,27 @@ fn an_interrupted_bake_comes_to_the_same_pvs() {
     assert!(whole.gap() < 0.02, "{}", whole.gap());
 }
 
+/// Stopped, saved and resumed after each round, on one thread, two and four.
+#[test]
+fn any_number_of_threads_comes_to_the_same_bytes() {
+    let (triangles, cells) = town();
+    let baker = || ExactBaker::new(&triangles, &cells, settings());
+    let bytes = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let (mut bake, mut saved) = (Bake::new(baker()), Vec::new());
+            while bake.advance().is_some() {
+                saved.push(bake.save());
+                bake = Bake::resume(baker(), &saved[saved.len() - 1]).unwrap();
+            }
+            assert!(saved.len() > 1);
+            (saved, bake.finish().to_pvs().unwrap().as_bytes().to_vec())
+        })
+    };
+    let one = bytes(1);
+    assert!(bytes(2) == one && bytes(4) == one);
+}
+
 #[test]
 fn memory_of_another_scene_does_not_matter() {
     let (triangles, cells) = town();

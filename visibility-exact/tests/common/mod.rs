@@ -1,6 +1,8 @@
 //! Worlds for tests, and an oracle of distances that shares no code with the search.
 #![allow(dead_code, unreachable_pub, reason = "each test uses a part")]
 
+pub mod grid;
+
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Scene};
