@@ -23,8 +23,6 @@ mod cell_query;
 mod chain;
 mod chain_scratch;
 mod check;
-#[cfg(test)]
-mod check_tests;
 mod corner_proof;
 mod culler;
 mod line_side;

@@ -75,10 +75,10 @@ pub(crate) enum Target {
     Triangle(u32),
 }
 
-/// Returns the bound on the errors of positions in all that is asked about a target: its polygons are cut from
-/// faces of the viewcell and of the target, so that coordinates are at most those of triangles, viewcell and
-/// target box, and the clearance more. `None` if the clearance is within this error, so that it would not part
-/// touching surfaces.
+/// Returns the bound on the errors of positions in all that is asked about a target: its polygons are cut
+/// from faces of the viewcell and of the target, so that coordinates are at most those of triangles, viewcell
+/// and target box, and the clearance more. `None` if the clearance is within this error, so that it would not
+/// part touching surfaces.
 pub(crate) fn position_error(
     triangles: &SceneTriangles,
     cell: &CellBox,

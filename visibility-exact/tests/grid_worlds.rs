@@ -58,8 +58,8 @@ fn world(kind: Kind, number: u64) -> (Viewcell, Vec<Vec<Triangle>>) {
 }
 
 /// Shoots at the inside of the target, half of the shots past edges of occluders, and half from rims of the
-/// viewcell to rims of the target. Returns the greatest clearance of a segment that exact arithmetic lets pass,
-/// and the number of shots.
+/// viewcell to rims of the target. Returns the greatest clearance of a segment that exact arithmetic lets
+/// pass, and the number of shots.
 fn shoot(cell: &Viewcell, objects: &[Vec<Triangle>], shots: usize, random: &mut Random) -> (f64, usize) {
     let occluders: Vec<Triangle> = objects[1..].iter().flatten().copied().collect();
     let exact: Vec<_> = occluders.iter().map(triangle_on_grid).collect();

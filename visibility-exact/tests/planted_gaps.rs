@@ -78,9 +78,9 @@ fn open_holes_are_found_and_closed_ones_proven() {
     }
 }
 
-/// A wall with a slit narrower than the clearance, small against the distance of its edges once they have moved
-/// outwards: lines cross the wall, or the slit, and twice the strips between old and new edges. The surface is
-/// crossed an even number of times, and is no proof.
+/// A wall with a slit narrower than the clearance, small against the distance of its edges once they have
+/// moved outwards: lines cross the wall, or the slit, and twice the strips between old and new edges. The
+/// surface is crossed an even number of times, and is no proof.
 #[test]
 fn surfaces_that_overlap_themselves_are_no_proof() {
     let (c, h) = (0.02, 0.002);

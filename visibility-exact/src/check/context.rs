@@ -1,0 +1,31 @@
+//! What is known of a proof while its nodes are checked.
+
+use crate::proof::Step;
+use crate::triangles::SceneTriangles;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+/// A point, and the corner of the target triangle that it is.
+pub(super) type Corner = (DVec3, Option<usize>);
+
+/// An edge and the sign of the side on which lines pass it.
+pub(super) type Divider = ([Corner; 2], f64);
+
+/// A proof being checked.
+pub(super) struct Check<'a> {
+    pub(super) triangles: &'a SceneTriangles,
+    pub(super) clearance: f64,
+    /// Bound on the errors of positions.
+    pub(super) delta: f64,
+    /// Vertices of the target triangle, of proofs without clearance.
+    pub(super) target_vertices: Vec<u32>,
+    /// Nodes that were not checked yet.
+    pub(super) steps: core::slice::Iter<'a, Step>,
+}
+
+impl Check<'_> {
+    /// Returns the corner of the target triangle that a vertex is.
+    pub(super) fn tag(&self, vertex: u32) -> Option<usize> {
+        self.target_vertices.iter().position(|&v| v == vertex)
+    }
+}

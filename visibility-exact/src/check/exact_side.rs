@@ -1,0 +1,39 @@
+//! Sides on which lines pass edges, in double-double arithmetic.
+
+use visibility_core::geometry::DoubleDouble;
+use visibility_core::glam::DVec3;
+
+/// A number with 106 bits.
+pub(super) type D = DoubleDouble;
+
+pub(super) fn difference(a: DVec3, b: DVec3) -> [D; 3] {
+    [D::difference(a.x, b.x), D::difference(a.y, b.y), D::difference(a.z, b.z)]
+}
+
+pub(super) fn cross(a: [D; 3], b: [D; 3]) -> [D; 3] {
+    [(1, 2), (2, 0), (0, 1)].map(|(i, j)| a[i].times(b[j]).plus(a[j].times(b[i]).negated()))
+}
+
+pub(super) fn dot(a: [D; 3], b: [D; 3]) -> D {
+    a[0].times(b[0]).plus(a[1].times(b[1])).plus(a[2].times(b[2]))
+}
+
+/// Returns the sum of the magnitudes.
+pub(super) fn norm(a: [D; 3]) -> f64 {
+    a.iter().map(|x| x.hi.abs()).sum()
+}
+
+/// Returns det(q - p, a - p, b - p), and by how much it may change if each coordinate changes by `delta`.
+///
+/// To first order the change is delta times the sum of the magnitudes of the derivatives, which for each
+/// point are the cross product of two differences of the others; twice that covers higher orders where the
+/// value is not smaller than the bound. Rounding of double-double arithmetic is below 2^-90 of the products.
+pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, f64) {
+    let (r, u, w) = (difference(q, p), difference(a, p), difference(b, p));
+    let normal = cross(u, w);
+    let value = dot(r, normal).hi;
+    let opposite = cross(difference(a, q), difference(b, q));
+    let slopes = norm(normal) + norm(opposite) + norm(cross(r, w)) + norm(cross(r, u));
+    let rounding = norm(r) * norm(u) * norm(w) * 1e-27;
+    (value, 2.0 * delta * slopes + rounding)
+}

@@ -1,0 +1,74 @@
+//! Closed loops on convex polygons of triangles.
+
+use super::context::{Check, Corner};
+use crate::sight::Sight;
+use crate::triangles::unit_normal;
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+impl Check<'_> {
+    /// Returns whether the corners of a loop are between the planes of P and Q and within three clearances of
+    /// a convex polygon of occluding triangles: then a surface that the loop bounds is. Corners that are not
+    /// the target triangle's, at least one, must certainly be before Q's plane.
+    pub(super) fn is_on_piece(&self, sight: &Sight, number: u32, ring: &[Corner]) -> bool {
+        let Some(triangles) = self.triangles.piece_triangles(number) else { return false };
+        let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();
+        let [first, ..] = corners.as_slice() else { return false };
+        if !triangles.iter().all(|&t| self.triangles.occludes(t)) {
+            return false;
+        }
+        let Some(normal) = unit_normal(first) else { return false };
+        let flat = corners.iter().flatten().all(|x| normal.dot(*x - first[0]).abs() <= 3.0 * self.delta);
+        // Sides of one triangle alone have all corners on their inner side.
+        let mut sides: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();
+        for (&t, x) in triangles.iter().zip(&corners) {
+            let v = self.triangles.vertices(t);
+            for k in 0..3 {
+                let (key, ends) = ([v[k], v[(k + 1) % 3]], [x[k], x[(k + 1) % 3]]);
+                if sides.remove(&[key[1], key[0]]).is_none() {
+                    sides.insert(key, ends);
+                }
+            }
+        }
+        let is_convex = sides.values().all(|[a, b]| {
+            let inwards = normal.cross(*b - *a).normalize_or_zero();
+            corners.iter().flatten().all(|x| inwards.dot(*x - *a) >= -3.0 * self.delta)
+        });
+        let reach = 3.0 * self.clearance + 2.0 * self.delta;
+        let is_near = |x: DVec3| corners.iter().any(|t| distance(x, t) <= reach);
+        let in_slab = |(x, tag): Corner| {
+            sight.before_p.height(x) >= -4.0 * self.delta
+                && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta)
+        };
+        // What is coplanar with Q blocks nothing.
+        let leaves_plane = ring.iter().any(|corner| corner.1.is_none());
+        let tags_hold = |(x, tag): Corner| {
+            tag.is_none_or(|k| {
+                let vertex = self.target_vertices.get(k);
+                triangles.iter().any(|&t| {
+                    (0..3).any(|j| {
+                        Some(&self.triangles.vertices(t)[j]) == vertex && self.triangles.corners(t)[j] == x
+                    })
+                })
+            })
+        };
+        flat && is_convex
+            && leaves_plane
+            && ring.iter().all(|&corner| is_near(corner.0) && in_slab(corner) && tags_hold(corner))
+    }
+}
+
+/// Returns the distance of a point from a triangle.
+fn distance(x: DVec3, t: &[DVec3; 3]) -> f64 {
+    let normal = (t[1] - t[0]).cross(t[2] - t[0]);
+    let inside = (0..3).all(|k| normal.cross(t[(k + 1) % 3] - t[k]).dot(x - t[k]) >= 0.0);
+    if inside {
+        return normal.normalize_or_zero().dot(x - t[0]).abs();
+    }
+    (0..3).fold(f64::INFINITY, |least, k| {
+        let (a, along) = (t[k], t[(k + 1) % 3] - t[k]);
+        let part = ((x - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        least.min(x.distance(a + along * part))
+    })
+}

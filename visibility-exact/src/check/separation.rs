@@ -1,0 +1,97 @@
+//! Edges that no segment of a node meets, and planes between points and polygons.
+
+use super::context::{Check, Corner};
+use super::exact_side::{D, dot, side};
+use crate::polygon::Polygon;
+use crate::sight::{Half, Sight};
+use alloc::vec::Vec;
+use visibility_core::glam::DVec3;
+
+impl Check<'_> {
+    /// Returns the sides of an edge, with errors, at the pairs of corners. A side is exactly 0 where the
+    /// corner of Q is a mixture of ends of the edge.
+    pub(super) fn sides<'b>(
+        &'b self,
+        sight: &'b Sight,
+        edge: &'b [Corner; 2],
+    ) -> impl Iterator<Item = (f64, f64)> + 'b {
+        let [(a, tag_a), (b, tag_b)] = *edge;
+        let ends = tag_a.map_or(0, |k| 1u8 << k) | tag_b.map_or(0, |k| 1 << k);
+        sight.p.corners().iter().flat_map(move |&p| {
+            sight.q.corners().iter().zip(&sight.q.zero).map(move |(&q, &zero)| {
+                let support = 0b111 ^ zero;
+                let is_mixture = zero != 0 && support & !ends == 0;
+                if is_mixture { (0.0, 0.0) } else { side(p, q, a, b, self.delta) }
+            })
+        })
+    }
+
+    /// Returns whether all segments pass an edge on one side, apart from those to the boundary of Q that meet
+    /// it there.
+    pub(super) fn is_on_side(&self, sight: &Sight, edge: &[Corner; 2], sign: f64) -> bool {
+        let mut some = false;
+        let all = self.sides(sight, edge).all(|(value, error)| {
+            some |= value != 0.0;
+            (value == 0.0 && error == 0.0) || value * sign > error
+        });
+        all && some
+    }
+
+    /// Returns whether no segment meets an edge, by its side or by a plane that separates it from both
+    /// polygons.
+    pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2]) -> bool {
+        let ends = [edge[0].0, edge[1].0];
+        let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
+        self.is_outside(sight, &ends)
+            || (edge.iter().any(|end| end.1.is_some()) && edge.iter().all(|&end| behind(end)))
+            || self.is_on_side(sight, edge, 1.0)
+            || self.is_on_side(sight, edge, -1.0)
+    }
+
+    /// Returns whether a plane separates some points from the convex hull of both polygons.
+    pub(super) fn is_outside(&self, sight: &Sight, points: &[DVec3]) -> bool {
+        let (p, q) = (sight.p.corners(), sight.q.corners());
+        let hull: Vec<DVec3> = p.iter().chain(q).copied().collect();
+        let separates = |normal: DVec3| self.separates(normal, points, &hull);
+        if separates(sight.p.normal()) || separates(sight.q.normal()) {
+            return true;
+        }
+        [(p, q), (q, p)].into_iter().any(|(one, other)| {
+            (0..one.len()).any(|i| {
+                let (u, v) = (one[i], one[(i + 1) % one.len()]);
+                other.iter().any(|&w| separates((v - u).cross(w - u)))
+            })
+        })
+    }
+
+    /// Returns whether points and others have heights over a plane that are apart by more than three times
+    /// the error of positions.
+    pub(super) fn separates(&self, normal: DVec3, points: &[DVec3], others: &[DVec3]) -> bool {
+        let normal = normal.normalize_or_zero();
+        let direction = normal.to_array().map(D::from);
+        let range = |points: &[DVec3]| {
+            let heights = points.iter().map(|x| dot(direction, x.to_array().map(D::from)).hi);
+            heights.fold((f64::MAX, f64::MIN), |(a, b), h| (a.min(h), b.max(h)))
+        };
+        let ((a, b), (c, d)) = (range(points), range(others));
+        let margin = 3.0 * self.delta;
+        a > d + margin || b < c - margin
+    }
+
+    /// Returns whether a polygon of points touches neither P nor Q.
+    pub(super) fn is_apart(&self, sight: &Sight, points: &[DVec3]) -> bool {
+        let apart = |polygon: &Polygon, plane: &Half| {
+            let (n, corners) = (points.len(), polygon.corners());
+            let side = |k: usize| points[(k + 1) % n] - points[k % n];
+            let separates = |normal: DVec3| self.separates(normal, points, corners);
+            separates(plane.normal)
+                || separates(side(0).normalize_or_zero().cross(side(1).normalize_or_zero()))
+                || (0..corners.len()).any(|i| {
+                    let along = (corners[(i + 1) % corners.len()] - corners[i]).normalize_or_zero();
+                    separates(plane.normal.cross(along))
+                        || (0..n).any(|k| separates(along.cross(side(k).normalize_or_zero())))
+                })
+        };
+        apart(&sight.p, &sight.before_p) && apart(&sight.q, &sight.before_q)
+    }
+}
