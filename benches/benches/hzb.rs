@@ -4,11 +4,10 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::time::Duration;
-use visibility_benches::workload::Random;
+use visibility_benches::workload::{Random, town};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
-    Aabb, FrustumCuller, Object, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
-    simd::Simd,
+    Aabb, FrustumCuller, OccluderMesh, OcclusionMap, Pipeline, Pose, View, VisibleSet, simd::Simd,
 };
 use visibility_examples::built_in;
 use visibility_examples::walkthrough::World;
@@ -151,24 +150,7 @@ fn queries(c: &mut Criterion) {
 /// Measures a frame through the whole pipeline: a town of 2,500 houses with 20,000 small objects among them,
 /// seen from a street.
 fn frame(c: &mut Criterion) {
-    let mut random = Random(3);
-    let mut scene = Scene::new();
-    for i in 0..2500 {
-        let (x, y) = ((i % 50) as f32 * 30.0 - 750.0, (i / 50) as f32 * 30.0 - 750.0);
-        let house =
-            Aabb::from_arrays([x + 5.0, y + 5.0, 0.0], [x + 25.0, y + 25.0, random.within(8.0, 60.0)]);
-        let id = scene.insert(Object { occluder: true, ..Object::new(house) });
-        let mesh = scene.add_mesh(OccluderMesh::cuboid(&house).expect("a box"));
-        scene.set_mesh(id, mesh, Affine3A::IDENTITY).expect("it was just inserted");
-    }
-    for _ in 0..20_000 {
-        let p =
-            Vec3::new(random.within(-750.0, 750.0), random.within(-750.0, 750.0), random.within(0.0, 3.0));
-        scene.insert(Aabb::new(p - 0.5, p + 0.5));
-    }
-    scene.rebuild();
-    let pose = Pose::look_at(DVec3::new(0.0, 0.0, 1.7), DVec3::new(100.0, 40.0, 5.0), DVec3::Z);
-    let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book");
+    let (scene, view) = town();
     let mut group = c.benchmark_group("hzb/frame of a town");
     for size in [[512, 288], [1920, 1080]] {
         let map = Hzb::new(size[0], size[1]).expect("a size in range");

@@ -5,8 +5,8 @@
 //! plane intersects many boxes. The camera turns because with a still view the branch predictor would learn a
 //! short traversal by heart, which never happens in a game.
 
-use glam::{DMat4, DVec3, Vec3};
-use visibility_core::{Aabb, View, view::Depth};
+use glam::{Affine3A, DMat4, DVec3, Vec3};
+use visibility_core::{Aabb, Object, OccluderMesh, Pose, Scene, View, view::Depth};
 
 /// Half the side of the cube that the boxes fill, in metres.
 pub const REACH: f32 = 500.0;
@@ -158,4 +158,28 @@ fn clip_from_world(eye: DVec3, forward: DVec3, far: f64) -> DMat4 {
         [0.0, 0.0, 2.0 * near * far * depth, 0.0],
     ]);
     projection * view
+}
+
+/// Builds a town of 2,500 houses, all of them occluders, with 20,000 small objects among them, and a view
+/// from one of its streets.
+pub fn town() -> (Scene, View) {
+    let mut random = Random(3);
+    let mut scene = Scene::new();
+    for i in 0..2500 {
+        let (x, y) = ((i % 50) as f32 * 30.0 - 750.0, (i / 50) as f32 * 30.0 - 750.0);
+        let house =
+            Aabb::from_arrays([x + 5.0, y + 5.0, 0.0], [x + 25.0, y + 25.0, random.within(8.0, 60.0)]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(house) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&house).expect("a box"));
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).expect("it was just inserted");
+    }
+    for _ in 0..20_000 {
+        let p =
+            Vec3::new(random.within(-750.0, 750.0), random.within(-750.0, 750.0), random.within(0.0, 3.0));
+        scene.insert(Aabb::new(p - 0.5, p + 0.5));
+    }
+    scene.rebuild();
+    let pose = Pose::look_at(DVec3::new(0.0, 0.0, 1.7), DVec3::new(100.0, 40.0, 5.0), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY).expect("a camera by the book");
+    (scene, view)
 }

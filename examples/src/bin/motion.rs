@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use visibility_core::motion::{Motion, MotionVolumes};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
 use visibility_examples::built_in;
+use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_measure::ItemBuffer;
 
@@ -63,27 +64,19 @@ impl Pacer {
     }
 }
 
-/// Draws the next number from 0 to 1 of a fixed sequence (SplitMix64).
-fn unit(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (*state ^ *state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
-}
-
 /// Makes movers on the ground of a scene: of five, four are people at 1 to 2 m/s and one is a car at 5 to 15.
 fn pacers(bounds: &Aabb, count: usize) -> Vec<Pacer> {
-    let state = &mut 1;
+    let mut random = Random(1);
     let (min, size) = (bounds.min.as_dvec3(), (bounds.max - bounds.min).as_dvec3());
     (0..count)
         .map(|number| {
             let is_car = number % 5 == 0;
             let half = if is_car { DVec3::new(1.5, 1.5, 0.8) } else { DVec3::new(0.3, 0.3, 0.9) };
-            let home = min + size * DVec3::new(unit(state), unit(state), 0.0) + DVec3::Z * half.z;
-            let length = if is_car { 20.0 + 60.0 * unit(state) } else { 3.0 + 17.0 * unit(state) };
-            let reach = if unit(state) < 0.5 { DVec3::X } else { DVec3::Y } * length;
-            let speed = if is_car { 5.0 + 10.0 * unit(state) } else { 1.0 + unit(state) };
-            Pacer { home, reach, speed, phase: 4.0 * unit(state), half }
+            let home = min + size * DVec3::new(random.unit(), random.unit(), 0.0) + DVec3::Z * half.z;
+            let length = if is_car { 20.0 + 60.0 * random.unit() } else { 3.0 + 17.0 * random.unit() };
+            let reach = if random.unit() < 0.5 { DVec3::X } else { DVec3::Y } * length;
+            let speed = if is_car { 5.0 + 10.0 * random.unit() } else { 1.0 + random.unit() };
+            Pacer { home, reach, speed, phase: 4.0 * random.unit(), half }
         })
         .collect()
 }

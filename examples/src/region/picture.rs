@@ -4,7 +4,7 @@
 use super::output::Judged;
 use super::trial::Trial;
 use crate::walkthrough::World;
-use crate::walkthrough::canvas::{Canvas, Color, LETTER};
+use crate::walkthrough::canvas::{Canvas, Color};
 use crate::walkthrough::map_picture::Map;
 use glam::{DVec3, Vec3};
 use visibility_measure::MeasureError;
@@ -78,18 +78,14 @@ pub fn draw(
         lost.len(),
     );
     canvas.text(10, top, &title, INK);
-    let mut x = 10;
-    for (color, what) in [
+    let entries = [
         (SAMPLED, "sampled"),
         (REPORTED, "reported, not sampled"),
         (HIDDEN, "hidden"),
         (LOST, "sampled, but hidden"),
         (CELL, "viewcell"),
         (LINE, "how it was found"),
-    ] {
-        canvas.rectangle(x, top + 20, 16, 16, color);
-        canvas.text(x + 22, top + 24, what, INK);
-        x += 22 + (what.len() as i64 + 3) * LETTER;
-    }
+    ];
+    canvas.legend(10, top + 20, &entries, INK);
     Ok(canvas)
 }

@@ -105,6 +105,16 @@ impl Canvas {
         }
     }
 
+    /// Draws a line of squares from (`x`, `y`) on, each followed by the text that says what its color means.
+    pub fn legend(&mut self, x: i64, y: i64, entries: &[(Color, &str)], ink: Color) {
+        let mut x = x;
+        for &(color, meaning) in entries {
+            self.rectangle(x, y, 16, 16, color);
+            self.text(x + 22, y + 4, meaning, ink);
+            x += 22 + (meaning.len() as i64 + 3) * LETTER;
+        }
+    }
+
     /// Writes the picture as a PNG file, replacing a file of that name. Returns the error of the file system
     /// or the encoder.
     pub fn save(&self, path: &Path) -> io::Result<()> {

@@ -223,8 +223,7 @@ fn legend(
     let name = |cell: &CellId| cells.names.get(cell.index()).cloned().unwrap_or_default();
     let names: Vec<String> = seen.iter().map(name).collect();
     canvas.text(10, top + 24, &short(format!("seen: {}", names.join(" "))), INK);
-    let mut x = 10;
-    for (color, what) in [
+    let entries = [
         (LINE, "eye, stabbing lines"),
         (BEGINS, "cell of the eye"),
         (SEEN, "cell seen"),
@@ -234,9 +233,6 @@ fn legend(
         (VISIBLE, "visible"),
         (FALSE_VISIBLE, "reported, not visible"),
         (CULLED, "culled"),
-    ] {
-        canvas.rectangle(x, top + 46, 14, 14, color);
-        canvas.text(x + 18, top + 49, what, INK);
-        x += 18 + (what.len() as i64 + 2) * LETTER;
-    }
+    ];
+    canvas.legend(10, top + 46, &entries, INK);
 }

@@ -1,7 +1,7 @@
 //! Map of the scene from above: objects culled, visible, reported without being visible, and hidden although
 //! visible.
 
-use super::canvas::{Canvas, Color, LETTER};
+use super::canvas::{Canvas, Color};
 use super::judge::Judgement;
 use super::{Trial, World};
 use glam::{DVec3, Vec3};
@@ -107,19 +107,15 @@ fn legend(canvas: &mut Canvas, top: u32, world: &World, trial: &Trial, frame: us
         world.scene.len(),
     );
     canvas.text(10, top, &title, INK);
-    let mut x = 10;
-    for (color, what) in [
+    let entries = [
         (VISIBLE, "visible"),
         (FALSE_VISIBLE, "reported, not visible"),
         (CULLED, "culled"),
         (LOST, "visible, but culled"),
         (SIGHT, "eye and frustum"),
         (WALK, "walk"),
-    ] {
-        canvas.rectangle(x, top + 20, 16, 16, color);
-        canvas.text(x + 22, top + 24, what, INK);
-        x += 22 + (what.len() as i64 + 3) * LETTER;
-    }
+    ];
+    canvas.legend(10, top + 20, &entries, INK);
 }
 
 /// Mapping from world space to pixels of the map, which is a parallel projection along the up axis.

@@ -4,6 +4,7 @@
 #![allow(dead_code)] // No test uses all of it.
 
 use std::path::{Path, PathBuf};
+use visibility_examples::walkthrough::{Trial, World, judge};
 use visibility_examples::{SceneSource, cars5, load};
 
 /// Returns the path of a file among the reference scenes. Panics if the file is missing.
@@ -26,4 +27,17 @@ pub(crate) fn scene(name: &str) -> SceneSource {
         }
         _ => load(&stored(&format!("{name}.vscn"))).unwrap(),
     }
+}
+
+/// Prints how many objects each trial reports beside the number that the world's item buffer sees, which is
+/// returned as a mean over the frames. Panics if a trial hides an object that the item buffer sees.
+pub(crate) fn assert_none_hidden(world: &World, trials: &[Trial]) -> f64 {
+    let judgement = judge(world, trials, || ()).unwrap();
+    print!("{}: exact {:.1}", world.source.name, judgement.mean_exact());
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        print!(", {} {:.1}", trial.name, trial.mean_visible());
+        assert_eq!(verdict.false_hidden, 0, "{}, {}: {:?}", world.source.name, trial.name, verdict.hidden);
+    }
+    println!();
+    judgement.mean_exact()
 }
