@@ -5,6 +5,7 @@
 //!
 //! - [`cdt`]: exact visibility among walls, which are segments, by a triangulation.
 //! - [`discs`]: exact zones and rays among round obstacles, such as the trunks of a forest.
+//! - [`view_cdt`]: culls in space behind outlines of occluders in a triangulation of the image.
 //! - [`horizon`]: culls what is below the skyline of houses and crowns that stand on the ground.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -16,6 +17,7 @@ pub mod cdt;
 pub mod discs;
 mod float;
 pub mod horizon;
+pub mod view_cdt;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

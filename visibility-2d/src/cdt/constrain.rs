@@ -6,12 +6,13 @@
 //! (in one pass over the corners, since all of them see the wall).
 //!
 //! Two walls that cross are split at the `f64` point nearest to their crossing, and from there on both are
-//! chains through that point. Every piece of a chain lies in the bounding box of the piece that was split and
-//! is smaller, so splitting ends. No gap opens: a chain has the ends of its wall and no holes.
+//! chains through that point. If an end of one is within rounding of the other, or a vertex of their
+//! crossing, both pass through that vertex instead: pieces would cross again beside it, on and on. No gap
+//! opens: a chain has the ends of its wall and no holes.
 
 use super::error::PlanError;
 use super::predicates::{LEAST, Point, area, is_same_way, orient};
-use super::triangulation::{NONE, Triangulation, next, previous};
+use super::triangulation::{NONE, Place, Triangulation, next, previous};
 use alloc::vec::Vec;
 
 /// Greatest number of vertices of a triangulation, ends of walls and crossings together; also of items in its
@@ -22,13 +23,17 @@ pub(crate) const MOST_VERTICES: usize = 1 << 24;
 const STEP: u32 = 1 << 31;
 
 /// A piece of a wall that is to become an edge or a chain of edges.
+#[derive(Clone, Debug)]
 struct Task {
     from: u32,
     to: u32,
     walls: u32,
+    /// Whether the piece is a part of one that was split before.
+    is_part: bool,
 }
 
 /// An edge of the boundary of the triangles that a wall crosses.
+#[derive(Clone, Debug)]
 struct Step {
     /// Vertex at the end of the step, in order along the wall's left side.
     vertex: u32,
@@ -49,7 +54,7 @@ enum Way {
 }
 
 /// Makes walls edges of a triangulation. Kept for all walls, for its memory.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Constrainer {
     tasks: Vec<Task>,
     /// Steps on the left side of the wall, then those on the right side, each in order of the turn
@@ -60,6 +65,8 @@ pub(crate) struct Constrainer {
     removed: Vec<u32>,
     /// Chain of vertices with the link to the vertex before.
     chain: Vec<(u32, u32)>,
+    /// Crossings met by the wall that is inserted.
+    splits: usize,
 }
 
 impl Constrainer {
@@ -77,7 +84,20 @@ impl Constrainer {
     ) -> Result<(), PlanError> {
         let walls = of.lists.len() as u32;
         of.lists.push((wall, NONE));
-        self.tasks.push(Task { from, to, walls });
+        self.insert_list(of, from, to, walls)
+    }
+
+    /// Makes the segment between two vertices a chain of edges with a list of walls, as
+    /// [`insert`](Self::insert) does with a single wall.
+    pub(crate) fn insert_list(
+        &mut self,
+        of: &mut Triangulation,
+        from: u32,
+        to: u32,
+        walls: u32,
+    ) -> Result<(), PlanError> {
+        self.tasks.push(Task { from, to, walls, is_part: false });
+        self.splits = 0;
         while let Some(task) = self.tasks.pop() {
             let count = of.points.len().max(of.lists.len());
             if count > MOST_VERTICES {
@@ -90,7 +110,8 @@ impl Constrainer {
     }
 
     /// Does the first part of a task and leaves the rest as tasks.
-    fn advance(&mut self, of: &mut Triangulation, Task { from, to, walls }: Task) {
+    fn advance(&mut self, of: &mut Triangulation, task: Task) {
+        let Task { from, to, walls, is_part } = task;
         if from == to {
             return;
         }
@@ -98,21 +119,21 @@ impl Constrainer {
             None => return,
             Some(Way::Along(h)) => (h, of.edges[next(h) as usize].origin),
             Some(Way::Through(h)) => {
-                let Some(reached) = self.cross(of, h, to, walls) else { return };
+                let Some(reached) = self.cross(of, h, &task) else { return };
                 (self.fill(of, from, reached), reached)
             }
         };
         mark(of, h, walls);
         // Flips of a long wall's neighbours could take quadratic time.
         of.restore_delaunay(16 * self.steps.len() + 64);
-        self.tasks.push(Task { from: rest, to, walls });
+        self.tasks.push(Task { from: rest, to, walls, is_part });
     }
 
     /// Walks from the vertex of `h` through the triangle of `h` until the next vertex on the way to `to`, and
     /// collects what is crossed. Returns that vertex. `None` if a wall is in the way: then the two walls are
     /// split, and their pieces are tasks.
-    fn cross(&mut self, of: &mut Triangulation, h: u32, to: u32, walls: u32) -> Option<u32> {
-        let from = of.edges[h as usize].origin;
+    fn cross(&mut self, of: &mut Triangulation, h: u32, task: &Task) -> Option<u32> {
+        let (from, to) = (task.from, task.to);
         let [a, b] = [from, to].map(|v| of.points[v as usize]);
         self.steps.clear();
         self.right.clear();
@@ -124,7 +145,7 @@ impl Constrainer {
         loop {
             let edge = of.edges[crossed as usize];
             if edge.walls != NONE {
-                self.split(of, from, to, crossed, walls);
+                self.split(of, task, crossed);
                 return None;
             }
             let (twin, apex) = (edge.twin, of.apex(edge.twin));
@@ -143,32 +164,36 @@ impl Constrainer {
         }
     }
 
-    /// Splits the walls of `crossed` and the wall between two vertices where they cross.
-    fn split(&mut self, of: &mut Triangulation, from: u32, to: u32, crossed: u32, walls: u32) {
+    /// Splits the walls of `crossed` and the wall of a task where they cross.
+    fn split(&mut self, of: &mut Triangulation, task: &Task, crossed: u32) {
+        let &Task { from, to, walls, is_part } = task;
         let edge = of.edges[crossed as usize];
         let ends = [edge.origin, of.edges[edge.twin as usize].origin];
         let [a, b, c, d] = [from, to, ends[0], ends[1]].map(|v| of.points[v as usize]);
         let middle = crossing(a, b, c, d);
         mark_as(of, crossed, NONE);
         of.begin_at(crossed);
-        let vertex = if let Some(v) =
-            [from, to, ends[0], ends[1]].into_iter().find(|&v| of.points[v as usize] == middle)
-        {
-            v
-        } else {
-            of.insert(middle)
-        };
+        self.splits += 1;
+        // Pieces as short as rounding might bend to and fro: if there are too many, they cross instead.
+        let may_bend = self.splits < 16 * of.points.len() + 1024;
+        let vertex = near_vertex(of, middle, [from, to, ends[0], ends[1]], is_part);
+        let vertex = vertex.filter(|_| may_bend).unwrap_or_else(|| of.insert(middle));
         // The pieces of the wall in the way come first, so that the way is not crossed twice. A piece between
         // equal vertices is dropped.
-        self.tasks.push(Task { from: vertex, to, walls });
-        self.tasks.push(Task { from, to: vertex, walls });
-        self.tasks.push(Task { from: vertex, to: ends[1], walls: edge.walls });
-        self.tasks.push(Task { from: ends[0], to: vertex, walls: edge.walls });
+        for (from, to, walls) in [
+            (vertex, to, walls),
+            (from, vertex, walls),
+            (vertex, ends[1], edge.walls),
+            (ends[0], vertex, edge.walls),
+        ] {
+            self.tasks.push(Task { from, to, walls, is_part: true });
+        }
     }
 
     /// Triangulates the hole that [`cross`](Self::cross) has collected, with the edge from `from` to `to`,
     /// and returns the half-edge from `from` to `to`.
     fn fill(&mut self, of: &mut Triangulation, from: u32, to: u32) -> u32 {
+        of.unify(&self.removed);
         let left = self.steps.len();
         self.steps.extend(self.right.drain(..).rev());
         // An edge whose two triangles are both removed is two steps.
@@ -273,12 +298,30 @@ fn mark(of: &mut Triangulation, h: u32, walls: u32) {
         let mut item = walls;
         while item != NONE {
             let (wall, rest) = of.lists[item as usize];
-            of.lists.push((wall, head));
-            head = of.lists.len() as u32 - 1;
+            if !lists_lately(of, head, wall) {
+                of.lists.push((wall, head));
+                head = of.lists.len() as u32 - 1;
+            }
             item = rest;
         }
     }
     mark_as(of, h, head);
+}
+
+/// Returns whether a wall is among the last 64 added to a list. Without this, walls that bend onto each other
+/// again and again would double their lists each time.
+fn lists_lately(of: &Triangulation, mut item: u32, wall: u32) -> bool {
+    for _ in 0..64 {
+        if item == NONE {
+            return false;
+        }
+        let (other, rest) = of.lists[item as usize];
+        if other == wall {
+            return true;
+        }
+        item = rest;
+    }
+    false
 }
 
 /// Returns how the wall from one vertex to another leaves the first. `None` only if the triangulation is
@@ -303,6 +346,58 @@ fn way(of: &Triangulation, from: u32, to: u32) -> Option<Way> {
             return None;
         }
     }
+}
+
+/// Returns a vertex within rounding of the crossing of two segments, given by their ends, through which both
+/// may pass. If the first is a part of one that was split before, an end of either that is within rounding of
+/// the other will do, however far from their crossing: at a small angle, that is hardly known.
+fn near_vertex(of: &Triangulation, middle: Point, ends: [u32; 4], is_part: bool) -> Option<u32> {
+    let [a, b, c, d] = ends.map(|v| of.points[v as usize]);
+    let is_on = |&(v, segment): &(u32, [Point; 2])| may_bend(segment, of.points[v as usize]);
+    let ends_on = [(ends[0], [c, d]), (ends[1], [c, d]), (ends[2], [a, b]), (ends[3], [a, b])];
+    if let Some((v, _)) = ends_on.into_iter().find(is_on).filter(|_| is_part) {
+        return Some(v);
+    }
+    let is_near = |&v: &u32| {
+        let p = of.points[v as usize];
+        let rounding = rounding(&[a, b, c, d]);
+        (0..2).all(|k| (p[k] - middle[k]).abs() <= rounding) && may_bend([a, b], p) && may_bend([c, d], p)
+    };
+    let corners = match of.locate(middle) {
+        Place::Triangle(t) => [3 * t, 3 * t + 1, 3 * t + 2],
+        Place::Edge(h) | Place::Vertex(h) => [h, next(h), previous(h)],
+        Place::Outside => return None,
+    };
+    corners.map(|h| of.edges[h as usize].origin).into_iter().find(is_near)
+}
+
+/// Returns whether the segment from `a` to `b` may pass through a vertex instead: one that is an end, or that
+/// is within rounding of the segment and strictly between the ends along the longer axis. A segment that is
+/// parallel to an axis is not bent.
+fn may_bend([a, b]: [Point; 2], through: Point) -> bool {
+    if through == a || through == b {
+        return true;
+    }
+    let along = [b[0] - a[0], b[1] - a[1]].map(f64::abs);
+    let axis = usize::from(along[1] > along[0]);
+    let is_between = a[axis].min(b[axis]) < through[axis] && through[axis] < a[axis].max(b[axis]);
+    let is_bendable = along[1 - axis] > 0.0 || through[1 - axis] == a[1 - axis];
+    let is_in_box = a[1 - axis].min(b[1 - axis]) <= through[1 - axis]
+        && through[1 - axis] <= a[1 - axis].max(b[1 - axis]);
+    is_between
+        && is_in_box
+        && is_bendable
+        && area(a, b, through).abs() <= rounding(&[a, b, through]) * along[axis]
+}
+
+/// Returns the distance within which points that were rounded some times are taken for one.
+///
+/// A crossing is wrong by some units of rounding of the greatest coordinate. Pieces of walls that cross there
+/// may cross again a little beside: on and on, each time by a unit, where a coordinate rounds back to the
+/// same number; and walls on top of each other cross at every vertex of either. So near a vertex they pass
+/// through the vertex.
+fn rounding(points: &[Point]) -> f64 {
+    8.0 * f64::EPSILON * points.as_flattened().iter().fold(0.0, |size: f64, x| size.max(x.abs()))
 }
 
 /// Returns the `f64` point nearest to the crossing of `ab` and `cd`, up to a few units of rounding, in the

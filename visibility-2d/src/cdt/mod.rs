@@ -14,19 +14,19 @@
 //! - [`Plan::set_opacity`]: doors that open and close.
 
 mod cells;
-mod constrain;
+pub(crate) mod constrain;
 mod error;
 mod expand;
 mod hilbert;
 mod locate;
 mod plan;
-mod predicates;
+pub(crate) mod predicates;
 mod range;
 mod region;
 mod sight;
 #[cfg(test)]
 mod tests;
-mod triangulation;
+pub(crate) mod triangulation;
 mod view;
 mod visibility;
 mod wall;

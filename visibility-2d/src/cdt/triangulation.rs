@@ -8,6 +8,9 @@
 //! others at one place, beside a point 2^32 times as far away as they extend, are found by walks past the
 //! square root of their number.
 //!
+//! Triangles carry labels, which a user of the triangulation sets: parts of a triangle keep its label, and a
+//! label that a flip would take to other points is erased and reported.
+//!
 //! Triangle `t` has the half-edges `3 t`, `3 t + 1` and `3 t + 2`, counter-clockwise. All points lie strictly
 //! inside the rectangle of the first four, so every insertion splits a triangle or an inner edge.
 
@@ -55,7 +58,7 @@ pub(crate) struct BuildEdge {
 }
 
 /// A triangulation of points, with walls along some edges.
-#[derive(Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Triangulation {
     pub(crate) points: Vec<Point>,
     pub(crate) edges: Vec<BuildEdge>,
@@ -63,6 +66,10 @@ pub(crate) struct Triangulation {
     pub(crate) out: Vec<u32>,
     /// Lists of walls: number of a wall, and the next item or [`NONE`]. Items never change.
     pub(crate) lists: Vec<(u32, u32)>,
+    /// Label of each triangle, [`NONE`] without one. A label holds for all points of its triangle.
+    pub(crate) labels: Vec<u32>,
+    /// Labels that some triangle has lost, with repetitions.
+    pub(crate) erased: Vec<u32>,
     /// Half-edge at which the next location begins.
     last: u32,
     stack: Vec<u32>,
@@ -71,16 +78,38 @@ pub(crate) struct Triangulation {
 impl Triangulation {
     /// Makes the two triangles of a rectangle, given by its least and greatest corner.
     pub(crate) fn new(low: Point, high: Point) -> Self {
+        let mut new = Self::default();
+        new.restart(low, high);
+        new
+    }
+
+    /// Makes the triangulation the two triangles of a rectangle again, and keeps its memory.
+    pub(crate) fn restart(&mut self, low: Point, high: Point) {
         let edge = |origin, twin| BuildEdge { origin, twin, walls: NONE };
-        let edges =
-            [edge(0, NONE), edge(1, NONE), edge(2, 3), edge(0, 2), edge(2, NONE), edge(3, NONE)].to_vec();
-        Self {
-            points: [low, [high[0], low[1]], high, [low[0], high[1]]].to_vec(),
-            edges,
-            out: [0, 1, 2, 5].to_vec(),
-            lists: Vec::new(),
-            last: 0,
-            stack: Vec::new(),
+        let lists = [&mut self.out, &mut self.labels, &mut self.erased, &mut self.stack].into_iter();
+        lists.for_each(Vec::clear);
+        self.points.clear();
+        self.edges.clear();
+        self.lists.clear();
+        self.points.extend([low, [high[0], low[1]], high, [low[0], high[1]]]);
+        let diagonal = [edge(0, NONE), edge(1, NONE), edge(2, 3), edge(0, 2)];
+        self.edges.extend(diagonal.into_iter().chain([edge(2, NONE), edge(3, NONE)]));
+        self.out.extend([0, 1, 2, 5]);
+        self.labels.extend([NONE; 2]);
+        self.last = 0;
+    }
+
+    /// Erases the labels of triangles whose points are about to be divided anew, unless all are equal.
+    pub(crate) fn unify(&mut self, triangles: &[u32]) {
+        let label = |of: &Self, t: u32| of.labels[t as usize];
+        if triangles.windows(2).all(|pair| label(self, pair[0]) == label(self, pair[1])) {
+            return;
+        }
+        for &t in triangles {
+            let label = core::mem::replace(&mut self.labels[t as usize], NONE);
+            if label != NONE {
+                self.erased.push(label);
+            }
         }
     }
 
@@ -144,7 +173,7 @@ impl Triangulation {
 
     /// Finds a point by walking from the last place. The walk turns to another edge at each step, so it
     /// hardly ever runs in a circle; when it has taken too long, all triangles are searched.
-    fn locate(&self, point: Point) -> Place {
+    pub(crate) fn locate(&self, point: Point) -> Place {
         let mut t = self.last / 3;
         'walk: for step in 0..self.edges.len() as u32 + 16 {
             for turn in 0..3 {
@@ -182,9 +211,10 @@ impl Triangulation {
         (edge.twin, edge.walls)
     }
 
-    /// Appends a triangle whose half-edges are set afterwards, and returns its first half-edge.
-    fn push_triangle(&mut self) -> u32 {
+    /// Appends a labelled triangle whose half-edges are set afterwards, and returns its first half-edge.
+    fn push_triangle(&mut self, label: u32) -> u32 {
         let first = self.edges.len() as u32;
+        self.labels.push(label);
         self.edges.extend([BuildEdge { origin: 0, twin: NONE, walls: NONE }; 3]);
         first
     }
@@ -193,7 +223,8 @@ impl Triangulation {
         let h = 3 * t;
         let [a, b, c] = [h, h + 1, h + 2].map(|h| self.edges[h as usize].origin);
         let (of_b, of_c) = (self.across(h + 1), self.across(h + 2));
-        let (f, g) = (self.push_triangle(), self.push_triangle());
+        let label = self.labels[t as usize];
+        let (f, g) = (self.push_triangle(label), self.push_triangle(label));
         self.set(h, a, self.across(h));
         self.set(h + 1, b, (f + 2, NONE));
         self.set(h + 2, v, (g + 1, NONE));
@@ -212,7 +243,8 @@ impl Triangulation {
         let [a, b, c, d] = [h, hn, hp, gp].map(|h| self.edges[h as usize].origin);
         let walls = self.edges[h as usize].walls;
         let (of_bc, of_ad) = (self.across(hn), self.across(gn));
-        let (e, f) = (self.push_triangle(), self.push_triangle());
+        let [of_h, of_g] = [h, g].map(|h| self.labels[h as usize / 3]);
+        let (e, f) = (self.push_triangle(of_h), self.push_triangle(of_g));
         // Triangle of h: a v c; new: v b c. Triangle of g: b v d; new: v a d.
         self.set(h, a, (f, walls));
         self.set(hn, v, (e + 2, NONE));
@@ -259,6 +291,7 @@ impl Triangulation {
     /// quadrilateral. Then `h` begins at `a`, the twin at `b`, and the new edge is at `next(h)`.
     pub(crate) fn flip(&mut self, h: u32) {
         let g = self.edges[h as usize].twin;
+        self.unify(&[h / 3, g / 3]);
         let (hn, gn) = (next(h), next(g));
         let [a, b, v, d] = [h, g, previous(h), previous(g)].map(|h| self.edges[h as usize].origin);
         let (of_h, of_g) = (self.across(gn), self.across(hn));

@@ -1,0 +1,253 @@
+//! The image: a constrained Delaunay triangulation of occluder outlines, with the shape that fills each
+//! triangle.
+//!
+//! That a triangle is filled is proven from its three corners alone: if all are strictly inside the
+//! half-planes of a shape, the triangle is covered, since the half-planes are convex. Outlines are rounded to
+//! the grid, and crossings of outlines are rounded too; both change only which triangles there are.
+
+use super::screen::{GRID, ProjectedBox, REACH, RIM};
+use super::shape::{Shape, Shapes, at};
+use crate::cdt::constrain::Constrainer;
+use crate::cdt::triangulation::{NONE, Place, Triangulation};
+use alloc::vec::Vec;
+
+/// Greatest number of triangles: those beyond are never filled.
+pub(crate) const MOST_TRIANGLES: usize = 1 << 13;
+
+/// Number of the list that marks every edge of an outline. What is in the list is of no use here.
+const OUTLINE: u32 = 0;
+
+/// Triangles of a search, in memory of fixed size, so that a test of a borrowed image needs no other.
+struct Search {
+    seen: [u64; MOST_TRIANGLES / 64],
+    waiting: [u64; MOST_TRIANGLES / 64],
+    /// Words of `waiting` below this one are 0.
+    first: usize,
+}
+
+impl Search {
+    fn new() -> Self {
+        Self { seen: [0; MOST_TRIANGLES / 64], waiting: [0; MOST_TRIANGLES / 64], first: 0 }
+    }
+
+    /// Adds a triangle unless it was added before. Returns false if its number is too large.
+    fn push(&mut self, t: u32) -> bool {
+        let (word, bit) = (t as usize / 64, 1 << (t % 64));
+        let Some(seen) = self.seen.get_mut(word) else { return false };
+        if *seen & bit == 0 {
+            *seen |= bit;
+            self.waiting[word] |= bit;
+            self.first = self.first.min(word);
+        }
+        true
+    }
+
+    fn pop(&mut self) -> Option<u32> {
+        while let Some(word) = self.waiting.get_mut(self.first) {
+            if *word != 0 {
+                let bit = word.trailing_zeros();
+                *word &= *word - 1;
+                return Some(64 * self.first as u32 + bit);
+            }
+            self.first += 1;
+        }
+        None
+    }
+}
+
+/// Convex region of the image: the rectangle between two corners, within the hull of some points that are
+/// wrong by at most one unit.
+#[derive(Clone, Copy)]
+struct Region<'a> {
+    low: [f64; 2],
+    high: [f64; 2],
+    hull: &'a [[f64; 2]],
+}
+
+impl Region<'_> {
+    /// Returns false only if a triangle and the rectangle are apart along an axis.
+    fn meets_rectangle(&self, corners: &[[f64; 2]; 3]) -> bool {
+        (0..2).all(|axis| {
+            corners.iter().any(|p| p[axis] >= self.low[axis])
+                && corners.iter().any(|p| p[axis] <= self.high[axis])
+        })
+    }
+
+    /// Returns false only if the hull is apart from a triangle, beyond one of its sides.
+    ///
+    /// Points of the hull are wrong by up to half a unit on each axis. They are below 2^48 and sides shorter
+    /// than 2^21, so the cross product is wrong by less than a quarter of the side's extents. Together these
+    /// are less than the extents times one unit.
+    fn meets_hull(&self, corners: &[[f64; 2]; 3]) -> bool {
+        (0..3).all(|k| {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            let (x, y) = (b[0] - a[0], b[1] - a[1]);
+            let limit = -(x.abs() + y.abs());
+            self.hull.iter().any(|p| x * (p[1] - a[1]) - y * (p[0] - a[0]) >= limit)
+        })
+    }
+}
+
+/// Returns a lower bound on the depth key of a shape where a triangle and a rectangle meet; in the whole
+/// triangle if the rectangle has no corners.
+fn least_key(shapes: &Shapes, shape: &Shape, triangle: &[[f64; 2]; 3], rectangle: &[[f64; 2]]) -> f64 {
+    let least =
+        |plane, points: &[[f64; 2]]| points.iter().map(|&p| at(plane, p)).fold(f64::INFINITY, f64::min);
+    let planes = shapes.planes[shape.planes.clone()].iter().map(|&plane| {
+        let (in_triangle, in_rectangle) = (least(plane, triangle), least(plane, rectangle));
+        if rectangle.is_empty() { in_triangle } else { in_triangle.max(in_rectangle) }
+    });
+    planes.reduce(f64::min).map_or(shape.floor, |key| key.max(shape.floor))
+}
+
+/// Triangulated image of a frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Image {
+    triangulation: Triangulation,
+    constrainer: Constrainer,
+    outline: Vec<u32>,
+    found: Vec<u32>,
+    /// Whether a triangle was filled in this frame.
+    is_filled: bool,
+}
+
+impl Image {
+    /// Empties the image.
+    pub(crate) fn clear(&mut self) {
+        self.triangulation.restart([-RIM; 2], [REACH; 2]);
+        self.is_filled = false;
+    }
+
+    /// Returns the number of vertices, the corners of the image among them.
+    pub(crate) fn len(&self) -> usize {
+        self.triangulation.points.len()
+    }
+
+    /// Returns whether no triangle was ever filled.
+    pub(crate) fn is_empty(&self) -> bool {
+        !self.is_filled
+    }
+
+    /// Adds a shape: its outline, and then its number as the label of the triangles that it fills. Nothing
+    /// happens if all of its outline is filled already, or, unless `split` is set, if a part of it is.
+    pub(crate) fn add(&mut self, shapes: &Shapes, number: u32, split: bool) {
+        let shape = &shapes.list[number as usize];
+        let outline = &shapes.outlines[shape.outline.clone()];
+        self.collect(outline);
+        let labels = &self.triangulation.labels;
+        let filled = self.found.iter().filter(|&&t| labels[t as usize] != NONE).count();
+        if filled == self.found.len() || filled > 0 && !split {
+            return;
+        }
+        let of = &mut self.triangulation;
+        self.outline.clear();
+        for &point in outline {
+            self.outline.push(of.insert(point));
+        }
+        let count = self.outline.len();
+        for k in 0..count {
+            let (from, to) = (self.outline[k], self.outline[(k + 1) % count]);
+            // The only error is that there are too many vertices: then the outline is open.
+            let _ = self.constrainer.insert_list(of, from, to, OUTLINE);
+        }
+        self.fill(shapes, number);
+        // Crossings may have divided triangles of other shapes anew.
+        while let Some(label) = self.triangulation.erased.pop() {
+            if label != number {
+                self.fill(shapes, label);
+                self.triangulation.erased.retain(|&other| other != label);
+            }
+        }
+    }
+
+    /// Labels the triangles that a shape certainly fills, unless a nearer shape fills them.
+    fn fill(&mut self, shapes: &Shapes, number: u32) {
+        let shape = &shapes.list[number as usize];
+        self.collect(&shapes.outlines[shape.outline.clone()]);
+        for &t in &self.found {
+            let corners = self.corners(t);
+            let lines = &shapes.lines[shape.lines.clone()];
+            if !corners.iter().all(|&p| lines.iter().all(|&line| at(line, p) > 0.0)) {
+                continue;
+            }
+            let least = |number: u32| least_key(shapes, &shapes.list[number as usize], &corners, &[]);
+            let label = self.triangulation.labels[t as usize];
+            if label == NONE || least(number) > least(label) {
+                self.triangulation.labels[t as usize] = number;
+                self.is_filled = true;
+            }
+        }
+    }
+
+    /// Lists the triangles that a polygon on the grid meets, and some beside it.
+    fn collect(&mut self, polygon: &[[f64; 2]]) {
+        let mut found = core::mem::take(&mut self.found);
+        found.clear();
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for p in polygon {
+            for axis in 0..2 {
+                (low[axis], high[axis]) = (low[axis].min(p[axis]), high[axis].max(p[axis]));
+            }
+        }
+        self.visit(Region { low, high, hull: polygon }, |t, _| {
+            found.push(t);
+            true
+        });
+        self.found = found;
+    }
+
+    /// Tests whether every triangle that a box meets is filled by a shape that is certainly nearer.
+    pub(crate) fn hides(&self, shapes: &Shapes, bounds: &ProjectedBox) -> bool {
+        // A unit outwards, so that the region has an area, and then to the image.
+        let region = Region {
+            low: bounds.low.map(|x| (x - 1.0).max(0.0)),
+            high: bounds.high.map(|x| (x + 1.0).min(GRID)),
+            hull: &bounds.corners,
+        };
+        let ([x0, y0], [x1, y1]) = (region.low, region.high);
+        let rectangle = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]];
+        self.visit(region, |t, corners| {
+            let label = self.triangulation.labels[t as usize];
+            shapes
+                .list
+                .get(label as usize)
+                .is_some_and(|shape| least_key(shapes, shape, corners, &rectangle) > bounds.nearest)
+        })
+    }
+
+    /// Calls `each` for the triangles that meet a region, until it returns false. Triangles that meet the
+    /// rectangle hang together, so all are found from the one in its middle. Returns whether all were
+    /// visited.
+    fn visit(&self, region: Region<'_>, mut each: impl FnMut(u32, &[[f64; 2]; 3]) -> bool) -> bool {
+        let middle = [0, 1].map(|axis| 0.5 * (region.low[axis] + region.high[axis]));
+        let first = match self.triangulation.locate(middle) {
+            Place::Triangle(t) => t,
+            Place::Edge(h) | Place::Vertex(h) => h / 3,
+            Place::Outside => return false,
+        };
+        let mut search = Search::new();
+        if !search.push(first) {
+            return false;
+        }
+        while let Some(t) = search.pop() {
+            let corners = self.corners(t);
+            if !region.meets_rectangle(&corners) {
+                continue;
+            }
+            if region.meets_hull(&corners) && !each(t, &corners) {
+                return false;
+            }
+            for h in 3 * t..3 * t + 3 {
+                let twin = self.triangulation.edges[h as usize].twin;
+                if twin != NONE && !search.push(twin / 3) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    fn corners(&self, t: u32) -> [[f64; 2]; 3] {
+        core::array::from_fn(|k| self.triangulation.start(3 * t + k as u32))
+    }
+}

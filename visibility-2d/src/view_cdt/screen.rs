@@ -1,0 +1,170 @@
+//! Projection to the grid of the image, with bounds on rounding.
+//!
+//! Corners are homogeneous: `x`, `y` and `w`, where `x / w` and `y / w` are grid coordinates; `n`, where `n /
+//! w` is the depth key (greater is nearer); and the distance beyond the near plane. Each of the five is a
+//! linear function of points, a [`ClipRow`] of core, which brings its bound.
+
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::view::{ClipRow, Eye, ViewProjection};
+use visibility_core::{Aabb, View};
+
+/// Unit round-off of `f64`: 2^-53.
+pub(crate) const U: f64 = f64::EPSILON / 2.0;
+
+/// Width and height of the image in units of the grid.
+pub(crate) const GRID: f64 = 1_048_576.0;
+
+/// Distance in grid units from the image to the rectangle that is triangulated.
+pub(crate) const RIM: f64 = 8.0;
+
+/// Greatest magnitude of a grid coordinate in the rectangle that is triangulated.
+pub(crate) const REACH: f64 = GRID + RIM;
+
+/// A homogeneous corner: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+pub(crate) type Corner = [f64; 5];
+
+/// Projection of a view to the grid.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Screen {
+    rows: [ClipRow; 5],
+    anchor: DVec3,
+    /// Sign of the determinant of triangles that face the eye; 0 if it is not known.
+    facing: f64,
+    pub(crate) is_perspective: bool,
+}
+
+/// Projected corners of an object with one bound for all.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Projected {
+    pub(crate) corners: alloc::vec::Vec<Corner>,
+    /// Bound on the absolute error of each of the five values of any corner, also of points on edges between
+    /// two corners that are interpolated with up to four roundings.
+    pub(crate) error: Corner,
+    /// Greatest magnitude of each value with its error.
+    pub(crate) size: Corner,
+}
+
+/// Grid rectangle and depth of a box.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ProjectedBox {
+    /// Corners, each wrong by at most a quarter of a grid unit on each axis.
+    pub(crate) corners: [[f64; 2]; 8],
+    /// Least and greatest column and row in grid units, rounded outwards.
+    pub(crate) low: [f64; 2],
+    pub(crate) high: [f64; 2],
+    /// Upper bound on the depth keys of the box.
+    pub(crate) nearest: f64,
+}
+
+/// Where a box is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum BoxPlace {
+    /// The box certainly misses the image.
+    Outside,
+    /// The box may reach the near plane, or rounding leaves its place open.
+    Unknown,
+    Inside(ProjectedBox),
+}
+
+impl Screen {
+    /// A screen on which no box has a known place and no triangle faces the eye.
+    pub(crate) const BLIND: Self = Self {
+        rows: [ClipRow { linear: DVec3::ZERO, constant: 0.0, error: f64::INFINITY }; 5],
+        anchor: DVec3::ZERO,
+        facing: 0.0,
+        is_perspective: true,
+    };
+
+    pub(crate) fn new(view: &View, origin: DVec3) -> Self {
+        let projection = ViewProjection::new(view, origin);
+        let [x, y] = projection.pixels(GRID, GRID);
+        Self {
+            rows: [x, y, projection.w(), projection.depth_key(), projection.near()],
+            anchor: projection.anchor(),
+            // Rows run downwards, which mirrors; normals of triangles that face the eye point towards it,
+            // which mirrors again.
+            facing: projection.orientation(),
+            is_perspective: matches!(projection.eye(), Eye::Point(_)),
+        }
+    }
+
+    /// Returns the sign that the determinant of a placed triangle that faces the eye has, `None` if rounding
+    /// leaves open whether the transform mirrors.
+    pub(crate) fn facing(&self, transform: &Affine3A) -> Option<f64> {
+        let [x, y, z] = axes(transform);
+        let determinant = x.cross(y).dot(z);
+        let size = x.abs().element_sum() * y.abs().element_sum() * z.abs().element_sum();
+        (determinant.abs() > 16.0 * U * size && self.facing != 0.0)
+            .then_some(determinant.signum() * self.facing)
+    }
+
+    /// Projects placed points. Returns false, and leaves the result unusable, if a value is not finite.
+    ///
+    /// Products of two `f32` are exact in `f64`, and three sums round: a coordinate is wrong by less than `4
+    /// u` of the magnitudes summed. Another `4 u` of each value is for the interpolation of points.
+    pub(crate) fn project(&self, points: &[Vec3], transform: &Affine3A, out: &mut Projected) -> bool {
+        let mut is_finite = true;
+        out.corners.clear();
+        (out.error, out.size) = ([0.0; 5], [0.0; 5]);
+        let axes = axes(transform);
+        let shift = Vec3::from(transform.translation).as_dvec3();
+        for p in points {
+            let p = p.as_dvec3();
+            let place = axes[0] * p.x + axes[1] * p.y + axes[2] * p.z + shift;
+            let size = axes[0].abs() * p.x.abs()
+                + axes[1].abs() * p.y.abs()
+                + axes[2].abs() * p.z.abs()
+                + shift.abs();
+            let mut corner = [0.0; 5];
+            for (i, row) in self.rows.iter().enumerate() {
+                let (value, error) = row.at(place - self.anchor);
+                let error = error + 4.0 * U * (row.linear.abs().dot(size) + value.abs());
+                corner[i] = value;
+                out.error[i] = out.error[i].max(error);
+                out.size[i] = out.size[i].max(value.abs() + error);
+                is_finite &= error.is_finite() && value.is_finite();
+            }
+            out.corners.push(corner);
+        }
+        is_finite
+    }
+
+    /// Returns where a proper box is.
+    ///
+    /// A quotient `q = a / w` with errors `e_a` and `e_w` is wrong by `(e_a + |q| e_w) / w` to first order
+    /// and by two roundings. The factor 2 covers higher orders, since `w` exceeds `1024 e_w`.
+    pub(crate) fn place(&self, bounds: &Aabb) -> BoxPlace {
+        let (mut corners, mut low, mut high) = ([[0.0; 2]; 8], [f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let (mut nearest, mut is_known) = (f64::NEG_INFINITY, true);
+        for (corner, p) in corners.iter_mut().zip(bounds.corners()) {
+            let values = self.rows.map(|row| row.at(p.as_dvec3() - self.anchor));
+            let (w, of_w) = values[2];
+            is_known &= values[4].0 > values[4].1 && w > 1024.0 * of_w;
+            let quotient = |(a, of_a): (f64, f64)| {
+                let q = a / w;
+                (q, 2.0 * ((of_a + q.abs() * of_w) / w + 4.0 * U * q.abs()))
+            };
+            for axis in 0..2 {
+                let (q, margin) = quotient(values[axis]);
+                corner[axis] = q;
+                low[axis] = low[axis].min(q - margin);
+                high[axis] = high[axis].max(q + margin);
+                is_known &= margin < 0.25;
+            }
+            let (q, margin) = quotient(values[3]);
+            nearest = nearest.max(q + margin);
+        }
+        if !is_known {
+            return BoxPlace::Unknown;
+        }
+        if (0..2).any(|axis| high[axis] < 0.0 || low[axis] > GRID) {
+            return BoxPlace::Outside;
+        }
+        BoxPlace::Inside(ProjectedBox { corners, low, high, nearest })
+    }
+}
+
+fn axes(transform: &Affine3A) -> [DVec3; 3] {
+    let m = transform.matrix3;
+    [m.x_axis, m.y_axis, m.z_axis].map(|axis| Vec3::from(axis).as_dvec3())
+}

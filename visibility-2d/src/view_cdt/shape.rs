@@ -1,0 +1,362 @@
+//! Occluders as shapes of the image: half-planes that certainly bound what is covered, and depth.
+//!
+//! A shape is made of triangles of a mesh that certainly face the eye, cut at the near plane. Its contour is
+//! the edges with one such triangle, and the cuts. A point strictly on the inner side of the lines of all
+//! contour edges is covered: each of them runs around the point in the same sense, so the contour winds
+//! around it at least once, and the winding number is the number of triangles that cover the point.
+//!
+//! # Bounds
+//! Let `e` be the errors of corners and `S` their sizes with error. A component `a_j b_k - a_k b_j` of a
+//! cross product is wrong by at most `2 (e_j S_k + S_j e_k)`, and by less than `4 u S_j S_k` of rounding; the
+//! code has `8 u`. A determinant `a . (b x c)` is wrong by the errors of one factor times the size `2 S_j
+//! S_k` of the other, and the reverse.
+
+use super::screen::{Corner, Projected, REACH, U};
+use alloc::vec::Vec;
+use core::ops::Range;
+use visibility_core::OccluderMesh;
+
+/// Grid units by which outlines are moved inwards before they are rounded to the grid.
+const INSET: f64 = 1.0;
+
+/// Greatest number of triangles of a shape that is no convex solid.
+const MOST_JOINED: usize = 16;
+
+/// A linear function `a x + b y + c` of grid coordinates.
+pub(crate) type Line = [f64; 3];
+
+pub(crate) fn at([a, b, c]: Line, [x, y]: [f64; 2]) -> f64 {
+    a * x + b * y + c
+}
+
+/// Bounds of a shape, as ranges in the lists of [`Shapes`].
+#[derive(Clone, Debug)]
+pub(crate) struct Shape {
+    /// Half-planes of the shape: a point of the grid at which all are positive is covered.
+    pub(crate) lines: Range<usize>,
+    /// Lower bounds on the depth key of the occluder, the least of which holds.
+    pub(crate) planes: Range<usize>,
+    /// Vertices of the outline on the grid, counter-clockwise.
+    pub(crate) outline: Range<usize>,
+    /// Lower bound on the depth key anywhere.
+    pub(crate) floor: f64,
+    /// Upper bound on the depth key anywhere: infinite if the near plane cuts the shape.
+    pub(crate) ceiling: f64,
+}
+
+/// Shapes of a frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Shapes {
+    pub(crate) list: Vec<Shape>,
+    pub(crate) lines: Vec<Line>,
+    pub(crate) planes: Vec<Line>,
+    pub(crate) outlines: Vec<[f64; 2]>,
+    clipped: Vec<[f64; 2]>,
+    /// State of each triangle of the mesh.
+    states: Vec<State>,
+    /// Triangles of the shape that is being made.
+    joined: Vec<u32>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum State {
+    /// Hides nothing, or is in an earlier shape.
+    Unused,
+    /// Faces the eye and is in no shape yet.
+    Free,
+    /// In the shape that is being made.
+    Joined,
+}
+
+fn cross(a: &Corner, b: &Corner) -> Line {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(line: Line, a: &Corner) -> f64 {
+    line[0] * a[0] + line[1] * a[1] + line[2] * a[2]
+}
+
+/// A projected mesh with the bounds that its corners share.
+struct Meshed<'a> {
+    mesh: &'a OccluderMesh,
+    corners: &'a [Corner],
+    size: &'a Corner,
+    error: &'a Corner,
+    /// Sign of the determinant of triangles of the shape.
+    facing: f64,
+    /// Distance beyond the near plane at which geometry is cut.
+    limit: f64,
+    /// Bounds on the errors of components of cross products.
+    of_cross: Line,
+    of_determinant: f64,
+}
+
+impl<'a> Meshed<'a> {
+    fn new(mesh: &'a OccluderMesh, of: &'a Projected, facing: f64) -> Self {
+        let (s, e) = (&of.size, &of.error);
+        let of_product = |j: usize, k: usize| 2.0 * (e[j] * s[k] + s[j] * e[k]) + 8.0 * U * s[j] * s[k];
+        let of_cross = [of_product(1, 2), of_product(2, 0), of_product(0, 1)];
+        let of_determinant = (0..3)
+            .map(|i| {
+                let crossed = 2.0 * s[(i + 1) % 3] * s[(i + 2) % 3];
+                e[i] * crossed + s[i] * of_cross[i] + 16.0 * U * s[i] * crossed
+            })
+            .sum();
+        // A cut at the computed distance `limit` is truly beyond the near plane: it is wrong by `e`, and by
+        // the rounding of its interpolation.
+        let limit = 2.0 * e[4] + 16.0 * U * s[4];
+        Self { mesh, corners: &of.corners, size: s, error: e, facing, limit, of_cross, of_determinant }
+    }
+
+    fn corner(&self, vertex: u32) -> &Corner {
+        &self.corners[vertex as usize]
+    }
+
+    fn is_beyond(&self, vertex: u32) -> bool {
+        self.corner(vertex)[4] > self.limit
+    }
+
+    /// Returns the half-plane on the inner side of an edge from `a` to `b`, lowered by its error at all
+    /// points of the grid.
+    fn line(&self, a: &Corner, b: &Corner) -> Line {
+        let line = cross(a, b).map(|x| x * self.facing);
+        let size = REACH * (line[0].abs() + line[1].abs()) + line[2].abs();
+        let error = REACH * (self.of_cross[0] + self.of_cross[1]) + self.of_cross[2] + 8.0 * U * size;
+        [line[0], line[1], line[2] - error]
+    }
+
+    /// Returns whether a triangle is certainly turned as the shape is, and reaches beyond the near plane.
+    fn is_drawn(&self, [a, b, c]: [u32; 3]) -> bool {
+        let determinant = dot(cross(self.corner(b), self.corner(c)), self.corner(a));
+        determinant * self.facing > self.of_determinant && [a, b, c].iter().any(|&v| self.is_beyond(v))
+    }
+
+    /// Returns a lower bound on the depth key of a triangle's plane at all points of the grid. `None` if
+    /// rounding leaves the plane open.
+    ///
+    /// By Cramer's rule the key is `n_a (b x c) + n_b (c x a) + n_c (a x b)` over the determinant.
+    fn depth_plane(&self, t: [u32; 3]) -> Option<Line> {
+        let [a, b, c] = t.map(|v| self.corner(v));
+        let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
+        let determinant = dot(bc, a);
+        let least = determinant.abs() - self.of_determinant;
+        let plane: Line =
+            core::array::from_fn(|i| (a[3] * bc[i] + b[3] * ca[i] + c[3] * ab[i]) / determinant);
+        let (s, e) = (self.size, self.error);
+        let numerator = |i: usize| {
+            let crossed = 2.0 * s[(i + 1) % 3] * s[(i + 2) % 3];
+            3.0 * (s[3] * self.of_cross[i] + e[3] * crossed) + 64.0 * U * s[3] * crossed
+        };
+        let of_numerator = REACH * (numerator(0) + numerator(1)) + numerator(2);
+        let size = REACH * (plane[0].abs() + plane[1].abs()) + plane[2].abs();
+        let error = (of_numerator + size * self.of_determinant) / least + 32.0 * U * size;
+        (least > 0.0 && error.is_finite()).then_some([plane[0], plane[1], plane[2] - error])
+    }
+
+    /// Returns the point of an edge at the near limit, the same from both ends.
+    fn cut(&self, a: u32, b: u32) -> Corner {
+        let (a, b) = if self.is_beyond(b) { (a, b) } else { (b, a) };
+        let (a, b) = (self.corner(a), self.corner(b));
+        let share = (self.limit - a[4]) / (b[4] - a[4]);
+        core::array::from_fn(|i| a[i] * (1.0 - share) + b[i] * share)
+    }
+}
+
+impl Shapes {
+    pub(crate) fn clear(&mut self) {
+        self.list.clear();
+        self.lines.clear();
+        self.planes.clear();
+        self.outlines.clear();
+    }
+
+    /// Adds the shapes of a mesh: one of a convex solid, and otherwise shapes of neighbouring triangles that
+    /// together look convex. `facing` is the determinant's sign of triangles that face the eye.
+    pub(crate) fn add(&mut self, mesh: &OccluderMesh, projected: &Projected, facing: f64) {
+        for facing in [facing, -facing] {
+            let of = Meshed::new(mesh, projected, facing);
+            self.states.clear();
+            let state = |t: &[u32; 3]| if of.is_drawn(*t) { State::Free } else { State::Unused };
+            self.states.extend(mesh.triangles().iter().map(state));
+            for seed in 0..self.states.len() as u32 {
+                if self.states[seed as usize] == State::Free {
+                    self.join(&of, seed);
+                    self.finish(&of);
+                }
+            }
+            if !mesh.is_two_sided() {
+                break;
+            }
+        }
+    }
+
+    /// Collects the triangles of a shape, from one on.
+    fn join(&mut self, of: &Meshed<'_>, seed: u32) {
+        self.joined.clear();
+        if of.mesh.is_convex() {
+            let free = (0u32..).zip(&mut self.states).filter(|(_, state)| **state == State::Free);
+            self.joined.extend(free.map(|(t, state)| {
+                *state = State::Joined;
+                t
+            }));
+            return;
+        }
+        self.states[seed as usize] = State::Joined;
+        self.joined.push(seed);
+        let mut index = 0;
+        while index < self.joined.len() {
+            for edge in of.mesh.triangle_edges()[self.joined[index] as usize] {
+                let edge = of.mesh.edges()[edge as usize];
+                let Some(right) = edge.right else { continue };
+                let other = if edge.left == self.joined[index] { right } else { edge.left };
+                if self.states[other as usize] == State::Free && self.joined.len() < MOST_JOINED {
+                    self.states[other as usize] = State::Joined;
+                    self.joined.push(other);
+                    if !self.looks_convex(of) {
+                        self.joined.pop();
+                        self.states[other as usize] = State::Free;
+                    }
+                }
+            }
+            index += 1;
+        }
+    }
+
+    /// Returns whether all corners of the shape are on the inner side of its contour. It decides only how
+    /// triangles are joined, so rounding does no harm.
+    fn looks_convex(&mut self, of: &Meshed<'_>) -> bool {
+        let first = self.lines.len();
+        self.push_contour(of);
+        let triangles = self.joined.iter().flat_map(|&t| of.mesh.triangles()[t as usize]);
+        let is_inside = |vertex: u32| {
+            let corner = of.corner(vertex);
+            let is_behind = |line: &Line| {
+                let scale = corner[2].abs() * (line[0].abs() + line[1].abs()) + f64::MIN_POSITIVE;
+                dot(*line, corner) >= -0.25 * scale
+            };
+            corner[4] > of.limit && self.lines[first..].iter().all(is_behind)
+        };
+        let convex = triangles.into_iter().all(is_inside);
+        self.lines.truncate(first);
+        convex
+    }
+
+    fn push_contour(&mut self, of: &Meshed<'_>) {
+        for &t in &self.joined {
+            let triangle = of.mesh.triangles()[t as usize];
+            let edges = of.mesh.triangle_edges()[t as usize];
+            for k in 0..3 {
+                let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+                let edge = of.mesh.edges()[edges[k] as usize];
+                let other = if edge.left == t { edge.right } else { Some(edge.left) };
+                let is_inner = other.is_some_and(|t| self.states[t as usize] == State::Joined);
+                if !is_inner && (of.is_beyond(a) || of.is_beyond(b)) {
+                    self.lines.push(of.line(of.corner(a), of.corner(b)));
+                }
+            }
+            // Where the triangle leaves the part beyond the near plane, and where it comes back.
+            let find = |leaves: bool| {
+                (0..3)
+                    .map(|k| (triangle[k], triangle[(k + 1) % 3]))
+                    .find(|&(a, b)| of.is_beyond(a) == leaves && of.is_beyond(b) != leaves)
+            };
+            if let (Some((a, b)), Some((c, d))) = (find(true), find(false)) {
+                self.lines.push(of.line(&of.cut(a, b), &of.cut(c, d)));
+            }
+        }
+    }
+
+    /// Makes the collected triangles a shape, unless it has no outline in the image.
+    fn finish(&mut self, of: &Meshed<'_>) {
+        let starts = [self.lines.len(), self.planes.len(), self.outlines.len()];
+        self.push_contour(of);
+        let (mut floor, mut ceiling) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &t in &self.joined {
+            let triangle = of.mesh.triangles()[t as usize];
+            for vertex in triangle {
+                let [_, _, w, n, _] = *of.corner(vertex);
+                let q = n / w;
+                let margin = 2.0 * ((of.error[3] + q.abs() * of.error[2]) / w + 4.0 * U * q.abs());
+                if w > 1024.0 * of.error[2] {
+                    // A corner before the near plane, too: a cut may be as far as it, if the plane is
+                    // oblique.
+                    floor = floor.min(q - margin);
+                    ceiling = ceiling.max(q + margin);
+                } else if w > 0.0 || of.is_beyond(vertex) {
+                    floor = f64::NEG_INFINITY;
+                }
+                if !of.is_beyond(vertex) {
+                    ceiling = f64::INFINITY;
+                }
+            }
+            // Without a plane, the least key of all corners holds.
+            self.planes.push(of.depth_plane(triangle).unwrap_or([0.0, 0.0, f64::NEG_INFINITY]));
+        }
+        for &t in &self.joined {
+            self.states[t as usize] = State::Unused;
+        }
+        if self.lines.len() > starts[0] && self.push_outline(starts[0]) {
+            self.list.push(Shape {
+                lines: starts[0]..self.lines.len(),
+                planes: starts[1]..self.planes.len(),
+                outline: starts[2]..self.outlines.len(),
+                floor,
+                ceiling,
+            });
+        } else {
+            self.lines.truncate(starts[0]);
+            self.planes.truncate(starts[1]);
+            self.outlines.truncate(starts[2]);
+        }
+    }
+
+    /// Adds the outline of the points inside all lines from `first` on, moved inwards and rounded to the
+    /// grid. Returns false if fewer than three vertices are left. What the outline is need not be exact: only
+    /// triangles whose corners are inside the lines are filled.
+    fn push_outline(&mut self, first: usize) -> bool {
+        let begin = self.outlines.len();
+        let (low, high) = (-0.5 * super::screen::RIM, REACH - 0.5 * super::screen::RIM);
+        self.outlines.extend([[low, low], [high, low], [high, high], [low, high]]);
+        for &line in &self.lines[first..] {
+            let inset = INSET * (line[0].abs() + line[1].abs());
+            let height = |p| at(line, p) - inset;
+            self.clipped.clear();
+            let count = self.outlines.len() - begin;
+            for k in 0..count {
+                let [p, q] = [k, (k + 1) % count].map(|k| self.outlines[begin + k]);
+                let (of_p, of_q) = (height(p), height(q));
+                if of_p >= 0.0 {
+                    self.clipped.push(p);
+                }
+                if (of_p >= 0.0) != (of_q >= 0.0) {
+                    let share = of_p / (of_p - of_q);
+                    self.clipped.push([0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis])));
+                }
+            }
+            self.outlines.truncate(begin);
+            self.outlines.append(&mut self.clipped);
+        }
+        for p in &mut self.outlines[begin..] {
+            *p = p.map(round);
+        }
+        let mut kept = begin;
+        for index in begin..self.outlines.len() {
+            let p = self.outlines[index];
+            if kept == begin || self.outlines[kept - 1] != p {
+                self.outlines[kept] = p;
+                kept += 1;
+            }
+        }
+        while kept > begin + 1 && self.outlines[kept - 1] == self.outlines[begin] {
+            kept -= 1;
+        }
+        self.outlines.truncate(kept);
+        kept - begin >= 3 && self.outlines[begin..].iter().flatten().all(|x| x.abs() <= REACH)
+    }
+}
+
+/// Rounds to the nearest whole number, magnitudes up to 2^51: the sum has no bits for fractions.
+fn round(x: f64) -> f64 {
+    const WHOLE: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
+    (x + WHOLE) - WHOLE
+}
