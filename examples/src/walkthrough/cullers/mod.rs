@@ -10,6 +10,7 @@ mod known;
 pub mod plp;
 pub mod portals;
 mod pvs;
+mod view_cdt;
 
 pub use known::Known;
 
@@ -21,6 +22,7 @@ pub fn known() -> impl Iterator<Item = &'static Known> {
     [
         contribution::KNOWN,
         horizon::KNOWN,
+        view_cdt::KNOWN,
         hom::KNOWN,
         hzb::KNOWN,
         bsp::KNOWN,
