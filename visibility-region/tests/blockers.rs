@@ -209,3 +209,21 @@ fn what_shares_the_plane_of_a_blocker_is_seen() {
     }
     assert_eq!(wall.classify_aabb(&tile([5.0, 6.0])), Containment::Inside);
 }
+
+/// A viewcell that is a point, and an object there: nearer than the views of the point begin.
+#[test]
+fn what_touches_the_cell_is_seen_however_small() {
+    let mut scene = Scene::new();
+    let dust = scene.insert(Aabb::new(Vec3::ZERO, Vec3::ZERO));
+    let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ZERO);
+    let cullers: [&mut dyn RegionCuller; 3] = [
+        &mut ConvexBlockersCuller::new(),
+        &mut VolumetricCuller::new(),
+        &mut ShrunkCuller::new(PointShadows, 2),
+    ];
+    for culler in cullers {
+        let mut visible = VisibleSet::new();
+        culler.cull(&scene, &cell, &mut visible);
+        assert!(visible.contains(&scene, dust));
+    }
+}

@@ -184,3 +184,67 @@ fn the_answer_does_not_depend_on_the_scale() {
         assert!(hidden.contains(&id) && hidden.len() == 1, "{exponent}");
     }
 }
+
+/// Occluders in scene coordinates take another way than those that a transform places.
+fn transforms() -> [Affine3A; 2] {
+    [Affine3A::IDENTITY, Affine3A::from_translation(Vec3::new(0.0, 0.0, 0.125))]
+}
+
+/// Returns the two triangles of a quadrilateral that stands upright on a segment of the xy plane. Its front is
+/// on the left of the segment.
+fn upright([a, b]: [[f32; 2]; 2], half_height: f32) -> [visibility_core::scene::Triangle; 2] {
+    let at = |[x, y]: [f32; 2], z: f32| Vec3::new(x, y, z * half_height);
+    [[at(b, -1.0), at(a, -1.0), at(a, 1.0)], [at(b, -1.0), at(a, 1.0), at(b, 1.0)]]
+}
+
+#[test]
+fn a_wall_that_turns_its_back_on_part_of_the_cell_does_not_close_a_ridge() {
+    // The wall from the ridge backwards faces the middle of the cell, and shows its back to the middle of the
+    // cell's front. Seen from there, the ridge covers what the back of the cell sees past the far end.
+    let ridge = [[5.0, 0.0], [5.0, 10.0 / 3.0], [20.0, 10.0]];
+    for transform in transforms() {
+        let mut world = World::new();
+        let walls = [upright([ridge[0], ridge[1]], 20.0), upright([ridge[1], ridge[2]], 20.0)];
+        world.add(walls.as_flattened(), false, transform);
+        let seen = world.add_target(Aabb::from_arrays([21.0, 11.0, -0.2], [21.5, 11.7, 0.2]));
+        let hidden = world.add_target(Aabb::from_arrays([21.0, 2.0, -0.2], [21.5, 3.0, 0.2]));
+        let cell = Viewcell::from_box(DVec3::new(-10.0, -0.03, -0.1), DVec3::new(0.0, 0.03, 0.1));
+        let all = world.hidden(&mut ExtendedProjectionCuller::new(), &cell);
+        assert!(!all.contains(&seen) && all.contains(&hidden), "{transform}");
+    }
+}
+
+#[test]
+fn what_hangs_on_a_slanted_wall_is_seen_wherever_planes_cut_the_wall() {
+    for transform in transforms() {
+        let mut world = World::new();
+        world.add(&upright([[5.0, -4.0], [60.0, 30.0]], 40.0), false, transform);
+        world.add(&upright([[70.0, -40.0], [70.0, 40.0]], 40.0), false, transform);
+        let pictures: Vec<_> = (0..600)
+            .map(|i| {
+                let part = i as f32 / 600.0;
+                let at = Vec3::new(5.0 + 55.0 * part - 0.03, -4.0 + 34.0 * part, 0.1);
+                world.add_target(Aabb::new(at, at + 0.002))
+            })
+            .collect();
+        for y in [-35.0, 35.0] {
+            world.add_target(target(80.0, y, 0.0));
+        }
+        let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell());
+        let lost = pictures.iter().filter(|id| hidden.contains(id)).count();
+        assert_eq!(lost, 0, "{transform}");
+    }
+}
+
+#[test]
+fn a_slanted_floor_hides_nothing_that_is_seen_past_its_near_end() {
+    // The floor ends beside the cell, nearer than occluders are drawn. Its slant keeps its bounds from telling.
+    let at = |x: f32, y: f32| Vec3::new(x, y, -1.0 - 0.5 * y);
+    let [a, b, c, d] = [at(0.45, -20.0), at(30.0, -20.0), at(30.0, 20.0), at(0.45, 20.0)];
+    for transform in transforms() {
+        let mut world = World::new();
+        world.add(&[[a, b, c], [a, c, d]], false, transform);
+        let seen = world.add_target(Aabb::from_arrays([8.0, -0.3, -6.3], [8.3, 0.3, -5.7]));
+        assert!(!hides(&world, seen), "{transform}");
+    }
+}

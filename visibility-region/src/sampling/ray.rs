@@ -130,3 +130,61 @@ impl Ray {
         Some(Meeting { least: (at - doubt).max(first - rounding), most: at + doubt })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+    use visibility_testing::sign_of_sum;
+
+    /// Returns the exact sign of the side on which a ray passes the edge from `p` to `q`. The origin must have
+    /// coordinates of `f32`, so that their products are exact.
+    fn exact_side(ray: &Ray, p: Vec3, q: Vec3) -> i32 {
+        let (o, p, q) = (ray.origin, p.as_dvec3(), q.as_dvec3());
+        // (p - o) x (q - o) = p x q - p x o - o x q
+        let terms = [(p, q, 1.0), (p, o, -1.0), (o, q, -1.0)].into_iter().flat_map(|(a, b, sign)| {
+            (0..3).flat_map(move |i| {
+                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                [(ray.along[i], sign * a[j] * b[k]), (ray.along[i], -sign * a[k] * b[j])]
+            })
+        });
+        sign_of_sum(terms)
+    }
+
+    #[test]
+    fn rays_at_edges_are_decided_as_exact_arithmetic_does() {
+        let mut rng = Random(11);
+        let mut counts = [0; 3];
+        for _ in 0..30_000 {
+            let corners = [(); 3].map(|()| rng.vec3(-9.0, 9.0));
+            let origin = (rng.direction() * 20.0).as_vec3().as_dvec3();
+            let [p, q] = [corners[0], corners[1]].map(|p| p.as_dvec3());
+            let Some(ray) = Ray::through(origin, p + (q - p) * rng.unit()) else { continue };
+            let sides: [i32; 3] =
+                core::array::from_fn(|i| exact_side(&ray, corners[(i + 1) % 3], corners[(i + 2) % 3]));
+            let is_hit = sides.iter().all(|&side| side > 0) || sides.iter().all(|&side| side < 0);
+            let is_missed = sides.contains(&1) && sides.contains(&-1);
+            match ray.meet(&corners, 0.0) {
+                None => {
+                    assert!(is_missed, "{ray:?} {corners:?}: {sides:?}");
+                    counts[0] += 1;
+                }
+                Some(meeting) if meeting.is_certain() => {
+                    assert!(is_hit, "{ray:?} {corners:?}: {sides:?}");
+                    counts[1] += 1;
+                }
+                Some(_) => counts[2] += 1,
+            }
+            // A thousandth aside, the ray is decided.
+            let aside = (corners[2].as_dvec3() - p).normalize() * 1e-3;
+            let middle = p.lerp(q, 0.5);
+            let is_certain = |target: DVec3| {
+                let ray = Ray::through(origin, target).unwrap();
+                ray.meet(&corners, 0.0).is_none_or(|meeting| meeting.is_certain())
+            };
+            counts[0] += usize::from(is_certain(middle + aside)) + usize::from(is_certain(middle - aside));
+        }
+        // At the edge itself hardly anything is decided, and beside the edge nearly everything.
+        assert!(counts[0] > 58_000 && counts[2] > 29_000, "{counts:?}");
+    }
+}
