@@ -8,8 +8,9 @@
 //! here depends on the axes being exactly orthogonal or of unit length: it suffices that the viewcell,
 //! mapped, lies within the box of [`Direction::half`] and [`Direction::depth`].
 
+use super::cell_extent::CellExtent;
+use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, pvs::Viewcell};
 
 /// A box around a viewcell, with axes of its own, relative to the scene's origin.
 #[derive(Clone, Copy, Debug)]
@@ -24,28 +25,18 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// Encloses a viewcell. `bounds` contains all objects that can be culled. `None` for a viewcell that is
-    /// empty or not finite.
-    pub(crate) fn new(cell: &Viewcell, origin: DVec3, bounds: &Aabb, axes: [DVec3; 3]) -> Option<Self> {
-        let (min, max) = (cell.min - origin, cell.max - origin);
-        if !(min.is_finite() && max.is_finite() && cell.min.cmple(cell.max).all()) {
-            return None;
-        }
+    /// Encloses a viewcell in a box along `axes`, of about unit length. `bounds` contains all objects that can be
+    /// culled. `None` for a viewcell that is empty, or so large that numbers are not finite.
+    pub(crate) fn new(cell: &CellExtent, bounds: &Aabb, axes: [DVec3; 3]) -> Option<Self> {
         let reach = |p: DVec3, q: DVec3| p.abs().max(q.abs()).element_sum();
-        let magnitude = reach(min, max) + reach(bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let magnitude = reach(cell.min, cell.max) + reach(bounds.min.as_dvec3(), bounds.max.as_dvec3());
         // With u = EPSILON / 2: a row times a point rounds three products and two sums, each of at most the
         // magnitude above, and the offset subtracted below as much: less than 16 u of the magnitude in all.
         let error = 16.0 * f64::EPSILON * magnitude + f64::MIN_POSITIVE;
         // The subtraction of the origin rounds by u of its result, and the corners as the rest does.
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for corner in 0..8 {
-            let p = DVec3::new(
-                if corner & 1 == 0 { min.x } else { max.x },
-                if corner & 2 == 0 { min.y } else { max.y },
-                if corner & 4 == 0 { min.z } else { max.z },
-            );
-            let p = DVec3::from_array(axes.map(|axis| axis.dot(p)));
-            (low, high) = (low.min(p), high.max(p));
+        let (low, high) = cell.along(axes);
+        if !low.cmple(high).all() {
+            return None;
         }
         let (center, half) = (low * 0.5 + high * 0.5, (high * 0.5 - low * 0.5) + DVec3::splat(error));
         error.is_finite().then_some(Self { axes, center, half, error })

@@ -1,5 +1,6 @@
 //! The occlusion sweep: projection planes that leave the viewcell in six directions and gather occlusion.
 
+pub(crate) mod cell_extent;
 mod culler;
 pub(crate) mod direction;
 mod draw;

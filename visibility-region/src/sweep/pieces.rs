@@ -252,6 +252,7 @@ impl CellBox {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cell_extent::CellExtent;
     use super::*;
     use alloc::vec;
     use visibility_core::glam::{Affine3A, Vec3};
@@ -276,7 +277,7 @@ mod tests {
         scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
         let cell = Viewcell::from_box(DVec3::splat(-0.1), DVec3::splat(0.1));
         let bounds = scene.culled_bounds().unwrap();
-        let cell = CellBox::new(&cell, DVec3::ZERO, &bounds, DVec3::AXES).unwrap();
+        let cell = CellBox::new(&CellExtent::new(&cell, DVec3::ZERO).unwrap(), &bounds, DVec3::AXES).unwrap();
         let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
         pieces.find(&surfaces, &Bits::occluding(&scene, &VisibleSet::new()), &cell);
         pieces

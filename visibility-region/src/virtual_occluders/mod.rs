@@ -11,8 +11,10 @@ mod choose;
 mod rectangles;
 
 use crate::bits::Bits;
+use crate::sweep::cell_extent::CellExtent;
 use crate::sweep::direction::{CellBox, Direction};
 use alloc::vec::Vec;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
@@ -155,6 +157,14 @@ impl VirtualOccluders {
         let (low, high) = (low + anchor - margin, high + anchor + margin);
         let within =
             self.cell.min.cmple(low).all() && high.cmple(self.cell.max).all() && low.cmple(high).all();
+        let is_inside = |plane: &Plane| {
+            let corners = [low - anchor, high - anchor].map(|corner| plane.normal * corner);
+            let least = corners[0].min(corners[1]).element_sum() + plane.signed_distance(anchor);
+            // Eight roundings, each of at most half an EPSILON of the terms.
+            let terms = (plane.normal.abs() * (anchor.abs() + low.abs().max(high.abs()))).element_sum();
+            least >= 8.0 * f64::EPSILON * (terms + plane.offset.abs())
+        };
+        let within = within && self.cell.planes.iter().all(is_inside);
         (known && finite && within).then_some((low, high))
     }
 }
@@ -175,10 +185,10 @@ impl OcclusionMap for VirtualOccluders {
             return;
         }
         let Some((min, max)) = self.sight_start(view) else { return };
-        let start = Viewcell::from_box(min, max);
+        let Some(start) = CellExtent::new(&Viewcell::from_box(min, max), origin) else { return };
         for occluder in &self.occluders {
             let near = Aabb::from_world(occluder.corners()[0], occluder.corners()[2], origin);
-            let Some(start) = CellBox::new(&start, origin, &near, occluder.axes) else { continue };
+            let Some(start) = CellBox::new(&start, &near, occluder.axes) else { continue };
             let direction = start.direction(2);
             let moved = occluder.anchor - origin;
             let [x, y, z] = [0, 1, 2].map(|i| direction.rows[i].dot(moved) - direction.offset[i]);

@@ -80,11 +80,22 @@ impl World {
         hidden: &BTreeSet<ObjectId>,
         count: usize,
     ) -> Result<(), (ObjectId, DVec3, DVec3)> {
+        let size = cell.max - cell.min;
+        self.search_from(rng, &|part| cell.min + size * part, hidden, count)
+    }
+
+    /// Searches like [`search`](Self::search) from the viewpoints that `eye` makes of fractions from 0 to 1.
+    pub fn search_from(
+        &self,
+        rng: &mut Random,
+        eye: &dyn Fn(DVec3) -> DVec3,
+        hidden: &BTreeSet<ObjectId>,
+        count: usize,
+    ) -> Result<(), (ObjectId, DVec3, DVec3)> {
         let boxes: Vec<_> = self.bounds.iter().filter(|(id, _)| hidden.contains(id)).collect();
         if boxes.is_empty() {
             return Ok(());
         }
-        let size = cell.max - cell.min;
         for _ in 0..count {
             // Viewpoints at corners, on edges and on faces find most.
             let at = DVec3::from_array([0, 1, 2].map(|_| match rng.below(3) {
@@ -92,7 +103,7 @@ impl World {
                 1 => 1.0,
                 _ => rng.unit(),
             }));
-            let eye = cell.min + size * at;
+            let eye = eye(at);
             let target = if rng.one_in(4) || self.triangles.is_empty() {
                 let b = &rng.pick(&boxes).1;
                 let at = DVec3::from_array([0, 1, 2].map(|_| match rng.below(4) {

@@ -1,0 +1,143 @@
+//! The extent of a viewcell along any axis, and the axes along which the box around a viewcell is smallest:
+//! those of the box itself for a viewcell that planes make an oriented box.
+
+use alloc::vec::Vec;
+use visibility_core::geometry::Plane;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+
+/// Greatest number of planes whose normals are tried as axes. Pairs of them are tried.
+const MOST_AXES: usize = 16;
+
+/// Axes other than those of the world are taken if the box along them has at most this part of the surface.
+/// Bounds of objects are boxes along the axes of the world, and grow when turned.
+const SMALLER: f64 = 0.7;
+
+/// A viewcell relative to the scene's origin.
+#[derive(Clone, Debug)]
+pub(crate) struct CellExtent {
+    pub(crate) min: DVec3,
+    pub(crate) max: DVec3,
+    /// Half-spaces with unit normals that contain the viewcell, each with a bound on the rounding of its offset.
+    planes: Vec<(Plane, f64)>,
+}
+
+impl CellExtent {
+    /// `None` for a viewcell whose box is inverted or not finite. Planes that cannot be normalized are left
+    /// out.
+    pub(crate) fn new(cell: &Viewcell, origin: DVec3) -> Option<Self> {
+        let (min, max) = (cell.min - origin, cell.max - origin);
+        if !(min.is_finite() && max.is_finite() && cell.min.cmple(cell.max).all()) {
+            return None;
+        }
+        let relative = |plane: Plane| {
+            let offset = plane.signed_distance(origin);
+            // Normals of unit length round by 4 EPSILON, and the sum of four terms by as much of them.
+            let error = 8.0 * f64::EPSILON * (origin.abs().element_sum() + plane.offset.abs());
+            (Plane::new(plane.normal, offset), error)
+        };
+        let planes = cell.planes.iter().filter_map(Plane::normalized).map(relative);
+        let usable = |(plane, error): &(Plane, f64)| plane.offset.is_finite() && error.is_finite();
+        Some(Self { min, max, planes: planes.filter(usable).collect() })
+    }
+
+    /// Returns a lower bound of the positions of the viewcell's points along an axis of about unit length,
+    /// correct up to the rounding of three products and two sums.
+    ///
+    /// A half-space `m . x >= -d` and the rest `s = axis - (axis . m) m` give `axis . x >= (axis . m) (-d) +
+    /// s . x`. The last term is bounded by the viewcell's box. Planes across the axis say most.
+    pub(crate) fn least(&self, axis: DVec3) -> f64 {
+        let of_box = |axis: DVec3| (axis * self.min).min(axis * self.max).element_sum();
+        let reach = self.min.abs().max(self.max.abs()).element_sum();
+        let of_plane = |&(plane, error): &(Plane, f64)| {
+            let part = axis.dot(plane.normal);
+            // The rest rounds by less than 4 EPSILON on each axis.
+            let margin = error + 16.0 * f64::EPSILON * (reach + plane.offset.abs());
+            (part > 0.0).then(|| of_box(axis - part * plane.normal) - part * plane.offset - margin)
+        };
+        self.planes.iter().filter_map(of_plane).fold(of_box(axis), f64::max)
+    }
+
+    /// Returns lower and upper bounds of the positions of the viewcell's points along three axes, in pairs that
+    /// are swapped if the viewcell is empty.
+    pub(crate) fn along(&self, axes: [DVec3; 3]) -> (DVec3, DVec3) {
+        let least = DVec3::from_array(axes.map(|axis| self.least(axis)));
+        (least, -DVec3::from_array(axes.map(|axis| self.least(-axis))))
+    }
+
+    /// Returns three orthogonal axes of unit length, right-handed, along which the box around the viewcell is
+    /// small.
+    pub(crate) fn axes(&self) -> [DVec3; 3] {
+        let surface = |axes: [DVec3; 3]| {
+            let (low, high) = self.along(axes);
+            let size = (high - low).max(DVec3::ZERO);
+            size.x * size.y + size.y * size.z + size.z * size.x
+        };
+        let normals = self.planes.iter().take(MOST_AXES).map(|(plane, _)| plane.normal);
+        let normals: Vec<DVec3> = DVec3::AXES.into_iter().chain(normals).collect();
+        let (mut best, mut least) = (DVec3::AXES, surface(DVec3::AXES) * SMALLER);
+        for (i, &first) in normals.iter().enumerate().skip(3) {
+            for &other in &normals[..i] {
+                let across = other - other.dot(first) * first;
+                let second = across.normalize_or_zero();
+                let axes = [first, second, first.cross(second)];
+                // Not for normals that are nearly parallel.
+                if across.length() > 0.1 && surface(axes) < least {
+                    (best, least) = (axes, surface(axes));
+                }
+            }
+        }
+        best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+    use visibility_core::glam::DQuat;
+
+    /// An oriented box of a middle and half sizes, as a viewcell.
+    fn oriented(turn: DQuat, middle: DVec3, half: DVec3) -> Viewcell {
+        let axes = DVec3::AXES.map(|axis| turn * axis);
+        let reach = (0..3).map(|i| axes[i].abs() * half[i]).sum::<DVec3>();
+        let mut cell = Viewcell::from_box(middle - reach, middle + reach);
+        cell.planes = (0..3)
+            .flat_map(|i| [axes[i], -axes[i]].map(|normal| Plane::through(middle - normal * half[i], normal)))
+            .collect();
+        cell
+    }
+
+    #[test]
+    fn boxes_around_oriented_viewcells_contain_them_and_are_tight() {
+        for far in [0.0, 1e6] {
+            for turn in [0.1, 0.8, 1.3].map(|angle| DQuat::from_axis_angle(DVec3::new(0.0, 0.6, 0.8), angle))
+            {
+                let (middle, half) = (DVec3::splat(far), DVec3::new(5.0, 1.0, 0.5));
+                let origin = DVec3::new(far, 0.0, far);
+                let cell = oriented(turn, middle, half);
+                let extent = CellExtent::new(&cell, origin).unwrap();
+                let axes = extent.axes();
+                let (low, high) = extent.along(axes);
+                let corners = (0..8).map(|i: i32| {
+                    let sign = |bit: i32| if i >> bit & 1 != 0 { 1.0 } else { -1.0 };
+                    middle - origin + turn * (half * DVec3::new(sign(0), sign(1), sign(2)))
+                });
+                for corner in corners {
+                    let p = DVec3::from_array(axes.map(|axis| axis.dot(corner)));
+                    let error = 1e-15 * (1.0 + corner.abs().element_sum());
+                    assert!((low - error).cmple(p).all() && p.cmple(high + error).all(), "{p} {low} {high}");
+                }
+                let mut size = (high - low).to_array();
+                size.sort_by(f64::total_cmp);
+                let error = (DVec3::from_array(size) - DVec3::new(1.0, 2.0, 10.0)).abs().max_element();
+                assert!(error < 1e-7 || turn.to_axis_angle().1 < 0.2, "{size:?}");
+            }
+        }
+        let plain = Viewcell::from_box(-DVec3::ONE, DVec3::ONE);
+        let cut = Viewcell { planes: vec![Plane::new(DVec3::new(1.0, 1.0, 0.0), 0.0)], ..plain.clone() };
+        for cell in [plain, cut] {
+            assert_eq!(CellExtent::new(&cell, DVec3::ZERO).unwrap().axes(), DVec3::AXES);
+        }
+    }
+}
