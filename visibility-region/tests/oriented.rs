@@ -28,8 +28,8 @@ fn oriented(turn: DQuat, middle: DVec3, half: DVec3) -> (Viewcell, impl Fn(DVec3
 fn no_ray_from_an_oriented_cell_reaches_a_hidden_object() {
     let mut rng = Random(21);
     let mut culler = ExtendedProjectionCuller::new();
-    let (mut hidden_objects, mut more) = (0, 0);
-    for number in 0..60 {
+    let mut hidden_objects = 0;
+    for number in 0..15 {
         let (world, _) = random_world(&mut rng, 1.0);
         let turn = DQuat::from_axis_angle(rng.direction(), rng.range(0.2, 1.4));
         let half = DVec3::from_array([2.0, 0.2, 0.3].map(|most| most * rng.unit()));
@@ -39,9 +39,8 @@ fn no_ray_from_an_oriented_cell_reaches_a_hidden_object() {
             panic!("world {number}: {found:?}");
         }
         hidden_objects += hidden.len();
-        more += world.hidden(&mut culler, &Viewcell::from_box(cell.min, cell.max)).len();
     }
-    assert!(hidden_objects > 400 && hidden_objects * 10 > more * 11, "{hidden_objects}, upright {more}");
+    assert!(hidden_objects > 200, "{hidden_objects}");
 }
 
 /// A street between rows of houses that runs askew: from a long narrow cell along the street, about as much is

@@ -67,7 +67,7 @@ fn convex_blockers() {
 #[test]
 fn volumetric() {
     // Half a second for each octree.
-    hold(VolumetricCuller::new, 4);
+    hold(VolumetricCuller::new, 2);
 }
 
 #[test]

@@ -1,13 +1,17 @@
 //! The occlusion sweep: projection planes that leave the viewcell in six directions and gather occlusion.
 
 pub(crate) mod cell_extent;
+mod coverage;
 mod culler;
 pub(crate) mod direction;
-mod draw;
 mod facing;
+mod hull;
 mod occludees;
+mod occluder;
+mod occluder_raster;
 mod pieces;
 pub(crate) mod planes;
+mod polygon;
 pub(crate) mod ray_map;
 mod surfaces;
 pub(crate) mod window;
@@ -16,7 +20,7 @@ pub use culler::ExtendedProjectionCuller;
 
 use alloc::vec::Vec;
 use direction::Direction;
-use draw::Pen;
+use occluder_raster::OccluderRaster;
 use planes::{Candidate, Cone};
 use ray_map::RayMap;
 use window::Window;
@@ -33,7 +37,7 @@ const CUT: f64 = 0.3;
 pub(crate) struct Sweep {
     pub(crate) map: RayMap,
     scratch: RayMap,
-    pen: Pen,
+    raster: OccluderRaster,
     /// Window of the map. `None` before the first plane of a sweep.
     window: Option<Window>,
     /// Occluders that have begun and not ended, by index, each with the number of planes behind it that it
@@ -48,7 +52,7 @@ impl Sweep {
         Self {
             map: RayMap::new(),
             scratch: RayMap::new(),
-            pen: Pen::new(),
+            raster: OccluderRaster::new(),
             window: None,
             open: Vec::new(),
             begun: 0,
@@ -85,13 +89,13 @@ impl Sweep {
             self.begun += 1;
         }
         let mut drawn = 0;
-        let (pen, map) = (&mut self.pen, &mut self.map);
+        let (raster, map) = (&mut self.raster, &mut self.map);
         self.open.retain_mut(|(index, again)| {
             let candidate = &occluders[*index];
             let occluder = &candidate.occluder;
             // A long piece is cut closer to the plane: what is nearer was drawn on the planes before.
             let near = if candidate.joins { cone.near.max(CUT * window.d) } else { cone.near };
-            drawn += u64::from(pen.draw(map, direction, &window, occluder, near));
+            drawn += u64::from(raster.draw(map, direction, &window, occluder, near));
             *again -= usize::from(occluder.bounds.hi.z <= window.d);
             *again > 0
         });

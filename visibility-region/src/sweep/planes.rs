@@ -7,8 +7,8 @@
 //! would favour planes behind many small occluders, none of which covers a pixel.
 
 use super::direction::{Direction, LocalBox};
-use super::draw::Occluder;
 use super::occludees::Item;
+use super::occluder::Occluder;
 use super::pieces::Pieces;
 use super::ray_map::SIDE;
 use super::surfaces::Surfaces;

@@ -1,0 +1,123 @@
+//! Extended projections of occluders: which pixels of a plane no ray from the viewcell passes unblocked.
+//!
+//! After Durand, Drettakis, Thollot and Puech, "Conservative Visibility Preprocessing Using Extended
+//! Projections", 2000, sections 3.2 and 3.3, with a rule for coverage that holds for concave, open and thin
+//! meshes as well:
+//!
+//! The *chain* of a mesh are those of its triangles that face the whole viewcell, cut at the plane. For a ray
+//! from viewpoint v to point p of the plane, count the triangles of the chain that it crosses. The count can
+//! change with v and p only where the ray crosses an edge that bounds the chain: an edge with one drawn
+//! triangle, or a cut. (Across an edge of two drawn triangles the ray leaves one and enters the other, since
+//! both face the viewpoint.) So if from no viewpoint such an edge, the *contour*, is seen in a pixel, then
+//! the count is the same for all rays through the pixel; and if one ray certainly crosses a triangle, all do.
+//! A pixel is covered if one ray from the middle of the cell's front crosses a drawn triangle in it, and no
+//! contour edge, swept over all viewpoints and widened by the bound on rounding, meets it.
+
+use super::direction::Direction;
+use super::hull::{Spread, draw_hull};
+use super::polygon::{Polygon, cut};
+use super::ray_map::{PixelRect, RayMap};
+use super::window::{SLACK, Window};
+use visibility_core::glam::DVec3;
+
+/// Pixel coordinates beyond this are not computed with: 2^30, whose rounding errors are below
+/// `SLACK / 2^10`.
+const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
+
+/// The two maps that one piece is drawn on.
+#[derive(Clone, Debug)]
+pub(super) struct PieceMaps {
+    inside: RayMap,
+    contour: RayMap,
+}
+
+/// What the drawing of one occluder needs in every step.
+pub(super) struct Target<'a> {
+    pub(super) direction: &'a Direction,
+    pub(super) window: &'a Window,
+    /// Depth at which the chain is cut, on the side of the viewcell.
+    pub(super) near: f64,
+    /// Pixels that the occluder may cover. Nothing is drawn outside of them.
+    pub(super) rect: PixelRect,
+}
+
+impl PieceMaps {
+    pub(super) fn new() -> Self {
+        Self { inside: RayMap::new(), contour: RayMap::new() }
+    }
+
+    /// Adds to `map` the pixels that a piece covers. `contour` are the edges that bound it, before it is cut.
+    pub(super) fn draw(
+        &mut self,
+        map: &mut RayMap,
+        target: &Target<'_>,
+        triangles: impl Iterator<Item = [DVec3; 3]> + Clone,
+        contour: impl Iterator<Item = [DVec3; 2]>,
+    ) {
+        let Target { window, near, rect, .. } = *target;
+        let mut filled = false;
+        for triangle in triangles.clone() {
+            if triangle.iter().any(|p| p.z < window.d) && triangle.iter().any(|p| p.z > near) {
+                let polygon = Polygon::cut(triangle, near, window.d);
+                filled |= polygon.fill(&mut self.inside, map, window, rect);
+            }
+        }
+        if !filled {
+            return;
+        }
+        if map.lacks(&self.inside, rect) {
+            let known = triangles.into_iter().all(|triangle| self.sweep_cuts(target, triangle))
+                && contour.into_iter().all(|[a, b]| self.sweep_edge(target, a, b));
+            if known {
+                map.add_difference(&self.inside, &self.contour, rect);
+            }
+            self.contour.clear_rect(rect);
+        }
+        self.inside.clear_rect(rect);
+    }
+
+    /// Draws the edges that the plane and the near cut leave of a triangle. Returns false if a position is
+    /// too far away to compute with.
+    fn sweep_cuts(&mut self, target: &Target<'_>, triangle: [DVec3; 3]) -> bool {
+        let Target { window, near, .. } = *target;
+        if triangle.iter().all(|p| p.z > near && p.z < window.d) {
+            return true;
+        }
+        let polygon = Polygon::cut(triangle, near, window.d);
+        let points = polygon.points();
+        points.iter().enumerate().all(|(i, &a)| {
+            let b = points[(i + 1) % points.len()];
+            let cut = (a.z == near && b.z == near) || (a.z == window.d && b.z == window.d);
+            !cut || self.sweep_edge(target, a, b)
+        })
+    }
+
+    /// Marks the pixels in which a contour edge is seen from any viewpoint of the cell, as far as the edge is
+    /// between the near cut and the plane. Returns false if a position is too far away to compute with.
+    fn sweep_edge(&mut self, target: &Target<'_>, a: DVec3, b: DVec3) -> bool {
+        let Target { direction, window, near, rect } = *target;
+        let (mut a, mut b) = if a.z <= b.z { (a, b) } else { (b, a) };
+        if b.z < near || a.z > window.d {
+            return true;
+        }
+        if b.z > window.d {
+            b = cut(a, b, window.d);
+        }
+        if a.z < near {
+            a = cut(a, b, near);
+        }
+        let spread = |p: DVec3| -> Spread {
+            let factors = direction.beyond(p.z, window.d);
+            [0, 1].map(|lat| {
+                let [low, high] = direction.spread(p[lat], lat, factors);
+                [window.pixel(low, lat) - SLACK, window.pixel(high, lat) + SLACK]
+            })
+        };
+        let (p, q) = (spread(a), spread(b));
+        if !p.iter().chain(&q).flatten().all(|x| x.abs() < FARTHEST_PIXEL) {
+            return false;
+        }
+        draw_hull(&mut self.contour, &p, &q, rect);
+        true
+    }
+}

@@ -1,0 +1,119 @@
+//! Occluders in local coordinates of a direction.
+
+use super::direction::{Direction, LocalBox};
+use super::pieces::{Piece, Pieces};
+use super::ray_map::{PixelRect, SIDE};
+use super::surfaces::Surfaces;
+use super::window::Window;
+use visibility_core::OccluderMesh;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+
+/// An occluder placed in local coordinates of a direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Occluder<'a> {
+    pub(super) shape: Shape<'a>,
+    /// Map from mesh coordinates to local coordinates.
+    rows: [DVec3; 3],
+    offset: DVec3,
+    /// Bound on the error of each local coordinate of a vertex, in metres.
+    pub(super) error: f64,
+    /// True if the map mirrors, so that front faces run clockwise in local coordinates.
+    pub(super) mirrored: bool,
+    pub(crate) bounds: LocalBox,
+}
+
+/// What an occluder is drawn from.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Shape<'a> {
+    /// A mesh, or one part of a mesh, in coordinates of its own.
+    Mesh(&'a OccluderMesh),
+    /// A piece of surfaces: its triangles, all of which face the cell, and the segments that bound it.
+    Piece { surfaces: &'a Surfaces, triangles: &'a [u32], contour: &'a [u32] },
+}
+
+impl<'a> Occluder<'a> {
+    /// Places a mesh. `None` if its transform flattens it, or if numbers are not finite.
+    pub(crate) fn new(direction: &Direction, mesh: &'a OccluderMesh, transform: &Affine3A) -> Option<Self> {
+        let columns = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis]
+            .map(|column| DVec3::from_array(column.to_array().map(f64::from)));
+        let translation = DVec3::from_array(transform.translation.to_array().map(f64::from));
+        let rows = direction.rows.map(|row| DVec3::from_array(columns.map(|column| row.dot(column))));
+        let offset = DVec3::from_array(direction.rows.map(|row| row.dot(translation)))
+            - DVec3::from_array(direction.offset);
+        let (min, max) = (mesh.bounds().min.as_dvec3(), mesh.bounds().max.as_dvec3());
+        let far = min.abs().max(max.abs());
+        let magnitude = translation.abs().element_sum()
+            + (0..3).map(|axis| columns[axis].abs().element_sum() * far[axis]).sum::<f64>();
+        // The products of rows and columns round three products and two sums, those with a vertex as many,
+        // and the offset is added: with u = EPSILON / 2, less than 16 u of the magnitude, and the offset's
+        // own error is the direction's.
+        let error = 16.0 * f64::EPSILON * magnitude + direction.error;
+        let determinant = rows[0].cross(rows[1]).dot(rows[2]);
+        let size: f64 = rows.iter().map(|row| row.abs().element_sum()).product();
+        // Each of the six products of the determinant rounds by some u of at most `size`.
+        if !(determinant.abs() > 32.0 * f64::EPSILON * size && error.is_finite()) {
+            return None;
+        }
+        let (mut lo, mut hi) = (offset, offset);
+        for axis in 0..3 {
+            let (a, b) = (rows[axis] * min, rows[axis] * max);
+            lo[axis] += a.min(b).element_sum();
+            hi[axis] += a.max(b).element_sum();
+        }
+        let bounds = LocalBox { lo, hi };
+        let shape = Shape::Mesh(mesh);
+        Some(Self { shape, rows, offset, error, mirrored: determinant < 0.0, bounds })
+    }
+
+    /// Places a piece.
+    pub(crate) fn piece(
+        direction: &Direction,
+        surfaces: &'a Surfaces,
+        pieces: &'a Pieces,
+        piece: &'a Piece,
+    ) -> Self {
+        let far = piece.bounds.min.abs().max(piece.bounds.max.abs()).as_dvec3().element_sum();
+        let (triangles, contour) = (pieces.triangles(piece), pieces.contour(piece));
+        Self {
+            shape: Shape::Piece { surfaces, triangles, contour },
+            rows: direction.rows,
+            offset: -DVec3::from_array(direction.offset),
+            // As above, with a transform that does not round.
+            error: 16.0 * f64::EPSILON * far + direction.error,
+            mirrored: false,
+            bounds: direction.local_box(&piece.bounds),
+        }
+    }
+
+    /// Returns a vertex in local coordinates.
+    pub(super) fn local(&self, p: Vec3) -> DVec3 {
+        let p = p.as_dvec3();
+        DVec3::new(self.rows[0].dot(p), self.rows[1].dot(p), self.rows[2].dot(p)) + self.offset
+    }
+
+    /// Returns whether the error of vertices is no more than planes and occludees allow for: at most 4 times
+    /// that of points of the scene. Meshes of which a transform cancels nearly all are not.
+    pub(crate) fn is_precise(&self, direction: &Direction) -> bool {
+        self.error <= 4.0 * direction.error
+    }
+
+    /// Returns the pixels that may be within all views of what this occluder has between depth `near` and the
+    /// plane. `None` if there are none: the occluder then covers no pixel.
+    pub(crate) fn pixels_behind(
+        &self,
+        direction: &Direction,
+        window: &Window,
+        near: f64,
+    ) -> Option<PixelRect> {
+        let (near, far) = (self.bounds.lo.z.max(near), self.bounds.hi.z.min(window.d));
+        (near <= far).then_some(())?;
+        let along = |lat| {
+            let [left, right] = direction.common_view(window.d, &self.bounds, [near, far], lat);
+            let (left, right) = (window.pixel(left, lat).max(0.0), window.pixel(right, lat).min(SIDE as f64));
+            (right - left >= 1.0).then_some(())?;
+            let first = left as usize + usize::from(left > (left as usize) as f64);
+            (first < right as usize).then_some([first, right as usize - 1])
+        };
+        Some(PixelRect { x: along(0)?, y: along(1)? })
+    }
+}

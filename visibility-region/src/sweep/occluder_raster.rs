@@ -1,0 +1,163 @@
+//! Draws occluders: their triangles that face the viewcell, cut into pieces that share no inner edge. Each piece
+//! is a chain by itself, so that the contour of one leaf does not cut what another covers.
+
+use super::coverage::{PieceMaps, Target};
+use super::direction::{Direction, LocalBox};
+use super::facing::facing;
+use super::occluder::{Occluder, Shape};
+use super::ray_map::RayMap;
+use super::window::{SLACK, Window};
+use alloc::vec::Vec;
+use visibility_core::OccluderMesh;
+use visibility_core::glam::DVec3;
+
+/// Scratch memory for drawing.
+#[derive(Clone, Debug)]
+pub(crate) struct OccluderRaster {
+    maps: PieceMaps,
+    vertices: Vec<DVec3>,
+    /// For each triangle, 1 if it faces the whole cell, -1 if its back does, 0 if neither; twice that once
+    /// it is in a piece.
+    facing: Vec<i8>,
+    stack: Vec<u32>,
+    piece: Vec<u32>,
+}
+
+impl OccluderRaster {
+    pub(crate) fn new() -> Self {
+        Self {
+            maps: PieceMaps::new(),
+            vertices: Vec::new(),
+            facing: Vec::new(),
+            stack: Vec::new(),
+            piece: Vec::new(),
+        }
+    }
+
+    /// Adds to `map` the pixels that an occluder covers. What is nearer than `near` does not count. Returns
+    /// whether the occluder was drawn at all.
+    pub(crate) fn draw(
+        &mut self,
+        map: &mut RayMap,
+        direction: &Direction,
+        window: &Window,
+        occluder: &Occluder<'_>,
+        near: f64,
+    ) -> bool {
+        let Some(rect) = occluder.pixels_behind(direction, window, near) else { return false };
+        if map.all_set(rect) || !Self::decides(direction, window, occluder, near) {
+            return false;
+        }
+        let target = Target { direction, window, near, rect };
+        match occluder.shape {
+            Shape::Mesh(mesh) => self.draw_mesh(map, &target, occluder, mesh),
+            Shape::Piece { surfaces, triangles, contour } => {
+                let triangles = triangles
+                    .iter()
+                    .map(|&t| surfaces.triangles[t as usize].corners.map(|p| occluder.local(p)));
+                let contour =
+                    contour.iter().map(|&s| surfaces.segments[s as usize].map(|p| occluder.local(p)));
+                self.maps.draw(map, &target, triangles, contour);
+            }
+        }
+        true
+    }
+
+    fn draw_mesh(
+        &mut self,
+        map: &mut RayMap,
+        target: &Target<'_>,
+        occluder: &Occluder<'_>,
+        mesh: &OccluderMesh,
+    ) {
+        self.vertices.clear();
+        self.vertices.extend(mesh.positions().iter().map(|&p| occluder.local(p)));
+        let (fronts, backs) = self.classify(target.direction, occluder, mesh);
+        if fronts {
+            self.draw_chain(map, target, mesh, 1);
+        }
+        if backs && mesh.is_two_sided() && !(fronts && mesh.is_closed()) {
+            self.draw_chain(map, target, mesh, -1);
+        }
+    }
+
+    /// Returns whether the errors of vertices stay below the slack in pixels on this plane.
+    fn decides(direction: &Direction, window: &Window, occluder: &Occluder<'_>, near: f64) -> bool {
+        // A vertex at (x, z) is seen at x + (x - v) (d - z) / (z + w). With w >= 0 and |v| <= h its
+        // derivative by x is at most d / z, that by z at most (|x| + h) d / z^2.
+        let LocalBox { lo, hi } = occluder.bounds;
+        let z = lo.z.max(near);
+        (0..2).all(|lat| {
+            let x = lo[lat].abs().max(hi[lat].abs()) + direction.half[lat];
+            occluder.error * window.scale(lat) * (window.d / z) * (1.0 + x / z) < SLACK * 0.25
+        })
+    }
+
+    /// Classifies the triangles by the side that faces the viewcell. Returns whether there are any that show
+    /// it their front, and their back.
+    fn classify(
+        &mut self,
+        direction: &Direction,
+        occluder: &Occluder<'_>,
+        mesh: &OccluderMesh,
+    ) -> (bool, bool) {
+        let half = DVec3::new(direction.half[0], direction.half[1], direction.depth * 0.5);
+        let center = DVec3::new(0.0, 0.0, -half.z);
+        let (mut fronts, mut backs) = (false, false);
+        self.facing.clear();
+        for t in mesh.triangles() {
+            let corners = t.map(|i| self.vertices[i as usize]);
+            let side = facing(corners, center, half, occluder.error, occluder.mirrored);
+            fronts |= side > 0;
+            backs |= side < 0;
+            self.facing.push(side);
+        }
+        (fronts, backs)
+    }
+
+    /// Draws the triangles whose `facing` is `side`, piece by piece.
+    fn draw_chain(&mut self, map: &mut RayMap, target: &Target<'_>, mesh: &OccluderMesh, side: i8) {
+        for first in 0..self.facing.len() {
+            if self.facing[first] != side {
+                continue;
+            }
+            self.collect_piece(mesh, first as u32, side);
+            let (vertices, facing, piece) = (&self.vertices, &self.facing, &self.piece);
+            let corners = |t: u32| mesh.triangles()[t as usize].map(|i| vertices[i as usize]);
+            let contour = piece.iter().flat_map(|&t| {
+                let (edges, corners) = (mesh.triangle_edges()[t as usize], corners(t));
+                (0..3).filter_map(move |corner| {
+                    let other = neighbour(mesh, edges[corner], t);
+                    let inner = other.is_some_and(|other| facing[other as usize] == 2 * side);
+                    (!inner).then_some([corners[corner], corners[(corner + 1) % 3]])
+                })
+            });
+            self.maps.draw(map, target, piece.iter().map(|&t| corners(t)), contour);
+        }
+    }
+
+    /// Collects the drawn triangles that are joined to `first` across inner edges.
+    fn collect_piece(&mut self, mesh: &OccluderMesh, first: u32, side: i8) {
+        self.piece.clear();
+        self.stack.push(first);
+        self.facing[first as usize] = 2 * side;
+        while let Some(triangle) = self.stack.pop() {
+            self.piece.push(triangle);
+            for edge in mesh.triangle_edges()[triangle as usize] {
+                if let Some(other) = neighbour(mesh, edge, triangle)
+                    && self.facing[other as usize] == side
+                {
+                    self.facing[other as usize] = 2 * side;
+                    self.stack.push(other);
+                }
+            }
+        }
+    }
+}
+
+/// Returns the triangle on the other side of an edge, if the edge has exactly two.
+#[inline]
+fn neighbour(mesh: &OccluderMesh, edge: u32, triangle: u32) -> Option<u32> {
+    let edge = &mesh.edges()[edge as usize];
+    edge.right.map(|right| if edge.left == triangle { right } else { edge.left })
+}
