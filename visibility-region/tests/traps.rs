@@ -248,3 +248,22 @@ fn a_slanted_floor_hides_nothing_that_is_seen_past_its_near_end() {
         assert!(!hides(&world, seen), "{transform}");
     }
 }
+
+#[test]
+fn each_edge_of_a_plate_has_its_penumbra() {
+    for (transform, two_sided) in transforms().into_iter().flat_map(|t| [(t, false), (t, true)]) {
+        let mut world = World::new();
+        world.add(&upright([[5.0, -3.0], [5.0, 3.0]], 3.0), two_sided, transform);
+        // Behind the plate from the middle of the cell; from its sides, the shadow ends at 11.3 and 14.7.
+        let mut beside = |along: f32| {
+            [[along, 0.0], [-along, 0.0], [0.0, along], [0.0, -along]].map(|[y, z]| {
+                let at = Vec3::new(20.0, y, z);
+                world.add_target(Aabb::new(at - 0.2, at + 0.2))
+            })
+        };
+        let (inside, seen) = (beside(10.0), beside(12.0));
+        let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell());
+        assert!(inside.iter().all(|id| hidden.contains(id)), "{transform}");
+        assert!(!seen.iter().any(|id| hidden.contains(id)), "{transform}");
+    }
+}
