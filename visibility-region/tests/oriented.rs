@@ -11,8 +11,8 @@ use visibility_core::{Aabb, OcclusionMap, Pose, RegionCuller, View};
 use visibility_region::ExtendedProjectionCuller;
 use visibility_testing::Random;
 
-/// Returns a box with a middle, half sizes and axes of its own as a viewcell, and the map from fractions of the
-/// box to its points.
+/// Returns a box with a middle, half sizes and axes of its own as a viewcell, and the map from fractions of
+/// the box to its points.
 fn oriented(turn: DQuat, middle: DVec3, half: DVec3) -> (Viewcell, impl Fn(DVec3) -> DVec3) {
     let axes = DVec3::AXES.map(|axis| turn * axis);
     let reach = (0..3).map(|i| axes[i].abs() * half[i]).sum::<DVec3>();
@@ -43,8 +43,8 @@ fn no_ray_from_an_oriented_cell_reaches_a_hidden_object() {
     assert!(hidden_objects > 200, "{hidden_objects}");
 }
 
-/// A street between rows of houses that runs askew: from a long narrow cell along the street, about as much is
-/// hidden as if the street ran along an axis.
+/// A street between rows of houses that runs askew: from a long narrow cell along the street, about as much
+/// is hidden as if the street ran along an axis.
 #[test]
 fn a_street_askew_is_as_tight_as_one_along_an_axis() {
     let hidden_of = |angle: f64, oriented_cell: bool| {

@@ -1,8 +1,8 @@
 //! Nothing that a ray from the viewcell reaches is hidden.
 //!
-//! `cargo test --release -p visibility-region --test soundness -- --ignored` makes 100,000 trials. A trial is an
-//! object that a culler hides from a viewcell, and that rays look for: rays past edges of occluders, which are
-//! intersected with all triangles, and the rays of the sampling culler, which are guided to gaps.
+//! `cargo test --release -p visibility-region --test soundness -- --ignored` makes 100,000 trials. A trial is
+//! an object that a culler hides from a viewcell, and that rays look for: rays past edges of occluders, which
+//! are intersected with all triangles, and the rays of the sampling culler, which are guided to gaps.
 
 mod common;
 
@@ -11,8 +11,8 @@ use visibility_core::{Accuracy, RegionCuller, VisibleSet};
 use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, VolumetricCuller};
 use visibility_testing::Random;
 
-/// Searches random worlds until `trials` objects were hidden. Returns the number of worlds, and that of objects
-/// seen by the sampling culler.
+/// Searches random worlds until `trials` objects were hidden. Returns the number of worlds, and that of
+/// objects seen by the sampling culler.
 fn search(cullers: &mut [Box<dyn RegionCuller>], seed: u64, trials: usize, rays: usize) -> [usize; 2] {
     let mut rng = Random(seed);
     let (mut worlds, mut seen, mut hidden_objects) = (0, 0, 0);

@@ -137,8 +137,8 @@ mod tests {
     use visibility_testing::Random;
     use visibility_testing::sign_of_sum;
 
-    /// Returns the exact sign of the side on which a ray passes the edge from `p` to `q`. The origin must have
-    /// coordinates of `f32`, so that their products are exact.
+    /// Returns the exact sign of the side on which a ray passes the edge from `p` to `q`. The origin must
+    /// have coordinates of `f32`, so that their products are exact.
     fn exact_side(ray: &Ray, p: Vec3, q: Vec3) -> i32 {
         let (o, p, q) = (ray.origin, p.as_dvec3(), q.as_dvec3());
         // (p - o) x (q - o) = p x q - p x o - o x q

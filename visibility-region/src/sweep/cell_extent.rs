@@ -11,14 +11,15 @@ const MOST_AXES: usize = 16;
 
 /// Axes other than those of the world are taken if the box along them has at most this part of the surface.
 /// Bounds of objects are boxes along the axes of the world, and grow when turned.
-const SMALLER: f64 = 0.7;
+const SMALLER: f64 = 0.5;
 
 /// A viewcell relative to the scene's origin.
 #[derive(Clone, Debug)]
 pub(crate) struct CellExtent {
     pub(crate) min: DVec3,
     pub(crate) max: DVec3,
-    /// Half-spaces with unit normals that contain the viewcell, each with a bound on the rounding of its offset.
+    /// Half-spaces with unit normals that contain the viewcell, each with a bound on the rounding of its
+    /// offset.
     planes: Vec<(Plane, f64)>,
 }
 
@@ -58,8 +59,8 @@ impl CellExtent {
         self.planes.iter().filter_map(of_plane).fold(of_box(axis), f64::max)
     }
 
-    /// Returns lower and upper bounds of the positions of the viewcell's points along three axes, in pairs that
-    /// are swapped if the viewcell is empty.
+    /// Returns lower and upper bounds of the positions of the viewcell's points along three axes, in pairs
+    /// that are swapped if the viewcell is empty.
     pub(crate) fn along(&self, axes: [DVec3; 3]) -> (DVec3, DVec3) {
         let least = DVec3::from_array(axes.map(|axis| self.least(axis)));
         (least, -DVec3::from_array(axes.map(|axis| self.least(-axis))))

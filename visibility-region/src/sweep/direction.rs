@@ -25,8 +25,8 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// Encloses a viewcell in a box along `axes`, of about unit length. `bounds` contains all objects that can be
-    /// culled. `None` for a viewcell that is empty, or so large that numbers are not finite.
+    /// Encloses a viewcell in a box along `axes`, of about unit length. `bounds` contains all objects that
+    /// can be culled. `None` for a viewcell that is empty, or so large that numbers are not finite.
     pub(crate) fn new(cell: &CellExtent, bounds: &Aabb, axes: [DVec3; 3]) -> Option<Self> {
         let reach = |p: DVec3, q: DVec3| p.abs().max(q.abs()).element_sum();
         let magnitude = reach(cell.min, cell.max) + reach(bounds.min.as_dvec3(), bounds.max.as_dvec3());

@@ -2,8 +2,8 @@
 
 use super::ray_map::{PixelRect, RayMap};
 
-/// A rectangle in pixel coordinates: minimum and maximum x, then y. An end of a contour edge is seen in it from
-/// somewhere in the viewcell.
+/// A rectangle in pixel coordinates: minimum and maximum x, then y. An end of a contour edge is seen in it
+/// from somewhere in the viewcell.
 pub(super) type Spread = [[f64; 2]; 2];
 
 /// Sets the pixels of `rect` that the convex hull of two rectangles meets: all that is between two rectangles

@@ -1,5 +1,5 @@
-//! Draws occluders: their triangles that face the viewcell, cut into pieces that share no inner edge. Each piece
-//! is a chain by itself, so that the contour of one leaf does not cut what another covers.
+//! Draws occluders: their triangles that face the viewcell, cut into pieces that share no inner edge. Each
+//! piece is a chain by itself, so that the contour of one leaf does not cut what another covers.
 
 use super::coverage::{PieceMaps, Target};
 use super::direction::{Direction, LocalBox};

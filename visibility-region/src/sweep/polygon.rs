@@ -57,8 +57,9 @@ impl Polygon {
         *self = kept;
     }
 
-    /// Sets the pixels of `rect` in which the polygon, seen from the middle of the cell's front, meets the middle
-    /// line of the pixel's row. Pixels that `map` has need not be set. Returns whether any was set.
+    /// Sets the pixels of `rect` in which the polygon, seen from the middle of the cell's front, meets the
+    /// middle line of the pixel's row. Pixels that `map` has need not be set. Returns whether any was
+    /// set.
     pub(super) fn fill(&self, inside: &mut RayMap, map: &RayMap, window: &Window, rect: PixelRect) -> bool {
         let count = self.count;
         if count < 3 {

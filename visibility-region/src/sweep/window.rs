@@ -4,7 +4,8 @@ use super::direction::Direction;
 use super::ray_map::{PixelRect, Ranges, SIDE};
 
 /// The margin of every decision in pixels. All pixel coordinates that decide are in error by less: see
-/// [`Window::fit`] for the lateral positions and [`OccluderRaster`](super::occluder_raster::OccluderRaster) for projected vertices.
+/// [`Window::fit`] for the lateral positions and [`OccluderRaster`](super::occluder_raster::OccluderRaster)
+/// for projected vertices.
 pub(crate) const SLACK: f64 = 1.0 / 1024.0;
 
 /// Least width of a window, in units of the rounding error of positions on it: 2^26.
