@@ -108,7 +108,7 @@ fn a_face_whose_plane_cuts_the_cell_does_not_occlude() {
 fn a_floor_that_ends_under_the_cell_is_seen_past_its_near_end() {
     let floor = |begin: f32| {
         let mut world = World::new();
-        world.add_box([begin, -20.0, -0.7], [30.0, 20.0, -0.6]);
+        world.add_box([begin, -20.0, -0.62], [30.0, 20.0, -0.6]);
         let id = world.add_target(Aabb::from_arrays([5.0, -0.3, -1.3], [5.3, 0.3, -1.0]));
         hides(&world, id)
     };
@@ -266,5 +266,30 @@ fn each_edge_of_a_plate_has_its_penumbra() {
         let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell());
         assert!(inside.iter().all(|id| hidden.contains(id)), "{transform}");
         assert!(!seen.iter().any(|id| hidden.contains(id)), "{transform}");
+    }
+}
+
+#[test]
+fn the_shadow_of_a_solid_narrows_from_its_back_on() {
+    // The cell is wider than the solid. From its front on, the shadow is 1.7 wide at the object; from its
+    // back on, nearly 2.
+    let cell = Viewcell::from_box(DVec3::new(-1.0, -2.2, -2.2), DVec3::new(0.5, 2.2, 2.2));
+    for transform in transforms() {
+        let mut world = World::new();
+        world.add(&cuboid([4.0, -2.0, -2.0], [8.0, 2.0, 2.0]), false, transform);
+        let bounds = |half: f32| Aabb::from_arrays([9.0, -half, -1.0], [9.1, half, 1.0]);
+        let [narrow, wide] = [1.8, 2.0].map(|half| world.add_target(bounds(half)));
+        let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell);
+        assert!(hidden.contains(&narrow) && !hidden.contains(&wide), "{transform}");
+    }
+}
+
+#[test]
+fn a_solid_around_the_cell_is_seen_through_from_inside() {
+    for transform in transforms() {
+        let mut world = World::new();
+        world.add(&cuboid([-9.0; 3], [9.0; 3]), false, transform);
+        let id = world.add_target(target(20.0, 0.0, 0.0));
+        assert!(!hides(&world, id), "{transform}");
     }
 }

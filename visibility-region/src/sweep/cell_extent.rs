@@ -9,9 +9,10 @@ use visibility_core::pvs::Viewcell;
 /// Greatest number of planes whose normals are tried as axes. Pairs of them are tried.
 const MOST_AXES: usize = 16;
 
-/// Axes other than those of the world are taken if the box along them has at most this part of the surface.
-/// Bounds of objects are boxes along the axes of the world, and grow when turned.
-const SMALLER: f64 = 0.5;
+/// Axes other than those of the world are taken if the box along them has less than this part of the surface.
+/// Bounds of objects are boxes along the axes of the world, and grow when turned: where the gain is smaller,
+/// more objects are found visible than from the upright box (measured).
+const SMALLER: f64 = 0.3;
 
 /// A viewcell relative to the scene's origin.
 #[derive(Clone, Debug)]

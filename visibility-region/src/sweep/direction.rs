@@ -112,6 +112,13 @@ impl Direction {
         LocalBox { lo: DVec3::new(x.0, y.0, z.0) - offset, hi: DVec3::new(x.1, y.1, z.1) - offset }
     }
 
+    /// Returns whether the viewcell is certainly outside of a box whose coordinates err by up to `error`.
+    pub(crate) fn is_outside(&self, b: &LocalBox, error: f64) -> bool {
+        let ends = [self.half[0], self.half[1], 0.0];
+        let begins = [-self.half[0], -self.half[1], -self.depth];
+        (0..3).any(|axis| b.lo[axis] > ends[axis] + error || b.hi[axis] < begins[axis] - error)
+    }
+
     /// Returns the distance between a plane and what is certainly behind it, or what certainly ends before
     /// it, in metres. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
     /// [`error`](Self::error); a plane's own distance is exact.

@@ -76,7 +76,10 @@ impl OccluderRaster {
         if fronts {
             self.draw_chain(map, target, mesh, 1);
         }
-        if backs && mesh.is_two_sided() && !(fronts && mesh.is_closed()) {
+        // From outside of a convex solid, what its back faces cover is covered: see `pieces`. Other closed
+        // meshes show their backs to nobody outside.
+        let is_solid = mesh.is_convex() && target.direction.is_outside(&occluder.bounds, occluder.error);
+        if backs && (is_solid || mesh.is_two_sided() && !(fronts && mesh.is_closed())) {
             self.draw_chain(map, target, mesh, -1);
         }
     }

@@ -8,10 +8,14 @@
 //! an edge, are so left aside, and the fronts and roofs of the row become one surface.
 //!
 //! Triangles that are paired, directly or by others, are a piece.
+//!
+//! A convex solid hides what lies behind its front faces from one end of the cell, and behind its back faces
+//! from the other. If the cell is wider than the solid, the shadow narrows from the back faces on, which
+//! begin farther behind. So both are drawn.
 
 use super::direction::CellBox;
 use super::facing::facing;
-use super::surfaces::Surfaces;
+use super::surfaces::{Back, Surfaces};
 use crate::bits::Bits;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
@@ -63,12 +67,19 @@ impl Pieces {
         self.pieces.clear();
         self.facing.clear();
         self.facing.extend(surfaces.triangles.iter().map(|surface| {
-            if !occluding.contains(surfaces.owner(surface)) {
+            if !occluding.contains(surfaces.part(surface).owner as usize) {
                 return 0;
             }
             let facing = cell.facing(surface.corners.map(|p| p.as_dvec3()));
-            if surface.two_sided { facing } else { facing.max(0) }
+            if surface.back == Back::Transparent { facing.max(0) } else { facing }
         }));
+        let direction = cell.direction(0);
+        for (surface, facing) in surfaces.triangles.iter().zip(&mut self.facing) {
+            if surface.back == Back::OfSolid && *facing < 0 {
+                let bounds = direction.local_box(&surfaces.part(surface).bounds);
+                *facing = -i8::from(direction.is_outside(&bounds, 4.0 * direction.error));
+            }
+        }
         for joins in [false, true] {
             self.pair(surfaces, joins);
             self.collect(surfaces, joins);

@@ -7,9 +7,9 @@
 
 use crate::bits::Bits;
 use alloc::vec::Vec;
-use visibility_core::Scene;
 use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Scene};
 
 /// Triangles of all occluders whose mesh coordinates are scene coordinates, and their segments.
 #[derive(Debug, Default)]
@@ -23,8 +23,19 @@ pub(crate) struct Surfaces {
     sides: Vec<u32>,
     /// Indices of the objects whose triangles are here.
     pub(crate) objects: Bits,
-    /// Object index of each part.
-    owners: Vec<u32>,
+    parts: Vec<Part>,
+}
+
+/// What the back of a triangle does.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Back {
+    /// It is seen through.
+    Transparent,
+    /// It occludes.
+    Opaque,
+    /// It occludes from outside of the convex solid that the triangle bounds: a ray that reaches it has
+    /// passed the front of another triangle of the solid.
+    OfSolid,
 }
 
 /// A triangle of an object.
@@ -34,8 +45,15 @@ pub(crate) struct Surface {
     /// Number of the [part](visibility_core::OccluderMesh::parts) that the triangle is of, of all parts of
     /// all objects.
     pub(crate) part: u32,
-    /// Whether the back occludes too.
-    pub(crate) two_sided: bool,
+    pub(crate) back: Back,
+}
+
+/// A part of a mesh, or a mesh without parts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Part {
+    /// Index of the object.
+    pub(crate) owner: u32,
+    pub(crate) bounds: Aabb,
 }
 
 /// A side of a triangle, on the line that `key` names.
@@ -65,24 +83,28 @@ impl Surfaces {
             all.objects.insert(id.index());
             let parts = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
             for part in parts {
-                // No back of a closed mesh is seen from outside.
-                let two_sided = part.is_two_sided() && !part.is_closed();
+                let back = match () {
+                    () if part.is_convex() => Back::OfSolid,
+                    // No back of a closed mesh is seen from outside.
+                    () if part.is_two_sided() && !part.is_closed() => Back::Opaque,
+                    () => Back::Transparent,
+                };
                 all.triangles.extend(part.triangles().iter().map(|t| Surface {
                     // Adding zero makes zeros of both signs equal.
                     corners: t.map(|i| part.positions()[i as usize] + 0.0),
-                    part: all.owners.len() as u32,
-                    two_sided,
+                    part: all.parts.len() as u32,
+                    back,
                 }));
-                all.owners.push(id.index() as u32);
+                all.parts.push(Part { owner: id.index() as u32, bounds: *part.bounds() });
             }
         }
         all.find_segments();
         all
     }
 
-    /// Returns the index of the object that a triangle is of.
-    pub(crate) fn owner(&self, surface: &Surface) -> usize {
-        self.owners[surface.part as usize] as usize
+    /// Returns the part that a triangle is of.
+    pub(crate) fn part(&self, surface: &Surface) -> &Part {
+        &self.parts[surface.part as usize]
     }
 
     /// Returns the sides on a segment, as twice the index of the triangle, plus 1 if the triangle runs from
