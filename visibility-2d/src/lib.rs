@@ -7,6 +7,7 @@
 //! - [`discs`]: exact zones and rays among round obstacles, such as the trunks of a forest.
 //! - [`view_cdt`]: culls in space behind outlines of occluders in a triangulation of the image.
 //! - [`horizon`]: culls what is below the skyline of houses and crowns that stand on the ground.
+//! - [`virtual_occluders`]: a few upright rectangles that stand for all that houses hide from a viewcell.
 #![no_std]
 #![forbid(unsafe_code)]
 extern crate alloc;
@@ -14,10 +15,13 @@ extern crate alloc;
 extern crate std;
 
 pub mod cdt;
+mod directions;
 pub mod discs;
 mod float;
 pub mod horizon;
+mod median_order;
 pub mod view_cdt;
+pub mod virtual_occluders;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -4,6 +4,8 @@
 use crate::walkthrough::World;
 use glam::DVec3;
 use std::sync::Arc;
+use visibility_2d::horizon::UpAxis;
+use visibility_2d::virtual_occluders::VirtualOccluderCuller;
 use visibility_core::{Culler, RegionCuller};
 use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
 use visibility_hzb::{Hzb, HzbCuller};
@@ -69,6 +71,18 @@ pub const METHODS: &[Entry] = &[
         dial: "EPS",
         make: |dial, world| exact(Effort::Share(dial.map_or(Ok(1e-3), number)?), world),
     },
+    Entry {
+        name: "plan",
+        dial: "MOST",
+        make: |dial, world| {
+            let up = if world.source.up.y.abs() > 0.5 { UpAxis::Y } else { UpAxis::Z };
+            let culler = VirtualOccluderCuller::new(up);
+            Ok(Box::new(match dial {
+                Some(most) => culler.with_most(number(most)?),
+                None => culler,
+            }))
+        },
+    },
     Entry { name: "convex", dial: "", make: |_, _| Ok(Box::new(ConvexBlockersCuller::new())) },
     Entry {
         name: "rays",
@@ -132,6 +146,13 @@ impl<C: Culler> Method for ShrunkCuller<C> {
         // A mark around each sample point.
         let mark = |&p: &DVec3| box_edges(p - 0.05, p + 0.05);
         self.points().iter().flat_map(mark).collect()
+    }
+}
+
+impl Method for VirtualOccluderCuller {
+    fn lines(&self) -> Vec<[DVec3; 2]> {
+        let sides = |corners: [DVec3; 4]| (0..4).map(move |i| [corners[i], corners[(i + 1) % 4]]);
+        self.occluders().iter().flat_map(|occluder| sides(occluder.corners())).collect()
     }
 }
 

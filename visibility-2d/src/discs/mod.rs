@@ -16,7 +16,6 @@
 //!   discs seen from a point, or from all points of a small ball.
 //! - [`Discs::first_hits`] follows one ray to the first k discs.
 
-mod directions;
 mod gaps;
 mod ray;
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Rays to the first k discs.
 
-use super::tree::{Discs, FAN, LEAF};
+use super::tree::{Discs, FAN};
+use crate::median_order::LEAF;
 use alloc::vec::Vec;
 use smallvec::SmallVec;
 

@@ -1,8 +1,8 @@
 //! Inputs at which margins, seams and bounds on work decide.
 
 use super::gaps::Gaps;
-use super::tree::LEAF;
 use super::{Disc, DiscView, DiscZone, Discs};
+use crate::median_order::LEAF;
 use alloc::vec::Vec;
 use visibility_testing::Random;
 

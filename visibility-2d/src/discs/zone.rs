@@ -1,8 +1,9 @@
 //! The discs that an eye sees, front to back.
 
-use super::directions::{diamond, disc_span, rectangle_span};
 use super::gaps::Gaps;
-use super::tree::{Disc, Discs, FAN, LEAF, Node};
+use super::tree::{Disc, Discs, FAN, Node};
+use crate::directions::{diamond, disc_span, rectangle_span};
+use crate::median_order::LEAF;
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Reverse;

@@ -25,6 +25,9 @@ pub(crate) struct Solid {
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
+    /// Part of `error` that is no rounding of the posts: the hull may reach so far out of the mesh, which may
+    /// be dented.
+    pub(crate) dent: f64,
     /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
     /// a closed solid.
     pub(crate) open_below: f64,
@@ -74,7 +77,7 @@ impl Solids {
             }
             // A convex mesh may be dented by two steps of `f32` of its largest coordinate, a cuboid not.
             let dent = if mesh.is_cuboid() { 0.0 } else { 4.0 * f64::from(f32::EPSILON) * size };
-            self.finish(first, size, dent, f64::NEG_INFINITY);
+            self.finish(first, transform, size, dent, f64::NEG_INFINITY);
         }
     }
 
@@ -89,7 +92,8 @@ impl Solids {
         self.posts.push(post);
     }
 
-    fn finish(&mut self, first: usize, size: f64, dent: f64, open_below: f64) {
+    /// Adds the solid of the posts from `first` on. `size` is the greatest sum of [`placed`].
+    fn finish(&mut self, first: usize, transform: &Affine3A, size: f64, dent: f64, open_below: f64) {
         let count = self.posts.len() - first;
         let is_finite = self.posts[first..]
             .iter()
@@ -98,10 +102,8 @@ impl Solids {
             self.posts.truncate(first);
             return;
         }
-        // A transformed point is a sum of three products and a term, rounded at most four times each: 8u of
-        // the sum of magnitudes.
-        let error = dent + 8.0 * f64::EPSILON * size;
-        self.solids.push(Solid { first: first as u32, count: count as u32, error, open_below });
+        let error = dent + rounding(transform, size);
+        self.solids.push(Solid { first: first as u32, count: count as u32, error, dent, open_below });
     }
 
     /// Drops the solids from `begin` on that are small beside the largest of these.
@@ -216,7 +218,7 @@ impl Solids {
         }
         let first = self.posts.len();
         self.posts.extend(hull.iter().map(|p| Post { x: p[0], y: p[1], low, high }));
-        self.finish(first, size, 0.0, low);
+        self.finish(first, transform, size, 0.0, low);
         Some(())
     }
 }
@@ -233,6 +235,13 @@ fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
     let sum = terms[0] + terms[1] + terms[2] + terms[3];
     let size = terms[0].abs() + terms[1].abs() + terms[2].abs() + terms[3].abs();
     (sum, size.max_element())
+}
+
+/// Returns a bound on the error of a point that [`placed`] returned with the given sum of magnitudes. Each
+/// coordinate is a sum of three products and a term, rounded at most four times each: 8u of the magnitudes.
+/// Points that stay where they are stay exact.
+fn rounding(transform: &Affine3A, size: f64) -> f64 {
+    if *transform == Affine3A::IDENTITY { 0.0 } else { 8.0 * f64::EPSILON * size }
 }
 
 /// Returns the triangles of a mesh in groups that share vertices.

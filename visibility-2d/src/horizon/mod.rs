@@ -34,6 +34,8 @@ mod occluders;
 mod outline;
 
 pub use culler::HorizonCuller;
+pub(crate) use extract::{Solids, convex_hull};
 pub use frame::UpAxis;
 pub use map::Horizon;
 pub use occluders::HorizonOccluders;
+pub(crate) use outline::Post;

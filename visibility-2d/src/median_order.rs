@@ -1,0 +1,28 @@
+//! Order of points on the plan in which successive points are near one another, for trees over them.
+
+/// Points of a leaf.
+pub(crate) const LEAF: usize = 16;
+
+/// Puts centres, with their indices, in the order of the leaves: halves a range at the median of the longer
+/// axis of its bounds, so often as it takes to come to a leaf. No place of a centre makes others share nodes
+/// that are wide: one far away costs one leaf. The left half is a power of two leaves, so that inner nodes
+/// are ranges too.
+pub(crate) fn put_in_order(centers: &mut [([f64; 2], u32)]) {
+    if centers.len() <= LEAF {
+        // The only order within a leaf that is the same for any way of selecting.
+        centers.sort_unstable_by_key(|&(_, index)| index);
+        return;
+    }
+    let (mut min, mut max) = (centers[0].0, centers[0].0);
+    for (center, _) in &*centers {
+        for axis in 0..2 {
+            (min[axis], max[axis]) = (min[axis].min(center[axis]), max[axis].max(center[axis]));
+        }
+    }
+    let axis = usize::from(max[1] - min[1] > max[0] - min[0]);
+    let half = LEAF * (centers.len().div_ceil(LEAF).next_power_of_two() / 2);
+    centers.select_nth_unstable_by(half, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let (left, right) = centers.split_at_mut(half);
+    put_in_order(left);
+    put_in_order(right);
+}

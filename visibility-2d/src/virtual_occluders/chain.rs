@@ -1,0 +1,307 @@
+//! Chains of solids that together hide a point behind them from all of a viewcell.
+//!
+//! Seen from the point, the viewcell spans an angle, and so does the *chord* of each solid: a segment between
+//! two of its posts. The viewcell is hidden if chords, each beginning in the one before, span its angle, all
+//! of it is beyond the lines of the chords, and the solids are high enough. For fixed chords all these
+//! conditions say that the point is to the left of a line. So they hold on a segment if they hold at both of
+//! its ends, and where chords only just meet is found by a division.
+
+use super::cell_solids::{CellSolids, Post};
+use super::lines::{Point, U, all_left_of, left_of};
+use alloc::vec::Vec;
+
+/// Greatest number of solids of a chain.
+const MOST: usize = 64;
+
+/// Number of solids of the former chain that are tried for the next link.
+const AHEAD: usize = 3;
+
+/// Greatest extent of a virtual occluder to each side, as a multiple of the line's distance: farther aside
+/// lines of sight are almost parallel to it.
+pub(crate) const WIDEST: f64 = 4.0;
+
+/// A line on the plan behind which virtual occluders hide, with the viewcell on its near side.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BackLine {
+    /// Point on the plan that distances are measured from.
+    origin: [f64; 2],
+    /// Unit vector that points away from the viewcell.
+    normal: [f64; 2],
+    pub(crate) distance: f64,
+    /// Bound on the distance of points of the line from it, by rounding, and of the line through two of
+    /// them.
+    pub(crate) error: f64,
+}
+
+impl BackLine {
+    /// Makes the line that is `distance` metres from a point in a unit direction.
+    pub(crate) fn new(origin: [f64; 2], normal: [f64; 2], distance: f64) -> Self {
+        // A point is a sum of three terms, rounded three times, from a normal that is unit to 4u.
+        let size = origin[0].abs() + origin[1].abs() + (1.0 + WIDEST) * distance;
+        Self { origin, normal, distance, error: 64.0 * U * size }
+    }
+
+    /// Returns the point at a position along the line, which grows clockwise around the viewcell.
+    pub(crate) fn at(&self, position: f64) -> Point {
+        let ([ox, oy], [nx, ny], d) = (self.origin, self.normal, self.distance);
+        Point::exact(ox + nx * d + ny * position, oy + ny * d - nx * position)
+    }
+
+    /// Returns the distance of a point beyond the line; negative on the near side. Rounded by less than the
+    /// line's `error` for points no farther away than its own.
+    pub(crate) fn beyond(&self, x: f64, y: f64) -> f64 {
+        (x - self.origin[0]) * self.normal[0] + (y - self.origin[1]) * self.normal[1] - self.distance
+    }
+
+    /// Returns whether a point is certainly on the near side.
+    pub(crate) fn is_before(&self, point: Point) -> bool {
+        let size = point.x.abs() + point.y.abs();
+        self.beyond(point.x, point.y) + 2.0 * point.error + 4.0 * self.error + 16.0 * U * size < 0.0
+    }
+}
+
+/// A solid of a chain.
+#[derive(Clone, Copy, Debug)]
+struct Link {
+    solid: u32,
+    /// First and last end of the chord, counter-clockwise as seen from the hidden point.
+    from: Point,
+    to: Point,
+    /// Height of the lower end of the chord's posts, the greater of both.
+    low: f64,
+    /// Where the chord of the link before has to end instead: in a point of both solids.
+    joint: Option<Point>,
+}
+
+/// What a chain has to hide: a viewcell, by the posts that solids are restricted to, before a line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Task<'a> {
+    pub(crate) solids: &'a CellSolids,
+    pub(crate) corners: &'a [Point; 4],
+    pub(crate) line: BackLine,
+    pub(crate) slope: f64,
+}
+
+/// A chain of solids. Kept for its memory.
+#[derive(Clone, Debug)]
+pub(crate) struct Chain {
+    links: Vec<Link>,
+    former: Vec<Link>,
+}
+
+impl Chain {
+    pub(crate) const fn new() -> Self {
+        Self { links: Vec::new(), former: Vec::new() }
+    }
+
+    /// Returns the greatest height of a lower end of a post in the chain.
+    pub(crate) fn low(&self) -> f64 {
+        self.links.iter().map(|link| link.low).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Forgets the solids.
+    pub(crate) fn clear(&mut self) {
+        self.links.clear();
+    }
+
+    /// Makes the chain that hides the viewcell from a point, first of the solids that the chain had before.
+    /// Returns whether there is one; the chain is of no use if not.
+    pub(crate) fn cover(&mut self, task: &Task, position: f64) -> bool {
+        core::mem::swap(&mut self.links, &mut self.former);
+        let is_hidden = self.cover_anew(task, task.line.at(position));
+        if !is_hidden {
+            // The former solids serve the next try.
+            core::mem::swap(&mut self.links, &mut self.former);
+        }
+        is_hidden
+    }
+
+    fn cover_anew(&mut self, task: &Task, at: Point) -> bool {
+        let Self { links, former } = self;
+        links.clear();
+        // Former solids follow one another: only the next few have to be tried.
+        let mut next = 0;
+        while links.len() < MOST {
+            let last = links.last().copied();
+            let mut best: Option<Link> = None;
+            let offer = |best: &mut Option<Link>, solid: u32| {
+                let link = task.link(at, last.as_ref(), solid);
+                let farther = link.filter(|link| best.is_none_or(|best| left_of(at, best.to, link.to) > 0.0));
+                *best = farther.or(*best);
+                farther.is_some()
+            };
+            for (index, link) in former.iter().enumerate().skip(next).take(AHEAD) {
+                if offer(&mut best, link.solid) {
+                    next = index + 1;
+                }
+            }
+            if best.is_none() {
+                // The line of sight that is not hidden so far, to beyond the viewcell.
+                let aim = last.map_or_else(|| task.first_corner(at), |link| link.to);
+                let (dx, dy) = (aim.x - at.x, aim.y - at.y);
+                let length = |x: f64, y: f64| x.abs() + y.abs();
+                let reach = |c: &Point| length(c.x - at.x, c.y - at.y);
+                let farthest = task.corners.iter().map(reach).fold(0.0, f64::max);
+                let by = (farthest / length(dx, dy)).min(1e6);
+                let end = [at.x + by * dx, at.y + by * dy];
+                task.solids.along([at.x, at.y], end, task.slope, &mut |solid| {
+                    offer(&mut best, solid);
+                });
+            }
+            let Some(best) = best else { return false };
+            if let (Some(joint), Some(last)) = (best.joint, links.last_mut()) {
+                (last.to, last.low) = (joint, last.low.max(best.low));
+            }
+            links.push(best);
+            if all_left_of(best.to, at, task.corners) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Returns whether the chain hides the viewcell from the point at a position.
+    pub(crate) fn holds(&self, task: &Task, position: f64) -> bool {
+        let at = task.line.at(position);
+        !self.links.is_empty() && self.conditions(task).all(|(a, b)| left_of(a, b, at) >= 0.0)
+    }
+
+    /// Returns pairs of points: the chain hides what is to the left of all lines through them.
+    fn conditions<'a>(&'a self, task: &'a Task) -> impl Iterator<Item = (Point, Point)> + 'a {
+        let chords = self.links.iter().map(|link| (link.from, link.to));
+        let joints = self
+            .links
+            .windows(2)
+            .filter_map(|pair| (!pair[1].from.is(pair[0].to)).then_some((pair[1].from, pair[0].to)));
+        let ends = self.links.first().zip(self.links.last());
+        let ends = ends.into_iter().flat_map(move |(first, last)| {
+            task.corners.iter().flat_map(move |&c| [(first.from, c), (c, last.to)])
+        });
+        chords.chain(joints).chain(ends)
+    }
+
+    /// Returns the position up to which the chain hides the viewcell, from a position where it does towards
+    /// another; the first position if it holds no farther.
+    pub(crate) fn reach(&self, task: &Task, from: f64, to: f64) -> f64 {
+        if self.holds(task, to) {
+            return to;
+        }
+        let (begin, end) = (task.line.at(from), task.line.at(to));
+        let mut part = 1.0f64;
+        for (a, b) in self.conditions(task) {
+            let (first, last) = (left_of(a, b, begin), left_of(a, b, end));
+            if last < 0.0 {
+                part = part.min(first / (first - last));
+            }
+        }
+        // The quotient is rounded, and bounds on errors are not linear.
+        for less in [1e-9, 1e-6, 1e-3, 0.1] {
+            let position = from + (to - from) * part * (1.0 - less);
+            if self.holds(task, position) {
+                return position;
+            }
+        }
+        from
+    }
+}
+
+impl Task<'_> {
+    /// Returns the corner of the viewcell that is first counter-clockwise, seen from a point.
+    fn first_corner(&self, at: Point) -> Point {
+        let [a, b, c, d] = *self.corners;
+        let first = |a: Point, b: Point| if left_of(at, b, a) > 0.0 { b } else { a };
+        first(first(a, b), first(c, d))
+    }
+
+    /// Returns the link of a solid that begins in the one before, or before the viewcell, and reaches
+    /// farther. `None` if it does neither for certain.
+    fn link(&self, at: Point, last: Option<&Link>, solid: u32) -> Option<Link> {
+        if last.is_some_and(|last| last.solid == solid) {
+            return None;
+        }
+        let ring = self.solids.ring(solid);
+        if ring.len() < 2 {
+            return None;
+        }
+        // A wrong choice by rounding is refused below.
+        let turn = |a: Point, b: Point| (a.x - at.x) * (b.y - at.y) - (a.y - at.y) * (b.x - at.x);
+        let (mut from, mut to) = (0, 0);
+        for i in 1..ring.len() {
+            if turn(ring[i].at, ring[from].at) > 0.0 {
+                from = i;
+            }
+            if turn(ring[to].at, ring[i].at) > 0.0 {
+                to = i;
+            }
+        }
+        // Seen from the point, the chord must show some of the viewcell behind it.
+        let seen = last.map_or_else(|| self.first_corner(at), |last| last.to);
+        if turn(seen, ring[to].at) <= 0.0 {
+            return None;
+        }
+        let link = |from: usize, to: usize| {
+            let low = ring[from].low.max(ring[to].low);
+            Link { solid, from: ring[from].at, to: ring[to].at, low, joint: None }
+        };
+        let begins = |link: &Link| match last {
+            None => all_left_of(at, link.from, self.corners),
+            Some(last) => link.from.is(last.to) || left_of(at, link.from, last.to) >= 0.0,
+        };
+        let is_good = |link: &Link| left_of(at, seen, link.to) > 0.0 && self.is_chord(at, link.from, link.to);
+        let widest = link(from, to);
+        // A joint holds on both sides of the line through it, ends of chords that pass one another do not.
+        if let Some(joined) = last.and_then(|last| self.join(at, last, &widest)) {
+            return Some(joined);
+        }
+        if !begins(&widest) {
+            return None;
+        }
+        if is_good(&widest) {
+            return Some(widest);
+        }
+        // A chord that has the viewcell behind it.
+        let near = |i: usize| [i.checked_sub(1).unwrap_or(ring.len() - 1), (i + 1) % ring.len()];
+        let other = near(from).map(|i| (i, to)).into_iter().chain(near(to).map(|i| (from, i)));
+        let mut other = other.filter(|(i, j)| i != j).map(|(i, j)| link(i, j));
+        other.find(|link| begins(link) && is_good(link))
+    }
+
+    /// Returns whether a segment is certainly passed, and the viewcell beyond it, by all lines of sight from
+    /// a point that are between the segment's ends.
+    fn is_chord(&self, at: Point, from: Point, to: Point) -> bool {
+        left_of(at, from, to) >= 0.0 && all_left_of(to, from, self.corners)
+    }
+
+    /// Returns the link with a chord that begins in a corner of one of two solids that is certainly in the
+    /// other: no line passes between solids that touch.
+    fn join(&self, at: Point, last: &Link, link: &Link) -> Option<Link> {
+        let (a, b) = (self.solids.ring(last.solid), self.solids.ring(link.solid));
+        let is_exact = |solid: u32, ring: &[Post]| {
+            self.solids.is_whole(solid) && ring.iter().all(|post| post.at.error == 0.0)
+        };
+        if !self.solids.bounds_meet(last.solid, link.solid)
+            || !is_exact(last.solid, a)
+            || !is_exact(link.solid, b)
+        {
+            return None;
+        }
+        let low = a.iter().chain(b).map(|post| post.low).fold(link.low, f64::max);
+        let in_b = a.iter().filter(|post| is_in(post.at, b));
+        let in_a = b.iter().filter(|post| is_in(post.at, a));
+        in_b.chain(in_a).map(|post| post.at).find_map(|joint| {
+            let is_joint = self.is_chord(at, last.from, joint)
+                && self.is_chord(at, joint, link.to)
+                && left_of(at, last.to, link.to) > 0.0;
+            is_joint.then_some(Link { from: joint, low, joint: Some(joint), ..*link })
+        })
+    }
+}
+
+/// Returns whether a point is certainly in a ring of exact points or on it.
+fn is_in(point: Point, ring: &[Post]) -> bool {
+    let coordinate = |p: Point| robust::Coord { x: p.x, y: p.y };
+    (0..ring.len()).all(|i| {
+        let next = if i + 1 == ring.len() { 0 } else { i + 1 };
+        robust::orient2d(coordinate(ring[i].at), coordinate(ring[next].at), coordinate(point)) >= 0.0
+    })
+}

@@ -1,0 +1,93 @@
+//! Growth of a virtual occluder along a line behind a seed.
+
+use super::cell_solids::{CellBox, CellSolids};
+use super::chain::{BackLine, Chain, Task, WIDEST};
+use super::lines::Point;
+
+/// Step beside the end of what a chain hides, as a part of the line's distance from the viewcell, with which
+/// another chain is tried. A try that fails is repeated with a quarter of the step.
+const STEP: f64 = 1.0 / 32.0;
+const TRIES: u32 = 5;
+
+/// Greatest number of chains to each side.
+const CHAINS: usize = 256;
+
+/// A segment of a line from no point of which a line of sight reaches the viewcell, if it rises from there
+/// by less than a slope and stays above a height.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Grown {
+    /// Ends, the first counter-clockwise of the second as seen from the viewcell.
+    pub(crate) ends: [Point; 2],
+    /// Least height that a line of sight may have where it meets the solids.
+    pub(crate) bottom: f64,
+    pub(crate) slope: f64,
+    /// Bound on the distance of the hidden segment from the straight one between the ends.
+    pub(crate) error: f64,
+}
+
+impl Grown {
+    /// Returns the distance between the ends.
+    pub(crate) fn width(&self) -> f64 {
+        let [a, b] = self.ends;
+        crate::float::sqrt((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y))
+    }
+}
+
+/// Finds the widest segment around the middle of a line that is hidden from a viewcell. `None` if the middle
+/// is not.
+pub(crate) fn grow(
+    chain: &mut Chain,
+    solids: &mut CellSolids,
+    cell: &CellBox,
+    line: BackLine,
+    slope: f64,
+) -> Option<Grown> {
+    let corners = cell.corners();
+    if !corners.iter().all(|&corner| line.is_before(corner)) {
+        return None;
+    }
+    solids.restrict(slope, |post| post.low <= cell.min[2] && line.is_before(post.at));
+    let task = Task { solids, corners: &corners, line, slope };
+    let mut bottom = f64::NEG_INFINITY;
+    let mut ends = [0.0; 2];
+    for (end, side) in ends.iter_mut().zip([-1.0, 1.0]) {
+        chain.clear();
+        if !chain.cover(&task, 0.0) || !chain.holds(&task, 0.0) {
+            return None;
+        }
+        *end = grow_to(chain, &task, side, &mut bottom);
+    }
+    (ends[0] < ends[1]).then(|| Grown {
+        ends: ends.map(|position| line.at(position)),
+        bottom,
+        slope,
+        error: line.error,
+    })
+}
+
+/// Grows from the middle to one side, with chains that each hide what is between two positions. Returns the
+/// position of the end.
+fn grow_to(chain: &mut Chain, task: &Task, side: f64, bottom: &mut f64) -> f64 {
+    let (limit, step) = (side * WIDEST * task.line.distance, side * STEP * task.line.distance);
+    let (mut begin, mut position) = (0.0f64, 0.0f64);
+    for _ in 0..CHAINS {
+        let end = chain.reach(task, position, limit);
+        if end != begin {
+            *bottom = bottom.max(chain.low());
+        }
+        (begin, position) = (end, end);
+        if end == limit {
+            break;
+        }
+        let mut by = step;
+        let is_found = (0..TRIES).any(|_| {
+            position = if (limit - end).abs() < by.abs() { limit } else { end + by };
+            by *= 0.25;
+            chain.cover(task, position) && chain.holds(task, position) && chain.holds(task, end)
+        });
+        if !is_found {
+            break;
+        }
+    }
+    begin
+}

@@ -1,0 +1,115 @@
+//! Upright convex solids of a scene as rings on the plan, made once for a state of the scene.
+
+use super::lines::{Point, left_of};
+use crate::horizon::{Post, Solids, UpAxis, convex_hull};
+use alloc::vec::Vec;
+use visibility_core::Scene;
+use visibility_core::scene::SceneCursor;
+
+/// Rings of all occluders of a scene.
+#[derive(Clone, Debug)]
+pub(crate) struct PlanSolids {
+    up: UpAxis,
+    cursor: SceneCursor,
+    pub(crate) solids: Vec<PlanSolid>,
+    posts: Vec<Post>,
+}
+
+/// A convex solid of an occluder.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PlanSolid {
+    /// Index of the object in the scene.
+    pub(crate) object: u32,
+    first: u32,
+    count: u32,
+    /// Bound on the distance in metres of each post from a point of the exact solid. 0 if the solid is the
+    /// hull of its posts.
+    pub(crate) error: f64,
+    /// Bounds on the plan, and the greatest height.
+    pub(crate) min: [f64; 2],
+    pub(crate) max: [f64; 2],
+    pub(crate) high: f64,
+}
+
+impl PlanSolids {
+    pub(crate) const fn new(up: UpAxis) -> Self {
+        Self { up, cursor: SceneCursor::START, solids: Vec::new(), posts: Vec::new() }
+    }
+
+    pub(crate) fn up(&self) -> UpAxis {
+        self.up
+    }
+
+    /// Returns the posts of a solid, counter-clockwise: the corners of its hull on the plan.
+    pub(crate) fn ring(&self, solid: &PlanSolid) -> &[Post] {
+        &self.posts[solid.first as usize..][..solid.count as usize]
+    }
+
+    /// Finds the solids anew if the scene has changed.
+    pub(crate) fn sync(&mut self, scene: &Scene) {
+        if self.cursor.is_current(scene) {
+            return;
+        }
+        self.cursor = SceneCursor::at(scene);
+        self.solids.clear();
+        self.posts.clear();
+        let (mut found, mut plan) = (Solids::default(), Vec::new());
+        for id in scene.ids() {
+            let Some((mesh, transform)) = scene.occluder(id) else { continue };
+            found.clear();
+            found.add_mesh(mesh, transform, self.up);
+            for solid in &found.solids {
+                let posts = found.posts(solid);
+                let is_exact = is_prism(posts, solid.dent);
+                let error = if is_exact { solid.error - solid.dent } else { solid.error };
+                self.add(id.index() as u32, posts, error, &mut plan);
+            }
+        }
+    }
+
+    fn add(&mut self, object: u32, posts: &[Post], error: f64, plan: &mut Vec<[f64; 2]>) {
+        plan.clear();
+        plan.extend(posts.iter().map(|post| [post.x, post.y]));
+        plan.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        plan.dedup();
+        let hull = convex_hull(plan);
+        let first = self.posts.len();
+        if hull.len() < 3 || first > u32::MAX as usize - hull.len() {
+            return;
+        }
+        let at = |p: &[f64; 2]| posts.iter().find(|post| post.x == p[0] && post.y == p[1]);
+        self.posts.extend(hull.iter().filter_map(at));
+        let fold =
+            |f: fn(f64, f64) -> f64, start: f64, of: fn(&Post) -> f64| posts.iter().map(of).fold(start, f);
+        self.solids.push(PlanSolid {
+            object,
+            first: first as u32,
+            count: (self.posts.len() - first) as u32,
+            error,
+            min: [fold(f64::min, f64::INFINITY, |p| p.x), fold(f64::min, f64::INFINITY, |p| p.y)],
+            max: [fold(f64::max, f64::NEG_INFINITY, |p| p.x), fold(f64::max, f64::NEG_INFINITY, |p| p.y)],
+            high: fold(f64::max, f64::NEG_INFINITY, |p| p.high),
+        });
+    }
+}
+
+/// Returns whether a mesh that is convex up to dents of depth `dent` is exactly the hull of its posts: a
+/// prism between two heights, no corner of which is so flat that a face may leave it out.
+fn is_prism(posts: &[Post], dent: f64) -> bool {
+    let Some(first) = posts.first() else { return false };
+    if dent == 0.0 {
+        return true;
+    }
+    let mut plan: Vec<[f64; 2]> = posts.iter().map(|post| [post.x, post.y]).collect();
+    plan.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let hull = convex_hull(&plan);
+    let at = |i: usize| hull.get(i % hull.len()).map_or(Point::default(), |p| Point::exact(p[0], p[1]));
+    hull.len() == posts.len()
+        && hull.len() > 2
+        && posts.iter().all(|post| post.low == first.low && post.high == first.high)
+        && first.high - first.low > 4.0 * dent
+        && (0..hull.len()).all(|i| {
+            let (a, b, c) = (at(i), at(i + 1), at(i + 2));
+            left_of(a, b, c) > 4.0 * dent * ((c.x - a.x).abs() + (c.y - a.y).abs())
+        })
+}
