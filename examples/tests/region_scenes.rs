@@ -1,7 +1,8 @@
 //! Trials of the methods for viewcells on whole scenes: no object that a guided ray or an item buffer sees
 //! from a viewcell is hidden by a conservative method.
 //!
-//! `cargo test --release --test region_scenes -- --ignored` makes 100,000 trials over all scenes.
+//! `cargo test --release --test region_scenes -- --ignored` makes 100,000 trials over all scenes, the stored
+//! ones too if they are there.
 
 mod shared_scenes;
 
@@ -16,6 +17,9 @@ const METHODS: &str = "sweep,convex,volume,shrink:2";
 
 /// Sizes of viewcells: a step, a room, and a street corner.
 const SIZES: [[f64; 3]; 3] = [[0.5, 0.5, 1.0], [4.0, 4.0, 2.0], [20.0, 20.0, 3.0]];
+
+/// Stored scenes.
+const STORED: &[&str] = &["denhaag", "oa_dm2", "alpine1", "clinic"];
 
 #[derive(Default, Debug)]
 struct Verdict {
@@ -74,6 +78,10 @@ fn nothing_sampled_is_hidden_in_many_trials() {
         }
         for name in ["london", "office", "town", "plpcity", "forest"] {
             run(built_in(name).unwrap(), count, effort, &mut verdict);
+        }
+        let stored = if cfg!(reference_scenes) { STORED } else { &[] };
+        for name in stored {
+            run(shared_scenes::scene(name), count, effort, &mut verdict);
         }
     }
     println!("{verdict:?}");
