@@ -93,6 +93,28 @@ pub struct MeshId {
     pub(crate) scene: u32,
 }
 
+impl MeshId {
+    /// Returns the id as a number for engines that store numbers: the mesh in the lower half, the scene in
+    /// the upper.
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, OccluderMesh, Scene, scene::MeshId};
+    /// let mut scene = Scene::new();
+    /// let mesh = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3]))?);
+    /// assert_eq!(MeshId::from_bits(mesh.to_bits()), mesh);
+    /// # Ok::<(), visibility_core::occlusion::MeshError>(())
+    /// ```
+    pub const fn to_bits(self) -> u64 {
+        (self.scene as u64) << 32 | self.index as u64
+    }
+
+    /// Returns the id that [`to_bits`](Self::to_bits) made `bits` of. Any other number gives an id that a
+    /// scene may not know, or may know as another mesh.
+    pub const fn from_bits(bits: u64) -> Self {
+        Self { index: bits as u32, scene: (bits >> 32) as u32 }
+    }
+}
+
 /// The properties of an object, as given to [`Scene::insert`](crate::Scene::insert).
 ///
 /// ```

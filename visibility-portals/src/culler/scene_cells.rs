@@ -216,12 +216,31 @@ impl SceneCells {
         Ok(())
     }
 
+    /// Tests whether the cells of each object are those of `scene` as it is now, so that
+    /// [`sync`](Self::sync) has nothing to do. Constant time. Views on several threads that share cells
+    /// behind a lock then lock the cells for writing only where they must.
+    ///
+    /// ```
+    /// use visibility_core::{cells::CellGraph, pvs::Viewcells, Aabb, Scene};
+    /// use visibility_portals::SceneCells;
+    /// let mut scene = Scene::new();
+    /// let mut cells = SceneCells::new(CellGraph::default(), Viewcells::default(), 1e-6)?;
+    /// cells.sync(&scene);
+    /// assert!(cells.is_synced(&scene) && !cells.is_synced(&scene.clone()));
+    /// scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    /// assert!(!cells.is_synced(&scene));
+    /// # Ok::<(), visibility_portals::SceneCellsError>(())
+    /// ```
+    pub fn is_synced(&self, scene: &Scene) -> bool {
+        self.cursor.is_current(scene)
+    }
+
     /// Updates the cells of each object by the changes of the scene since the last call, in time proportional
     /// to the number of changes times the logarithm of the number of cells. The first call, a call with
     /// another scene, and a call after more changes than the scene lists inspect every object. Allocates only
     /// for new objects, and for objects in more cells than ever before.
     pub fn sync(&mut self, scene: &Scene) {
-        if self.cursor.is_current(scene) {
+        if self.is_synced(scene) {
             return;
         }
         let first = self.cursor == SceneCursor::START;
