@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-/// Returns the crates of the workspace, sorted: the folders directly below `root` that have a manifest and a
-/// `src`. Returns an error when `root` cannot be listed.
+/// Returns the crates, sorted: the folders directly below `root` and `root/platforms` that have a manifest
+/// and a `src`. Returns an error when one of the two cannot be listed.
 pub(crate) fn crates(root: &Path) -> Result<Vec<PathBuf>, String> {
-    let entries = std::fs::read_dir(root).map_err(|error| format!("{}: {error}", root.display()))?;
-    let mut folders: Vec<PathBuf> = entries
+    let list =
+        |folder: &Path| std::fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()));
+    let mut folders: Vec<PathBuf> = list(root)?
+        .chain(list(&root.join("platforms"))?)
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.join("Cargo.toml").is_file() && path.join("src").is_dir())
         .collect();

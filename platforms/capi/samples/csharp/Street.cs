@@ -1,0 +1,143 @@
+// A street with a wall that hides boxes, as in street.c, by P/Invoke. The library must be where the loader
+// looks: beside the program, or on LD_LIBRARY_PATH (Linux), DYLD_LIBRARY_PATH (macOS), PATH (Windows).
+using System;
+using System.Collections.Generic;
+using System.Runtime.InteropServices;
+
+static class Vis
+{
+    const string Library = "visibility";
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct Box
+    {
+        public float MinX, MinY, MinZ, MaxX, MaxY, MaxZ;
+
+        public Box(float x, float y, float z, float toX, float toY, float toZ)
+        {
+            (MinX, MinY, MinZ, MaxX, MaxY, MaxZ) = (x, y, z, toX, toY, toZ);
+        }
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct ObjectDesc
+    {
+        public Box Bounds;
+        public uint Layers, Cost, Flags;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct Stats
+    {
+        public ulong Nodes, AcceptedSubtrees, Tests, Occluders, Visible;
+    }
+
+    public const uint Occluder = 2, DepthReversedInfinite = 5, AbiVersion = 1;
+
+    [DllImport(Library)] public static extern uint vis_abi_version();
+    [DllImport(Library)] static extern IntPtr vis_last_error();
+    [DllImport(Library)] public static extern ObjectDesc vis_object_default(Box bounds);
+    [DllImport(Library)] public static extern int vis_scene_create(out IntPtr scene);
+    [DllImport(Library)] public static extern void vis_scene_destroy(IntPtr scene);
+    [DllImport(Library)] public static extern int vis_scene_insert_batch(
+        IntPtr scene, ObjectDesc[] objects, UIntPtr count, [Out] ulong[] ids);
+    [DllImport(Library)] public static extern int vis_scene_add_box_mesh(
+        IntPtr scene, ref Box bounds, out ulong mesh);
+    [DllImport(Library)] public static extern int vis_scene_set_mesh(
+        IntPtr scene, ulong id, ulong mesh, float[]? transform);
+    [DllImport(Library)] public static extern int vis_scene_rebuild(IntPtr scene);
+    [DllImport(Library)] public static extern int vis_scene_remove(IntPtr scene, ulong id);
+    [DllImport(Library)] public static extern int vis_view_create(out IntPtr view);
+    [DllImport(Library)] public static extern void vis_view_destroy(IntPtr view);
+    [DllImport(Library)] public static extern int vis_view_set_matrix(
+        IntPtr view, float[] matrix, uint depth, double[]? origin);
+    [DllImport(Library)] public static extern int vis_pipeline_create(out IntPtr pipeline);
+    [DllImport(Library)] public static extern void vis_pipeline_destroy(IntPtr pipeline);
+    [DllImport(Library)] public static extern int vis_pipeline_add_frustum(IntPtr pipeline);
+    [DllImport(Library)] public static extern int vis_pipeline_add_z_buffer(
+        IntPtr pipeline, UIntPtr width, UIntPtr height);
+    [DllImport(Library)] public static extern int vis_pipeline_cull(
+        IntPtr pipeline, IntPtr scene, IntPtr view, IntPtr visible, out Stats stats);
+    [DllImport(Library)] public static extern int vis_pipeline_stage_stats(
+        IntPtr pipeline, UIntPtr stage, out Stats stats);
+    [DllImport(Library)] public static extern int vis_visible_create(
+        [MarshalAs(UnmanagedType.U1)] bool withChanges, out IntPtr visible);
+    [DllImport(Library)] public static extern void vis_visible_destroy(IntPtr visible);
+    [DllImport(Library)] public static extern int vis_visible_indices(
+        IntPtr visible, [Out] uint[]? indices, UIntPtr capacity, out UIntPtr count);
+
+    public static void Check(int status)
+    {
+        if (status != 0)
+            throw new InvalidOperationException(
+                $"error {status}: {Marshal.PtrToStringUTF8(vis_last_error())}");
+    }
+}
+
+static class Street
+{
+    static void Expect(string what, ulong found, ulong expected)
+    {
+        Console.WriteLine($"{what,-22} {found,4}");
+        if (found != expected)
+            throw new InvalidOperationException($"{what}: {found}, not {expected}");
+    }
+
+    static Vis.ObjectDesc BoxAt(float x, float y, float z) =>
+        Vis.vis_object_default(new Vis.Box(x, y, z, x + 1.0f, y + 0.5f, z + 0.4f));
+
+    static void Main()
+    {
+        Expect("version", Vis.vis_abi_version(), Vis.AbiVersion);
+        var boxes = new List<Vis.ObjectDesc>();
+        for (int i = 0; i < 8; i++) boxes.Add(BoxAt(10.0f, -4.0f + i, 0.0f));
+        for (int i = 0; i < 100; i++) boxes.Add(BoxAt(30.0f, -4.5f + i % 10, 0.5f * (i / 10)));
+        for (int i = 0; i < 5; i++) boxes.Add(BoxAt(30.0f, 12.0f + 2.0f * i, 0.0f));
+        for (int i = 0; i < 40; i++) boxes.Add(BoxAt(-20.0f, i, 0.0f));
+        var wall = Vis.vis_object_default(new Vis.Box(20.0f, -6.0f, 0.0f, 20.5f, 6.0f, 8.0f));
+        wall.Flags = Vis.Occluder;
+        boxes.Add(wall);
+
+        var ids = new ulong[boxes.Count];
+        Vis.Check(Vis.vis_scene_create(out IntPtr scene));
+        Vis.Check(Vis.vis_scene_insert_batch(scene, boxes.ToArray(), (UIntPtr)boxes.Count, ids));
+        Vis.Check(Vis.vis_scene_add_box_mesh(scene, ref wall.Bounds, out ulong mesh));
+        Vis.Check(Vis.vis_scene_set_mesh(scene, ids[^1], mesh, null));
+        Vis.Check(Vis.vis_scene_rebuild(scene));
+        Vis.Check(Vis.vis_pipeline_create(out IntPtr pipeline));
+        Vis.Check(Vis.vis_pipeline_add_frustum(pipeline));
+        Vis.Check(Vis.vis_pipeline_add_z_buffer(pipeline, UIntPtr.Zero, UIntPtr.Zero));
+        Vis.Check(Vis.vis_view_create(out IntPtr view));
+        Vis.Check(Vis.vis_visible_create(false, out IntPtr visible));
+
+        // The matrix of street.c: column-major, reversed depth without a far plane.
+        const float fy = 1.8305f, fx = fy * 9.0f / 16.0f, eye = 1.7f, near = 0.1f;
+        float[] matrix = { 0, 0, 0, 1, -fx, 0, 0, 0, 0, fy, 0, 0, 0, -fy * eye, near, 0 };
+        Vis.Check(Vis.vis_view_set_matrix(view, matrix, Vis.DepthReversedInfinite, null));
+        Vis.Check(Vis.vis_pipeline_cull(pipeline, scene, view, visible, out Vis.Stats sum));
+        Vis.Check(Vis.vis_pipeline_stage_stats(pipeline, UIntPtr.Zero, out Vis.Stats frustum));
+        Expect("objects", (ulong)boxes.Count, 154);
+        Expect("in the frustum", frustum.Visible, 114);
+        Expect("visible", sum.Visible, 14);
+
+        Vis.Check(Vis.vis_visible_indices(visible, null, UIntPtr.Zero, out UIntPtr count));
+        var draw = new uint[(int)count];
+        Vis.Check(Vis.vis_visible_indices(visible, draw, count, out count));
+        Expect("to draw", (ulong)draw.Length, 14);
+
+        Vis.Check(Vis.vis_scene_remove(scene, ids[0]));
+        try
+        {
+            Vis.Check(Vis.vis_scene_remove(scene, ids[0]));
+            Expect("unknown id", 0, 1);
+        }
+        catch (InvalidOperationException error)
+        {
+            Console.WriteLine($"message: {error.Message}");
+        }
+        Vis.vis_visible_destroy(visible);
+        Vis.vis_view_destroy(view);
+        Vis.vis_pipeline_destroy(pipeline);
+        Vis.vis_scene_destroy(scene);
+    }
+}

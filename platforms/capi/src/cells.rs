@@ -1,0 +1,277 @@
+//! Cells and portals of buildings: graphs, doors, and portal culling with cells that pipelines share.
+
+use crate::error::{Error, border, vis_status};
+use crate::pointer::{array, create, destroy, out, reference};
+use crate::pvs::vis_pvs;
+use crate::volume::{range, vis_volume, volumes};
+use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use visibility_core::bake::Bake;
+use visibility_core::cells::{CellGraph, CellId, PortalId};
+use visibility_core::glam::DVec3;
+use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
+use visibility_portals::{CellBaker, Passage, PortalEye, SceneCells, Settings, prt};
+
+/// A graph of convex cells and of the portals between them. It never changes.
+pub struct vis_graph(CellGraph);
+
+/// A portal of a graph: a convex polygon between two cells.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct vis_portal {
+    /// Index of the polygon's first vertex among all vertices. The vertices run counter-clockwise as seen
+    /// from the second cell.
+    pub first_vertex: u32,
+    /// Number of the polygon's vertices.
+    pub vertex_count: u32,
+    /// The two cells that the portal joins.
+    pub cells: [u32; 2],
+}
+
+/// Makes a graph of `cell_count` cells from arrays: `portals`, and 3 coordinates for each of `vertices`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_graph_create(
+    cell_count: usize,
+    portals: *const vis_portal,
+    portal_count: usize,
+    vertices: *const f64,
+    vertex_count: usize,
+    graph: *mut *mut vis_graph,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (portals, place) = unsafe { (array(portals, portal_count, "portals")?, out(graph, "graph")?) };
+        // SAFETY: as before; 3 numbers for each of `vertex_count`.
+        let vertices = unsafe { array(vertices.cast::<[f64; 3]>(), vertex_count, "vertices") }?;
+        let made = portals.iter().enumerate().map(|(index, portal)| {
+            let own = range(vertices, portal.first_vertex, portal.vertex_count, "portal", index)?;
+            Ok((own.iter().copied().map(DVec3::from_array), portal.cells.map(CellId)))
+        });
+        let graph = CellGraph::from_vertices(cell_count, made.collect::<Result<Vec<_>, Error>>()?)?;
+        create(place, vis_graph(graph));
+        Ok(())
+    })
+}
+
+/// Makes a graph from the text of a portal file of a map compiler, `.prt` in the forms PRT1, PRT2 and
+/// PRT1-AM, of `length` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_graph_read_prt(
+    text: *const u8,
+    length: usize,
+    graph: *mut *mut vis_graph,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (text, place) = unsafe { (array(text, length, "text")?, out(graph, "graph")?) };
+        create(place, vis_graph(prt::read(&String::from_utf8_lossy(text))?.graph));
+        Ok(())
+    })
+}
+
+/// Destroys a graph. Does nothing for a null pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_graph_destroy(graph: *mut vis_graph) {
+    // SAFETY: the header's rules for pointers.
+    unsafe { destroy(graph) }
+}
+
+/// Writes the numbers of cells and of portals.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_graph_counts(
+    graph: *const vis_graph,
+    cells: *mut usize,
+    portals: *mut usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (graph, mut cells) = unsafe { (reference(graph, "graph")?, out(cells, "cells")?) };
+        // SAFETY: as before.
+        let mut portals = unsafe { out(portals, "portals") }?;
+        cells.set(graph.0.cell_count());
+        portals.set(graph.0.portals().len());
+        Ok(())
+    })
+}
+
+/// Computes which cells may be seen from anywhere in which cells, with all portals open. `clearance` is the
+/// distance that a line of sight keeps from edges of portals to count, in world units; 0 for the default,
+/// 1e-6. Takes from milliseconds to minutes. Conservative.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_graph_bake(
+    graph: *const vis_graph,
+    clearance: f64,
+    pvs: *mut *mut vis_pvs,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (graph, place) = unsafe { (reference(graph, "graph")?, out(pvs, "pvs")?) };
+        let mut settings = Settings::default();
+        if clearance != 0.0 {
+            settings.clearance = clearance;
+        }
+        let outcome = Bake::new(CellBaker::new(&graph.0, settings)?).run();
+        create(place, vis_pvs(outcome.matrix.to_pvs(&graph.0)?));
+        Ok(())
+    })
+}
+
+/// The cells of a building with their doors, shared by the pipelines of all views. Its functions wait for
+/// each other; they never return `VIS_ERROR_BUSY`.
+pub struct vis_cells(Arc<RwLock<SceneCells>>);
+
+fn failed<G>(_: G) -> Error {
+    Error::new(vis_status::VIS_ERROR_PANIC, "an earlier call with these cells failed inside: destroy them")
+}
+
+impl vis_cells {
+    fn read(&self) -> Result<RwLockReadGuard<'_, SceneCells>, Error> {
+        self.0.read().map_err(failed)
+    }
+
+    fn write(&self) -> Result<RwLockWriteGuard<'_, SceneCells>, Error> {
+        self.0.write().map_err(failed)
+    }
+}
+
+/// Makes the cells of a building from a graph and from the volumes of its cells, in their order. `planes` has
+/// 4 numbers a, b, c, d each: what is kept is a x + b y + c z + d >= 0. `tolerance` is the distance by which
+/// portals and volumes may be misplaced: 1e-6 for metres computed in double precision, the last decimal for
+/// coordinates read from text. All portals are open. The graph may be destroyed afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_create(
+    graph: *const vis_graph,
+    cell_volumes: *const vis_volume,
+    volume_count: usize,
+    planes: *const f64,
+    plane_count: usize,
+    tolerance: f64,
+    cells: *mut *mut vis_cells,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (graph, place) = unsafe { (reference(graph, "graph")?, out(cells, "cells")?) };
+        // SAFETY: as before.
+        let given = unsafe { array(cell_volumes, volume_count, "cell_volumes") }?;
+        // SAFETY: as before; 4 numbers for each of `plane_count`.
+        let planes = unsafe { array(planes.cast::<[f64; 4]>(), plane_count, "planes") }?;
+        let cells = SceneCells::new(graph.0.clone(), volumes(given, planes)?, tolerance)?;
+        create(place, vis_cells(Arc::new(RwLock::new(cells))));
+        Ok(())
+    })
+}
+
+/// Destroys cells; pipelines that use them keep them alive. Does nothing for a null pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_destroy(cells: *mut vis_cells) {
+    // SAFETY: the header's rules for pointers.
+    unsafe { destroy(cells) }
+}
+
+/// Limits what is seen from a cell to its row of a baked set, whose targets must be the cells of the graph.
+/// The set may be destroyed afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_set_pvs(cells: *mut vis_cells, pvs: *const vis_pvs) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (cells, pvs) = unsafe { (reference(cells, "cells")?, reference(pvs, "pvs")?) };
+        let mut cells = cells.write()?;
+        let limited = cells.clone().with_pvs(pvs.0.clone())?;
+        *cells = limited;
+        Ok(())
+    })
+}
+
+/// Opens or closes a portal, like a door.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_set_open(cells: *mut vis_cells, portal: u32, open: bool) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let cells = unsafe { reference(cells, "cells") }?;
+        Ok(cells.write()?.set_open(PortalId(portal), open)?)
+    })
+}
+
+/// Sets in which directions a portal can be seen through while it is open: from its first cell into the
+/// second (`forward`), from the second into the first (`backward`), or both. To allow neither, close it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_set_passage(
+    cells: *mut vis_cells,
+    portal: u32,
+    forward: bool,
+    backward: bool,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let cells = unsafe { reference(cells, "cells") }?;
+        let passage = match (forward, backward) {
+            (true, true) => Passage::BothWays,
+            (true, false) => Passage::Forward,
+            (false, true) => Passage::Backward,
+            (false, false) => return Err(Error::argument("a portal without a direction is a closed one")),
+        };
+        Ok(cells.write()?.set_passage(PortalId(portal), passage)?)
+    })
+}
+
+/// Writes whether one cell may see another through the portals that are open now, from anywhere in it: for
+/// sound, for the AI of guards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_can_see(
+    cells: *const vis_cells,
+    from: u32,
+    to: u32,
+    sees: *mut bool,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (cells, mut sees) = unsafe { (reference(cells, "cells")?, out(sees, "sees")?) };
+        sees.set(cells.read()?.can_see_now(CellId(from), CellId(to)));
+        Ok(())
+    })
+}
+
+/// Portal culling for one view, with cells that other views share.
+pub(crate) struct SharedPortals {
+    cells: Arc<RwLock<SceneCells>>,
+    eye: PortalEye,
+}
+
+impl SharedPortals {
+    pub(crate) fn new(cells: &vis_cells) -> Self {
+        Self { cells: cells.0.clone(), eye: PortalEye::new() }
+    }
+}
+
+impl Culler for SharedPortals {
+    fn name(&self) -> &str {
+        "portals"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let Self { cells, eye } = self;
+        for _ in 0..2 {
+            let Ok(read) = cells.read() else { break };
+            if read.is_synced(scene) {
+                return eye.cull(&read, scene, view, visible);
+            }
+            drop(read);
+            let Ok(mut write) = cells.write() else { break };
+            write.sync(scene);
+        }
+        // A pipeline of another scene has come in between twice.
+        let Ok(mut write) = cells.write() else {
+            // A panic has left the cells half changed: they hide nothing any more.
+            return visible.retain(scene, |_, _| true);
+        };
+        write.sync(scene);
+        eye.cull(&write, scene, view, visible)
+    }
+
+    fn reset(&mut self) {
+        self.eye.reset();
+    }
+}

@@ -1,0 +1,161 @@
+//! Status codes, the message of the last error, and the border that no panic crosses.
+
+use std::any::Any;
+use std::cell::RefCell;
+use std::ffi::{CString, c_char};
+use std::fmt::Display;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use visibility_core::cells::CellGraphError;
+use visibility_core::occlusion::MeshError;
+use visibility_core::pvs::PvsError;
+use visibility_core::scene::SceneError;
+use visibility_core::view::ViewError;
+use visibility_core::visible_set::BitsError;
+use visibility_hzb::SizeError;
+use visibility_measure::MeasureError;
+use visibility_portals::prt::PrtError;
+use visibility_portals::{BakeError, SceneCellsError};
+
+/// Result of a call. Everything but `VIS_OK` is an error. A failed call has changed nothing, unless its
+/// description says otherwise, and `vis_last_error` tells what was wrong with what.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum vis_status {
+    /// The call succeeded.
+    VIS_OK = 0,
+    /// A pointer is null that must not be.
+    VIS_ERROR_NULL = 1,
+    /// An argument cannot be used: a matrix that is not finite, an unknown enumerator, a size out of range, a
+    /// misaligned pointer.
+    VIS_ERROR_ARGUMENT = 2,
+    /// An object, mesh, cell or portal is not there: the object was removed, or belongs to another scene.
+    VIS_ERROR_UNKNOWN_ID = 3,
+    /// A buffer is too short. The length that it needs has been written.
+    VIS_ERROR_TOO_SHORT = 4,
+    /// The content of a file or buffer is damaged, or of another format.
+    VIS_ERROR_FORMAT = 5,
+    /// Something has to be done first: give the view a camera, cull before asking for results, set local
+    /// bounds before a transform.
+    VIS_ERROR_STATE = 6,
+    /// Another thread is using the handle in a way that excludes this call. Nothing was done.
+    VIS_ERROR_BUSY = 7,
+    /// A fault inside the library. Handles that the call changed answer every later call with this status;
+    /// all that is left is to destroy them.
+    VIS_ERROR_PANIC = 8,
+}
+
+use vis_status::*;
+
+/// An error on its way across the border: its code and its message.
+#[derive(Debug)]
+pub(crate) struct Error {
+    pub(crate) status: vis_status,
+    message: String,
+}
+
+impl Error {
+    pub(crate) fn new(status: vis_status, message: impl Display) -> Self {
+        Self { status, message: message.to_string() }
+    }
+
+    pub(crate) fn argument(message: impl Display) -> Self {
+        Self::new(VIS_ERROR_ARGUMENT, message)
+    }
+
+    fn panicked(panic: &(dyn Any + Send)) -> Self {
+        let text = panic.downcast_ref::<&str>().copied();
+        let text = text.or(panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message");
+        Self::new(VIS_ERROR_PANIC, format_args!("fault inside the library: {text}"))
+    }
+}
+
+/// Implements the conversion of errors of the Rust crates, each with its code.
+macro_rules! codes {
+    ($($error:ty, $parameter:pat => $status:expr;)*) => {$(
+        impl From<$error> for Error {
+            fn from(error: $error) -> Self {
+                let $parameter = &error;
+                Self::new($status, &error)
+            }
+        }
+    )*};
+}
+
+codes! {
+    ViewError, _ => VIS_ERROR_ARGUMENT;
+    MeshError, _ => VIS_ERROR_ARGUMENT;
+    SizeError, _ => VIS_ERROR_ARGUMENT;
+    MeasureError, _ => VIS_ERROR_ARGUMENT;
+    CellGraphError, _ => VIS_ERROR_ARGUMENT;
+    BakeError, _ => VIS_ERROR_ARGUMENT;
+    PrtError, _ => VIS_ERROR_FORMAT;
+    SceneError, kind => match kind {
+        SceneError::UnknownObject(_) | SceneError::UnknownMesh(_) => VIS_ERROR_UNKNOWN_ID,
+        SceneError::NoLocalBounds(_) => VIS_ERROR_STATE,
+        _ => VIS_ERROR_ARGUMENT,
+    };
+    SceneCellsError, kind => match kind {
+        SceneCellsError::UnknownCell(_) | SceneCellsError::UnknownPortal(_) => VIS_ERROR_UNKNOWN_ID,
+        _ => VIS_ERROR_ARGUMENT,
+    };
+    PvsError, kind => match kind {
+        PvsError::Format(_) | PvsError::Row { .. } => VIS_ERROR_FORMAT,
+        _ => VIS_ERROR_ARGUMENT,
+    };
+    BitsError, kind => match kind {
+        BitsError::Unfinished => VIS_ERROR_STATE,
+        BitsError::TooShort { .. } => VIS_ERROR_TOO_SHORT,
+    };
+}
+
+thread_local! {
+    static LAST: RefCell<CString> = RefCell::default();
+}
+
+/// Runs the body of a function that C calls: the one place where panics end and errors become codes.
+///
+/// Values that the body had borrowed for changes may be half changed after a panic. They are behind the locks
+/// of `handle`, which refuse them from then on, so asserting unwind safety is
+/// sound.
+pub(crate) fn border(body: impl FnOnce() -> Result<(), Error>) -> vis_status {
+    let outcome = catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| Err(Error::panicked(&*panic)));
+    let Err(error) = outcome else { return VIS_OK };
+    let message = CString::new(error.message.replace('\0', " ")).unwrap_or_default();
+    // A thread that is ending has no message any more; the code stands.
+    let _ = LAST.try_with(|last| last.replace(message));
+    error.status
+}
+
+/// Returns the message of the last call that failed on this thread, in English, UTF-8, ending with a zero
+/// byte; the empty text if none has failed. Successful calls leave it as it is. The pointer is valid until
+/// the next call that fails on this thread; never free it.
+#[unsafe(no_mangle)]
+pub extern "C" fn vis_last_error() -> *const c_char {
+    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::CStr;
+
+    fn last() -> String {
+        // SAFETY: the message ends with a zero byte and no other call of this thread fails meanwhile.
+        unsafe { CStr::from_ptr(vis_last_error()) }.to_string_lossy().into_owned()
+    }
+
+    #[test]
+    fn panics_end_at_the_border() {
+        assert_eq!(border(|| panic!("planted\0fault")), VIS_ERROR_PANIC);
+        assert_eq!(last(), "fault inside the library: planted fault");
+        assert_eq!(border(|| Ok(())), VIS_OK);
+        assert!(last().starts_with("fault"), "successful calls leave the message");
+    }
+
+    #[test]
+    fn messages_are_of_the_thread() {
+        assert_eq!(border(|| Err(Error::argument("ours"))), VIS_ERROR_ARGUMENT);
+        std::thread::spawn(|| assert_eq!(last(), "")).join().unwrap();
+        assert_eq!(last(), "ours");
+    }
+}

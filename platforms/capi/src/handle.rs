@@ -1,0 +1,62 @@
+//! What is behind an opaque handle: a value with a lock that refuses conflicting calls.
+
+use crate::error::{Error, vis_status::*};
+use std::sync::{RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError};
+
+/// A value that any number of calls read at once, or one changes. A conflicting call is not made to wait: it
+/// gets `VIS_ERROR_BUSY`, since a frame that waits for another thread is a mistake in the caller's schedule.
+#[derive(Debug)]
+pub(crate) struct Guarded<T>(RwLock<T>);
+
+impl<T> Guarded<T> {
+    pub(crate) fn new(value: T) -> Self {
+        Self(RwLock::new(value))
+    }
+
+    pub(crate) fn read(&self) -> Result<RwLockReadGuard<'_, T>, Error> {
+        self.0.try_read().map_err(|error| refused(&error))
+    }
+
+    pub(crate) fn write(&self) -> Result<RwLockWriteGuard<'_, T>, Error> {
+        self.0.try_write().map_err(|error| refused(&error))
+    }
+}
+
+fn refused<G>(error: &TryLockError<G>) -> Error {
+    match error {
+        TryLockError::WouldBlock => Error::new(VIS_ERROR_BUSY, "another thread is using this handle"),
+        TryLockError::Poisoned(_) => {
+            Error::new(VIS_ERROR_PANIC, "an earlier call with this handle failed inside: destroy the handle")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::border;
+
+    #[test]
+    fn what_a_panic_left_half_changed_is_refused() {
+        let guarded = Guarded::new(1);
+        let status = border(|| {
+            let _half = guarded.write()?;
+            panic!("planted fault")
+        });
+        assert_eq!(status, VIS_ERROR_PANIC);
+        assert_eq!(guarded.read().expect_err("poisoned").status, VIS_ERROR_PANIC);
+        assert_eq!(guarded.write().expect_err("poisoned").status, VIS_ERROR_PANIC);
+    }
+
+    #[test]
+    fn readers_share_and_writers_exclude() {
+        let guarded = Guarded::new(1);
+        let reading = guarded.read().expect("nobody writes");
+        assert_eq!(*guarded.read().expect("readers share"), 1);
+        assert_eq!(guarded.write().expect_err("is read").status, VIS_ERROR_BUSY);
+        drop(reading);
+        let _writing = guarded.write().expect("nobody reads");
+        assert_eq!(guarded.read().expect_err("is written").status, VIS_ERROR_BUSY);
+        assert_eq!(guarded.write().expect_err("is written").status, VIS_ERROR_BUSY);
+    }
+}

@@ -1,0 +1,48 @@
+//! The C library of the `visibility` crates: what `include/visibility.h` declares. The header states the
+//! rules for callers; the README shows a program.
+//!
+//! # Safety
+//! Every function that takes a pointer relies on the header's rules for pointers: a pointer is null, or
+//! points to a value of its type, or to as many as the function's description says, that stays where it is
+//! and is not changed (for results: not used) by anyone else during the call; a handle was made by this
+//! library and is not destroyed. What can be checked is checked: null, alignment, sizes, enumerators, ids,
+//! and two threads that use one handle in ways that exclude each other. All code that dereferences a pointer
+//! is in [`pointer`].
+//!
+//! Every function runs its body in [`error::border`], which turns errors into codes and stops panics. Handles
+//! are behind the locks of [`handle`].
+
+mod cells;
+mod error;
+mod handle;
+mod measure;
+mod moves;
+mod occluders;
+mod pipeline;
+mod pointer;
+mod pvs;
+mod scene;
+mod view;
+mod visible;
+mod volume;
+
+pub use cells::*;
+pub use error::*;
+pub use measure::*;
+pub use moves::*;
+pub use occluders::*;
+pub use pipeline::*;
+pub use pvs::*;
+pub use scene::*;
+pub use view::*;
+pub use visible::*;
+pub use volume::*;
+
+/// Version of the interface. It grows when a change breaks programs that were compiled before.
+pub const VIS_ABI_VERSION: u32 = 1;
+
+/// Returns the `VIS_ABI_VERSION` that the library was built with: programs that load it at run time compare.
+#[unsafe(no_mangle)]
+pub extern "C" fn vis_abi_version() -> u32 {
+    VIS_ABI_VERSION
+}

@@ -1,0 +1,86 @@
+//! The judge: how a frame's result differs from what a software renderer sees.
+
+use crate::error::{border, vis_status};
+use crate::handle::Guarded;
+use crate::pointer::{create, destroy, out, reference};
+use crate::scene::vis_scene;
+use crate::view::vis_view;
+use crate::visible::vis_visible;
+use visibility_measure::{Comparison, ItemBuffer};
+
+/// A software renderer that finds which objects show in at least one pixel: for tests and tools, not for
+/// frames.
+pub struct vis_measure(Guarded<ItemBuffer>);
+
+/// How a result differs from what the renderer sees. Pixels are samples: what is falsely hidden is a lower
+/// bound, what is falsely visible an upper one.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct vis_comparison {
+    /// Number of objects with triangles that the result has.
+    pub reported_objects: u32,
+    /// Number of objects that show in a pixel and are missing from the result: always 0 for a conservative
+    /// pipeline.
+    pub false_hidden_objects: u32,
+    /// Number of objects of the result that show in no pixel.
+    pub false_visible_objects: u32,
+    /// Number of pixels that are wrong if only the result is drawn.
+    pub wrong_pixels: u32,
+}
+
+/// Creates a renderer with an image of `width` by `height` pixels.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_measure_create(
+    width: u32,
+    height: u32,
+    measure: *mut *mut vis_measure,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let place = unsafe { out(measure, "measure") }?;
+        create(place, vis_measure(Guarded::new(ItemBuffer::new(width, height)?)));
+        Ok(())
+    })
+}
+
+/// Destroys a renderer. Does nothing for a null pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_measure_destroy(measure: *mut vis_measure) {
+    // SAFETY: the header's rules for pointers.
+    unsafe { destroy(measure) }
+}
+
+/// Draws all triangles of the scene's objects (`vis_scene_set_triangles`) for a view and compares the result
+/// of a pipeline for the same view with what shows. Objects without triangles count for nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_measure_compare(
+    measure: *mut vis_measure,
+    scene: *const vis_scene,
+    view: *const vis_view,
+    visible: *const vis_visible,
+    comparison: *mut vis_comparison,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (measure, scene) = unsafe { (reference(measure, "measure")?, reference(scene, "scene")?) };
+        // SAFETY: as before.
+        let (view, visible) = unsafe { (reference(view, "view")?, reference(visible, "visible")?) };
+        // SAFETY: as before.
+        let mut place = unsafe { out(comparison, "comparison") }?;
+        let (view, state, visible) = (view.get()?, scene.read()?, visible.finished()?);
+        let (scene, mut buffer) = (&state.scene, measure.0.write()?);
+        let objects = || scene.ids().filter(|&id| scene.triangles(id).is_ok_and(|of| !of.is_empty()));
+        let drawn = objects().map(|id| (id.index() as u32, scene.triangles(id).unwrap_or(&[])));
+        let seen = buffer.draw(&view, scene.origin(), drawn)?;
+        let mut found = Comparison::default();
+        let reported = |_, key: u32| scene.id_at(key as usize).is_some_and(|id| visible.contains(scene, id));
+        seen.compare(reported, &mut found);
+        place.set(vis_comparison {
+            reported_objects: found.reported_objects,
+            false_hidden_objects: found.false_hidden_objects,
+            false_visible_objects: found.false_visible_objects,
+            wrong_pixels: found.wrong_pixels,
+        });
+        Ok(())
+    })
+}

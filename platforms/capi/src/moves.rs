@@ -1,0 +1,137 @@
+//! Objects that move: bounds, transforms, and the upkeep of the hierarchy.
+
+use crate::error::{Error, border, vis_status};
+use crate::pointer::{array, optional_out, out, reference};
+use crate::scene::{State, vis_box, vis_scene};
+use visibility_core::{Aabb, ObjectId};
+
+/// Writes the bounds of an object, relative to the scene's origin.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_bounds(
+    scene: *const vis_scene,
+    object: u64,
+    bounds: *mut vis_box,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, mut bounds) = unsafe { (reference(scene, "scene")?, out(bounds, "bounds")?) };
+        let Aabb { min, max } = scene.read()?.scene.bounds(ObjectId::from_bits(object))?;
+        bounds.set(vis_box { min: min.to_array(), max: max.to_array() });
+        Ok(())
+    })
+}
+
+/// Sets the bounds of an object that has moved or changed its shape. If they differ from the present ones,
+/// the object loses its occluder mesh, its triangles and its local bounds, which would stay behind: move
+/// objects that have these by `vis_scene_set_transforms_batch`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_bounds(
+    scene: *mut vis_scene,
+    object: u64,
+    bounds: *const vis_box,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, bounds) = unsafe { (reference(scene, "scene")?, reference(bounds, "bounds")?) };
+        Ok(scene.write()?.scene.set_bounds(ObjectId::from_bits(object), (*bounds).into())?)
+    })
+}
+
+/// Sets the bounds of `count` objects, as `vis_scene_set_bounds` does for one, or of none of them if an id is
+/// unknown. For what moves each frame.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_bounds_batch(
+    scene: *mut vis_scene,
+    ids: *const u64,
+    bounds: *const vis_box,
+    count: usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
+        // SAFETY: as before.
+        let bounds = unsafe { array(bounds, count, "bounds") }?;
+        let State { scene, moved, .. } = &mut *scene.write()?;
+        moved.clear();
+        let pairs = ids.iter().zip(bounds);
+        moved.extend(pairs.map(|(&id, &bounds)| (ObjectId::from_bits(id), bounds.into())));
+        Ok(scene.set_bounds_batch(moved)?)
+    })
+}
+
+/// Sets the bounds of an object in its own coordinates; `vis_scene_set_transforms_batch` then moves bounds
+/// and occluder mesh together.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_local_bounds(
+    scene: *mut vis_scene,
+    object: u64,
+    bounds: *const vis_box,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, bounds) = unsafe { (reference(scene, "scene")?, reference(bounds, "bounds")?) };
+        Ok(scene.write()?.scene.set_local_bounds(ObjectId::from_bits(object), (*bounds).into())?)
+    })
+}
+
+/// Moves `count` objects that have local bounds, or none of them on an error. `transforms` has 16 numbers per
+/// object: a matrix from the object's coordinates to the scene's, column-major, with the last row 0 0 0 1.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_transforms_batch(
+    scene: *mut vis_scene,
+    ids: *const u64,
+    transforms: *const f32,
+    count: usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
+        // SAFETY: as before; 16 numbers for each of `count`.
+        let transforms = unsafe { array(transforms.cast::<[f32; 16]>(), count, "transforms") }?;
+        let State { scene, placed, .. } = &mut *scene.write()?;
+        placed.clear();
+        for (&id, matrix) in ids.iter().zip(transforms) {
+            placed.push((ObjectId::from_bits(id), affine(matrix)?));
+        }
+        Ok(scene.set_transforms_batch(placed)?)
+    })
+}
+
+/// Returns the first three rows of a column-major matrix whose fourth is 0 0 0 1.
+pub(crate) fn affine(matrix: &[f32; 16]) -> Result<[f32; 12], Error> {
+    let [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0, x, y, z, 1.0] = *matrix else {
+        return Err(Error::argument("the last row of a transform is not 0 0 0 1: is it column-major?"));
+    };
+    Ok([a, b, c, d, e, f, g, h, i, x, y, z])
+}
+
+/// Tightens the hierarchy where objects have moved; call it once per frame. `budget` is about the
+/// microseconds that the call may take. Writes the number of nodes still waiting to `waiting`, which may be
+/// null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_maintain(
+    scene: *mut vis_scene,
+    budget: usize,
+    waiting: *mut usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let scene = unsafe { reference(scene, "scene") }?;
+        // SAFETY: as before.
+        let place = unsafe { optional_out(waiting, "waiting") }?;
+        let done = scene.write()?.scene.maintain(budget);
+        place.into_iter().for_each(|mut place| place.set(done.waiting));
+        Ok(())
+    })
+}
+
+/// Builds the best hierarchy for the objects as they are: once after loading, not each frame. Ids stay valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_rebuild(scene: *mut vis_scene) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let scene = unsafe { reference(scene, "scene") }?;
+        scene.write()?.scene.rebuild();
+        Ok(())
+    })
+}

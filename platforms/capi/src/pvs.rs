@@ -1,0 +1,169 @@
+//! Baked sets: what may be seen from each viewcell, loaded and looked up.
+
+use crate::error::{Error, border, vis_status};
+use crate::pointer::{array, buffer, create, destroy, out, reference};
+use crate::scene::vis_scene;
+use crate::volume::{vis_volume, volumes};
+use std::sync::Arc;
+use visibility_core::ObjectId;
+use visibility_core::pvs::{Pvs, PvsTargets, ScenePvs, ViewcellId};
+
+/// A potentially visible set: for each viewcell the targets, cells or objects, that may be seen from there.
+/// It never changes.
+pub struct vis_pvs(pub(crate) Pvs);
+
+/// A potentially visible set prepared for a scene. It never changes.
+pub struct vis_scene_pvs(Arc<ScenePvs>);
+
+impl vis_scene_pvs {
+    pub(crate) fn shared(&self) -> Arc<ScenePvs> {
+        self.0.clone()
+    }
+}
+
+/// Loads a set from the `length` bytes that `vis_pvs_write` or any tool of the family has stored. They are
+/// checked.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pvs_read(bytes: *const u8, length: usize, pvs: *mut *mut vis_pvs) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (bytes, place) = unsafe { (array(bytes, length, "bytes")?, out(pvs, "pvs")?) };
+        create(place, vis_pvs(Pvs::from_bytes(bytes)?));
+        Ok(())
+    })
+}
+
+/// Makes a set of objects from rows, for bakers of your own: viewcell `i` sees the targets from
+/// `targets[row_ends[i - 1]]` (0 for the first) up to `targets[row_ends[i]]`, exclusive. Each row ascends
+/// strictly; targets are below `target_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pvs_create(
+    target_count: usize,
+    row_ends: *const usize,
+    viewcell_count: usize,
+    targets: *const u32,
+    targets_length: usize,
+    pvs: *mut *mut vis_pvs,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (ends, place) = unsafe { (array(row_ends, viewcell_count, "row_ends")?, out(pvs, "pvs")?) };
+        // SAFETY: as before.
+        let targets = unsafe { array(targets, targets_length, "targets") }?;
+        let starts = std::iter::once(&0).chain(ends);
+        let rows = starts.zip(ends).map(|(&start, &end)| {
+            let bad = || Error::argument(format_args!("a row cannot end at {end} after {start}"));
+            targets.get(start..end).ok_or_else(bad)
+        });
+        let rows = rows.collect::<Result<Vec<_>, Error>>()?;
+        let before = |viewcell: ViewcellId| viewcell.0.checked_sub(1).map(ViewcellId);
+        create(place, vis_pvs(Pvs::new(PvsTargets::Objects, target_count, &rows, before)?));
+        Ok(())
+    })
+}
+
+/// Destroys a set. Does nothing for a null pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pvs_destroy(pvs: *mut vis_pvs) {
+    // SAFETY: the header's rules for pointers.
+    unsafe { destroy(pvs) }
+}
+
+/// Writes the bytes of a set, to be stored as they are, and their number to `count`. With a null `bytes`
+/// writes the number alone; returns `VIS_ERROR_TOO_SHORT` if `bytes` has room for fewer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pvs_write(
+    pvs: *const vis_pvs,
+    bytes: *mut u8,
+    capacity: usize,
+    count: *mut usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (pvs, bytes) = unsafe { (reference(pvs, "pvs")?, buffer(bytes, capacity, count)?) };
+        bytes.fill(pvs.0.as_bytes().len(), pvs.0.as_bytes().iter().copied())
+    })
+}
+
+/// Writes the numbers of viewcells and of targets.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pvs_counts(
+    pvs: *const vis_pvs,
+    viewcells: *mut usize,
+    targets: *mut usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (pvs, mut viewcells) = unsafe { (reference(pvs, "pvs")?, out(viewcells, "viewcells")?) };
+        // SAFETY: as before.
+        let mut targets = unsafe { out(targets, "targets") }?;
+        viewcells.set(pvs.0.viewcell_count());
+        targets.set(pvs.0.target_count());
+        Ok(())
+    })
+}
+
+/// Writes whether a target may be seen from a viewcell; false if the set has no such target or viewcell.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pvs_sees(
+    pvs: *const vis_pvs,
+    viewcell: u32,
+    target: u32,
+    sees: *mut bool,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (pvs, mut sees) = unsafe { (reference(pvs, "pvs")?, out(sees, "sees")?) };
+        sees.set(pvs.0.sees(ViewcellId(viewcell), target));
+        Ok(())
+    })
+}
+
+/// Prepares a set for the present state of a scene, for `vis_pipeline_add_pvs`. Viewcell `i` of the set is
+/// the region `viewcells[i]`; `planes` as in `vis_cells_create`. The arrays `objects` and `targets`, of
+/// `pair_count`, give objects their targets; an object may have several. Objects without a target, and
+/// objects that change later, are never hidden. The set may be destroyed afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_pvs_create(
+    scene: *const vis_scene,
+    pvs: *const vis_pvs,
+    viewcells: *const vis_volume,
+    viewcell_count: usize,
+    planes: *const f64,
+    plane_count: usize,
+    objects: *const u64,
+    targets: *const u32,
+    pair_count: usize,
+    scene_pvs: *mut *mut vis_scene_pvs,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, pvs) = unsafe { (reference(scene, "scene")?, reference(pvs, "pvs")?) };
+        // SAFETY: as before.
+        let given = unsafe { array(viewcells, viewcell_count, "viewcells") }?;
+        // SAFETY: as before; 4 numbers for each of `plane_count`.
+        let planes = unsafe { array(planes.cast::<[f64; 4]>(), plane_count, "planes") }?;
+        // SAFETY: as before.
+        let objects = unsafe { array(objects, pair_count, "objects") }?;
+        // SAFETY: as before.
+        let (targets, place) =
+            unsafe { (array(targets, pair_count, "targets")?, out(scene_pvs, "scene_pvs")?) };
+        if pvs.0.viewcell_count() != viewcell_count {
+            let rows = pvs.0.viewcell_count();
+            let message = format_args!("{viewcell_count} viewcells for a set that has {rows}");
+            return Err(Error::argument(message));
+        }
+        let pairs = objects.iter().copied().map(ObjectId::from_bits).zip(targets.iter().copied());
+        let regions = volumes(given, planes)?;
+        let prepared = ScenePvs::new(&scene.read()?.scene, pvs.0.clone(), regions, pairs);
+        create(place, vis_scene_pvs(Arc::new(prepared)));
+        Ok(())
+    })
+}
+
+/// Destroys a prepared set; pipelines that use it keep it alive. Does nothing for a null pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_pvs_destroy(pvs: *mut vis_scene_pvs) {
+    // SAFETY: the header's rules for pointers.
+    unsafe { destroy(pvs) }
+}

@@ -1,0 +1,293 @@
+//! The scene: its objects and their properties.
+
+use crate::error::{Error, border, vis_status};
+use crate::handle::Guarded;
+use crate::pointer::{array, buffer, create, destroy, out, reference};
+use std::sync::{RwLockReadGuard, RwLockWriteGuard};
+use visibility_core::glam::DVec3;
+use visibility_core::scene::DrawRange;
+use visibility_core::{Aabb, Object, ObjectId, Scene};
+
+/// A scene: the objects, their hierarchy and their occluder meshes.
+pub struct vis_scene(Guarded<State>);
+
+/// A scene, and scratch memory for batches, so that frames allocate nothing once it has grown.
+pub(crate) struct State {
+    pub(crate) scene: Scene,
+    pub(crate) moved: Vec<(ObjectId, Aabb)>,
+    pub(crate) placed: Vec<(ObjectId, [f32; 12])>,
+    removed: Vec<ObjectId>,
+}
+
+impl vis_scene {
+    pub(crate) fn read(&self) -> Result<RwLockReadGuard<'_, State>, Error> {
+        self.0.read()
+    }
+
+    pub(crate) fn write(&self) -> Result<RwLockWriteGuard<'_, State>, Error> {
+        self.0.write()
+    }
+}
+
+/// The id of no object in any scene.
+pub const VIS_NO_OBJECT: u64 = 0xFFFF_FFFF;
+
+/// All layers: what objects and views have unless they are given others.
+pub const VIS_ALL_LAYERS: u32 = 0xFFFF_FFFF;
+
+/// Flag of an object that is visible in every view of its layers, whatever the cullers find.
+pub const VIS_OBJECT_NEVER_CULL: u32 = 1;
+
+/// Flag of an object that is opaque and may hide others. Only an object with an occluder mesh hides anything.
+pub const VIS_OBJECT_OCCLUDER: u32 = 2;
+
+/// An axis-aligned box by its minimum and maximum corners.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct vis_box {
+    /// Minimum corner: x, y, z.
+    pub min: [f32; 3],
+    /// Maximum corner: x, y, z.
+    pub max: [f32; 3],
+}
+
+impl From<vis_box> for Aabb {
+    fn from(bounds: vis_box) -> Self {
+        Self::from_arrays(bounds.min, bounds.max)
+    }
+}
+
+/// Description of an object to insert. Start from `vis_object_default`: all zero describes an object that is
+/// on no layer and so never seen.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct vis_object_desc {
+    /// Bounds relative to the scene's origin. An object whose bounds are inverted, NaN or infinite is never
+    /// culled.
+    pub bounds: vis_box,
+    /// The layers that the object is on, one bit per layer. A view shows objects that share a layer with it.
+    pub layers: u32,
+    /// Cost of drawing the object, in triangles or any other unit.
+    pub cost: u32,
+    /// Any of `VIS_OBJECT_NEVER_CULL` and `VIS_OBJECT_OCCLUDER`, or 0.
+    pub flags: u32,
+}
+
+impl vis_object_desc {
+    fn object(&self) -> Result<Object, Error> {
+        let (never_cull, occluder) = split_flags(self.flags)?;
+        let (bounds, layers, cost) = (self.bounds.into(), self.layers, self.cost);
+        Ok(Object { bounds, layers, cost, never_cull, occluder })
+    }
+}
+
+/// Returns whether an object with these flags is never culled, and whether it is an occluder.
+fn split_flags(flags: u32) -> Result<(bool, bool), Error> {
+    if flags & !(VIS_OBJECT_NEVER_CULL | VIS_OBJECT_OCCLUDER) != 0 {
+        return Err(Error::argument(format_args!("the flags of an object cannot be {flags:#x}")));
+    }
+    Ok((flags & VIS_OBJECT_NEVER_CULL != 0, flags & VIS_OBJECT_OCCLUDER != 0))
+}
+
+/// Returns the description of an object on all layers, of cost 1 and without flags.
+#[unsafe(no_mangle)]
+pub extern "C" fn vis_object_default(bounds: vis_box) -> vis_object_desc {
+    vis_object_desc { bounds, layers: VIS_ALL_LAYERS, cost: 1, flags: 0 }
+}
+
+/// Creates an empty scene whose origin is the origin of the world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_create(scene: *mut *mut vis_scene) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let place = unsafe { out(scene, "scene") }?;
+        let (moved, placed, removed) = (Vec::new(), Vec::new(), Vec::new());
+        create(place, vis_scene(Guarded::new(State { scene: Scene::new(), moved, placed, removed })));
+        Ok(())
+    })
+}
+
+/// Destroys a scene. Does nothing for a null pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_destroy(scene: *mut vis_scene) {
+    // SAFETY: the header's rules for pointers.
+    unsafe { destroy(scene) }
+}
+
+/// Moves the whole scene so that its origin is at a point of the world, `origin`: 3 numbers. Bounds,
+/// triangles and transforms, which are relative to the origin, stay as they are.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_origin(scene: *mut vis_scene, origin: *const f64) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, origin) = unsafe { (reference(scene, "scene")?, array(origin, 3, "origin")?) };
+        Ok(scene.write()?.scene.set_origin(DVec3::from_slice(origin))?)
+    })
+}
+
+/// Writes the number of objects.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_count(scene: *const vis_scene, count: *mut usize) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, mut count) = unsafe { (reference(scene, "scene")?, out(count, "count")?) };
+        count.set(scene.read()?.scene.len());
+        Ok(())
+    })
+}
+
+/// Writes an upper bound, exclusive, on the index (`(uint32_t)id`) of every object so far: the length of
+/// arrays that are indexed by object. `(limit + 31) / 32` words hold a bit for each.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_index_limit(scene: *const vis_scene, limit: *mut usize) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, mut limit) = unsafe { (reference(scene, "scene")?, out(limit, "limit")?) };
+        limit.set(scene.read()?.scene.index_limit());
+        Ok(())
+    })
+}
+
+/// Writes whether an id names an object of the scene: false once the object is removed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_contains(
+    scene: *const vis_scene,
+    object: u64,
+    contains: *mut bool,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, mut contains) = unsafe { (reference(scene, "scene")?, out(contains, "contains")?) };
+        contains.set(scene.read()?.scene.contains(ObjectId::from_bits(object)));
+        Ok(())
+    })
+}
+
+/// Adds an object and writes its id. The lower half of an id, `(uint32_t)id`, is the object's index: small
+/// and dense, for arrays. A later object may get the index of a removed one, never the id.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_insert(
+    scene: *mut vis_scene,
+    object: *const vis_object_desc,
+    id: *mut u64,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, object) = unsafe { (reference(scene, "scene")?, reference(object, "object")?) };
+        // SAFETY: as before.
+        let mut id = unsafe { out(id, "id") }?;
+        let object = object.object()?;
+        id.set(scene.write()?.scene.insert(object).to_bits());
+        Ok(())
+    })
+}
+
+/// Adds `count` objects, or none of them on an error, and writes their ids to `ids`, an array of `count`.
+/// Much faster than single calls for a new scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_insert_batch(
+    scene: *mut vis_scene,
+    objects: *const vis_object_desc,
+    count: usize,
+    ids: *mut u64,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, objects) = unsafe { (reference(scene, "scene")?, array(objects, count, "objects")?) };
+        if count == 0 {
+            return Ok(());
+        }
+        let mut written = 0;
+        // SAFETY: as before; `ids` has `count` elements.
+        let ids = unsafe { out(ids, "ids").and_then(|_| buffer(ids, count, &raw mut written)) }?;
+        let objects: Vec<Object> = objects.iter().map(vis_object_desc::object).collect::<Result<_, _>>()?;
+        let inserted = scene.write()?.scene.insert_batch(objects);
+        ids.fill(inserted.len(), inserted.into_iter().map(ObjectId::to_bits))
+    })
+}
+
+/// Removes an object. Its id is unknown from then on.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_remove(scene: *mut vis_scene, object: u64) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let scene = unsafe { reference(scene, "scene") }?;
+        Ok(scene.write()?.scene.remove(ObjectId::from_bits(object))?)
+    })
+}
+
+/// Removes `count` objects, or none of them if an id is unknown or listed twice.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_remove_batch(
+    scene: *mut vis_scene,
+    ids: *const u64,
+    count: usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
+        let State { scene, removed, .. } = &mut *scene.write()?;
+        removed.clear();
+        removed.extend(ids.iter().copied().map(ObjectId::from_bits));
+        Ok(scene.remove_batch(removed)?)
+    })
+}
+
+/// Sets the layers of an object, one bit per layer. An object with 0 is in no view.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_layers(scene: *mut vis_scene, object: u64, layers: u32) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let scene = unsafe { reference(scene, "scene") }?;
+        Ok(scene.write()?.scene.set_layers(ObjectId::from_bits(object), layers)?)
+    })
+}
+
+/// Sets the flags of an object: any of `VIS_OBJECT_NEVER_CULL` and `VIS_OBJECT_OCCLUDER`, or 0. To open a
+/// door that hides what is behind, take `VIS_OBJECT_OCCLUDER` from the door.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_flags(scene: *mut vis_scene, object: u64, flags: u32) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let scene = unsafe { reference(scene, "scene") }?;
+        let (scene, id) = (&mut scene.write()?.scene, ObjectId::from_bits(object));
+        let (never_cull, occluder) = split_flags(flags)?;
+        if scene.object(id)?.never_cull != never_cull {
+            scene.set_never_cull(id, never_cull)?;
+        }
+        Ok(scene.set_occluder(id, occluder)?)
+    })
+}
+
+/// Sets the distances from the eye, in metres, at which an object is drawn, for the stage
+/// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_draw_range(
+    scene: *mut vis_scene,
+    object: u64,
+    begin: f32,
+    end: f32,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let scene = unsafe { reference(scene, "scene") }?;
+        let range = DrawRange { begin, end, ..DrawRange::ALWAYS };
+        Ok(scene.write()?.scene.set_draw_range(ObjectId::from_bits(object), range)?)
+    })
+}
+
+/// Makes `parent` stand in for an object beyond the begin of the parent's draw range, for the stage
+/// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_hlod_parent(
+    scene: *mut vis_scene,
+    object: u64,
+    parent: u64,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let scene = unsafe { reference(scene, "scene") }?;
+        let parent = (parent != VIS_NO_OBJECT).then(|| ObjectId::from_bits(parent));
+        Ok(scene.write()?.scene.set_hlod_parent(ObjectId::from_bits(object), parent)?)
+    })
+}

@@ -1,0 +1,49 @@
+//! The checked-in header is what cbindgen makes of the sources.
+
+use std::path::Path;
+
+#[test]
+fn the_header_is_current() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).expect("cbindgen.toml");
+    let bindings =
+        cbindgen::Builder::new().with_crate(folder).with_config(config).generate().expect("header");
+    let mut text = Vec::new();
+    bindings.write(&mut text);
+    let made = String::from_utf8(text).expect("UTF-8");
+    let path = folder.join("include/visibility.h");
+    if std::env::var_os("VIS_WRITE_HEADER").is_some() {
+        std::fs::write(&path, &made).expect("header is written");
+    }
+    let stored = std::fs::read_to_string(&path).unwrap_or_default();
+    let differing = made.lines().zip(stored.lines()).position(|(made, stored)| made != stored);
+    let line = differing.unwrap_or(made.lines().count().min(stored.lines().count())) + 1;
+    assert!(
+        made == stored,
+        "line {line} differs: VIS_WRITE_HEADER=1 cargo test --test header writes the header"
+    );
+}
+
+/// Returns the texts of the files of a folder.
+fn texts(folder: &str) -> Vec<String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let paths = std::fs::read_dir(folder).expect("folder").map(|entry| entry.expect("entry").path());
+    paths.filter(|path| path.is_file()).map(|path| std::fs::read_to_string(path).expect("text")).collect()
+}
+
+#[test]
+fn every_exported_function_is_declared_and_called_by_a_test_or_sample() {
+    let header = &texts("include").concat();
+    let uses = texts("tests").concat() + &texts("samples").concat();
+    let sources = texts("src").concat();
+    let mut count = 0;
+    // cbindgen leaves out what it cannot express.
+    for rest in sources.split("#[unsafe(no_mangle)]").skip(1) {
+        let name = rest.split_once("fn ").and_then(|(_, rest)| rest.split_once('(')).expect("a function").0;
+        assert!(header.contains(&format!("{name}(")), "{name} is not declared");
+        let uses = uses.matches(name).count();
+        assert!(uses > 0, "{name} is called nowhere");
+        count += 1;
+    }
+    assert!(count > 60, "{count} functions");
+}

@@ -1,0 +1,321 @@
+//! What C programs do wrong: null and misaligned pointers, removed ids, short buffers, matrices that are
+//! none, threads in each other's way. Each is answered by a code and a message that names the mistake.
+
+use std::ffi::{CStr, CString};
+use std::ptr::{null, null_mut};
+use visibility::vis_depth::*;
+use visibility::vis_status::*;
+use visibility::*;
+
+/// Returns the message of the last error of this thread.
+fn message() -> String {
+    // SAFETY: the message ends with a zero byte, and no other call of this thread fails meanwhile.
+    unsafe { CStr::from_ptr(vis_last_error()) }.to_str().expect("UTF-8").to_owned()
+}
+
+/// Makes a handle by a function that takes nothing else.
+fn make<T>(create: unsafe extern "C" fn(*mut *mut T) -> vis_status) -> *mut T {
+    let mut handle = null_mut();
+    // SAFETY: `handle` is a place for the result.
+    assert_eq!(unsafe { create(&raw mut handle) }, VIS_OK);
+    handle
+}
+
+static BOX: vis_box = vis_box { min: [5.0, -1.0, -1.0], max: [6.0, 1.0, 1.0] };
+
+/// A scene of some boxes ahead of the eye, and what it takes to cull it. Not destroyed: tests end soon.
+struct Setting {
+    scene: *mut vis_scene,
+    view: *mut vis_view,
+    pipeline: *mut vis_pipeline,
+    visible: *mut vis_visible,
+    ids: Vec<u64>,
+}
+
+impl Setting {
+    fn new(count: usize) -> Self {
+        let (scene, view) = (make(vis_scene_create), make(vis_view_create));
+        let pipeline = make(vis_pipeline_create);
+        let (mut visible, mut ids) = (null_mut(), vec![0; count]);
+        let descs = vec![vis_object_default(BOX); count];
+        let pose = vis_pose { eye: [0.0; 3], target: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
+        // SAFETY: handles are live, and arrays as long as said.
+        unsafe {
+            assert_eq!(vis_visible_create(false, &raw mut visible), VIS_OK);
+            assert_eq!(vis_scene_insert_batch(scene, descs.as_ptr(), count, ids.as_mut_ptr()), VIS_OK);
+            assert_eq!(vis_pipeline_add_frustum(pipeline), VIS_OK);
+            assert_eq!(vis_view_set_perspective(view, &raw const pose, 1.0, 1.0, 0.1, f64::INFINITY), VIS_OK);
+        }
+        Self { scene, view, pipeline, visible, ids }
+    }
+
+    fn cull(&self) -> vis_status {
+        // SAFETY: handles are live.
+        unsafe { vis_pipeline_cull(self.pipeline, self.scene, self.view, self.visible, null_mut()) }
+    }
+}
+
+#[test]
+fn null_pointers_are_refused_by_name() {
+    let Setting { scene, view, pipeline, visible, .. } = Setting::new(1);
+    // SAFETY: null is allowed everywhere; all else is live.
+    unsafe {
+        for (status, name) in [
+            (vis_scene_create(null_mut()), "scene"),
+            (vis_scene_insert(null_mut(), &vis_object_default(BOX), &mut 0), "scene"),
+            (vis_scene_insert(scene, null(), &mut 0), "object"),
+            (vis_scene_insert(scene, &vis_object_default(BOX), null_mut()), "id"),
+            (vis_scene_insert_batch(scene, &vis_object_default(BOX), 1, null_mut()), "ids"),
+            (vis_scene_remove_batch(scene, null(), 1), "ids"),
+            (vis_scene_set_origin(scene, null()), "origin"),
+            (vis_scene_set_transforms_batch(scene, null(), null(), 3), "ids"),
+            (vis_view_set_matrix(view, null(), 0, null()), "matrix"),
+            (vis_view_set_matrix(null_mut(), null(), 0, null()), "view"),
+            (vis_pipeline_add_portals(pipeline, null()), "cells"),
+            (vis_pipeline_add_pvs(pipeline, null()), "pvs"),
+            (vis_pipeline_cull(null_mut(), scene, view, visible, null_mut()), "pipeline"),
+            (vis_pipeline_cull(pipeline, null(), view, visible, null_mut()), "scene"),
+            (vis_pipeline_cull(pipeline, scene, null(), visible, null_mut()), "view"),
+            (vis_pipeline_cull(pipeline, scene, view, null_mut(), null_mut()), "visible"),
+            (vis_visible_ids(visible, null_mut(), 0, null_mut()), "count"),
+            (vis_graph_read_prt(null(), 5, &mut null_mut()), "text"),
+            (vis_pvs_read(null(), 5, &mut null_mut()), "bytes"),
+        ] {
+            // The calls run before the loop: only the last message is there to read.
+            assert_eq!(status, VIS_ERROR_NULL, "{name}");
+        }
+        assert_eq!(message(), "the pointer `bytes` is null");
+        let mut count = 9;
+        assert_eq!(vis_scene_count(scene, &raw mut count), VIS_OK);
+        assert_eq!(count, 1, "refused calls change nothing");
+        // Null arrays of nothing are arrays of nothing; null handles are not destroyed.
+        assert_eq!(vis_scene_insert_batch(scene, null(), 0, null_mut()), VIS_OK);
+        assert_eq!(vis_scene_set_bounds_batch(scene, null(), null(), 0), VIS_OK);
+        vis_scene_destroy(null_mut());
+        vis_visible_destroy(null_mut());
+    }
+}
+
+#[test]
+fn sizes_and_places_that_memory_cannot_have_are_refused() {
+    let Setting { scene, ids, .. } = Setting::new(2);
+    // SAFETY: the calls are refused before anything is read.
+    unsafe {
+        let huge = usize::MAX / 2;
+        assert_eq!(vis_scene_remove_batch(scene, ids.as_ptr(), huge), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), format!("{huge} elements of `ids` are more than memory holds"));
+        let odd = ids.as_ptr().cast::<u8>().add(1).cast::<u64>();
+        assert_eq!(vis_scene_remove_batch(scene, odd, 1), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "the pointer `ids` is not aligned");
+    }
+}
+
+#[test]
+fn removed_ids_are_unknown_and_batches_do_all_or_nothing() {
+    let Setting { scene, ids, .. } = Setting::new(3);
+    let mut other = 0;
+    // SAFETY: handles are live, and arrays as long as said.
+    unsafe {
+        assert_eq!(vis_scene_remove(scene, ids[1]), VIS_OK);
+        assert_eq!(vis_scene_remove(scene, ids[1]), VIS_ERROR_UNKNOWN_ID);
+        assert_eq!(message(), "object 1 is not, or no longer, in the scene");
+        // The index is used again, the id is not.
+        assert_eq!(vis_scene_insert(scene, &vis_object_default(BOX), &raw mut other), VIS_OK);
+        assert_eq!(other as u32, ids[1] as u32);
+        assert_eq!(vis_scene_set_layers(scene, ids[1], 1), VIS_ERROR_UNKNOWN_ID);
+        assert_eq!(vis_scene_set_layers(scene, VIS_NO_OBJECT, 1), VIS_ERROR_UNKNOWN_ID);
+        let boxes = [vis_box { min: [50.0; 3], max: [51.0; 3] }; 3];
+        let status = vis_scene_set_bounds_batch(scene, ids.as_ptr(), boxes.as_ptr(), 3);
+        assert_eq!(status, VIS_ERROR_UNKNOWN_ID);
+        let mut bounds = boxes[0];
+        assert_eq!(vis_scene_bounds(scene, ids[0], &raw mut bounds), VIS_OK);
+        assert_eq!(bounds, BOX);
+        assert_eq!(vis_scene_remove_batch(scene, [ids[0], ids[0]].as_ptr(), 2), VIS_ERROR_UNKNOWN_ID);
+        // Ids of another scene are unknown, and so are meshes.
+        let (stranger, mut mesh) = (make(vis_scene_create), 0);
+        assert_eq!(vis_scene_set_layers(stranger, ids[0], 1), VIS_ERROR_UNKNOWN_ID);
+        assert_eq!(vis_scene_add_box_mesh(stranger, &raw const BOX, &raw mut mesh), VIS_OK);
+        assert_eq!(vis_scene_set_mesh(scene, ids[0], mesh, null()), VIS_ERROR_UNKNOWN_ID);
+        assert_eq!(message(), "mesh 0 is not in the scene");
+    }
+}
+
+#[test]
+fn values_out_of_range_are_refused_and_named() {
+    let Setting { scene, pipeline, ids, .. } = Setting::new(1);
+    let identity: [f32; 16] = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
+    // SAFETY: handles are live, and arrays as long as said.
+    unsafe {
+        let desc = vis_object_desc { flags: 4, ..vis_object_default(BOX) };
+        assert_eq!(vis_scene_insert(scene, &raw const desc, &mut 0), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "the flags of an object cannot be 0x4");
+        assert_eq!(vis_scene_set_flags(scene, ids[0], 8), VIS_ERROR_ARGUMENT);
+        assert_eq!(vis_pipeline_add_z_buffer(pipeline, 8, 600), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "a buffer has 16 to 4096 pixels on a side, not 8 x 600");
+        assert_eq!(vis_scene_set_draw_range(scene, ids[0], 5.0, 1.0), VIS_ERROR_ARGUMENT);
+        assert_eq!(vis_scene_set_hlod_parent(scene, ids[0], ids[0]), VIS_ERROR_ARGUMENT);
+        assert_eq!(vis_scene_set_origin(scene, [0.0, f64::NAN, 0.0].as_ptr()), VIS_ERROR_ARGUMENT);
+        // Transforms: of an object that has no local bounds, by rows instead of columns, not finite.
+        let id = ids.as_ptr();
+        assert_eq!(vis_scene_set_transforms_batch(scene, id, identity.as_ptr(), 1), VIS_ERROR_STATE);
+        assert_eq!(vis_scene_set_local_bounds(scene, ids[0], &raw const BOX), VIS_OK);
+        let mut by_rows = identity;
+        by_rows[3] = 7.0;
+        assert_eq!(vis_scene_set_transforms_batch(scene, id, by_rows.as_ptr(), 1), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "the last row of a transform is not 0 0 0 1: is it column-major?");
+        let mut infinite = identity;
+        infinite[12] = f32::INFINITY;
+        assert_eq!(vis_scene_set_transforms_batch(scene, id, infinite.as_ptr(), 1), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "the transform of object 0 is not finite");
+        assert_eq!(vis_scene_set_transforms_batch(scene, id, identity.as_ptr(), 1), VIS_OK);
+        // Meshes.
+        let (mut mesh, corners) = (0, [0.0_f32; 9]);
+        let add = |indices: &[u32; 3], mesh: *mut u64| {
+            vis_scene_add_mesh(scene, corners.as_ptr(), 3, indices.as_ptr(), 1, false, mesh)
+        };
+        assert_eq!(add(&[0, 1, 3], &raw mut mesh), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "triangle 0 has no vertex 3");
+        assert_eq!(add(&[0, 1, 2], &raw mut mesh), VIS_ERROR_ARGUMENT, "no area");
+        // Stages.
+        let mut stats = vis_stats::default();
+        assert_eq!(vis_pipeline_stage_stats(pipeline, 1, &raw mut stats), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "the pipeline has no stage 1");
+    }
+}
+
+#[test]
+fn matrices_that_are_no_camera_are_refused_and_the_view_stays() {
+    let setting = Setting::new(1);
+    let view = setting.view;
+    let set = |matrix: [f32; 16], depth: u32| {
+        // SAFETY: the view is live, and the matrix has 16 numbers.
+        unsafe { vis_view_set_matrix(view, matrix.as_ptr(), depth, null()) }
+    };
+    let mut matrix = [0.0; 16];
+    (matrix[3], matrix[4], matrix[9], matrix[14]) = (1.0, -1.0, 1.0, 0.1);
+    assert_eq!(set(matrix, VIS_DEPTH_REVERSED_INFINITE as u32), VIS_OK);
+    assert_eq!(set(matrix, 6), VIS_ERROR_ARGUMENT);
+    assert_eq!(message(), "6 is no vis_depth");
+    for (place, value) in [(0, f32::NAN), (15, f32::INFINITY)] {
+        let mut bad = matrix;
+        bad[place] = value;
+        assert_eq!(set(bad, 0), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), format!("the clip matrix is not finite at row {0}, column {0}", place % 4));
+    }
+    assert_eq!(set([0.0; 16], 0), VIS_ERROR_ARGUMENT);
+    assert_eq!(message(), "the clip matrix is singular");
+    let pose = vis_pose { eye: [0.0; 3], target: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
+    // SAFETY: handles are live.
+    unsafe {
+        assert_eq!(vis_view_set_perspective(view, &raw const pose, 9.0, 1.0, 0.1, 1.0), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "the camera's fov_y cannot be 9");
+        assert_eq!(vis_view_set_orthographic(view, &raw const pose, 0.0, 1.0, 0.1, 1.0), VIS_ERROR_ARGUMENT);
+        assert_eq!(vis_view_set_clip_planes(view, [0.0_f64; 4].as_ptr(), 1), VIS_ERROR_ARGUMENT);
+        let nowhere = [f64::NAN; 3];
+        let depth = VIS_DEPTH_REVERSED_INFINITE as u32;
+        assert_eq!(vis_view_set_matrix(view, matrix.as_ptr(), depth, nowhere.as_ptr()), VIS_ERROR_ARGUMENT);
+    }
+    assert_eq!(setting.cull(), VIS_OK, "the camera set first is still there");
+}
+
+#[test]
+fn results_before_the_first_frame_are_an_error_not_nothing() {
+    let setting = Setting::new(1);
+    let mut count = 7;
+    // SAFETY: handles are live.
+    unsafe {
+        assert_eq!(vis_visible_count(setting.visible, &raw mut count), VIS_ERROR_STATE);
+        assert_eq!(message(), "the set of visible objects is not finished");
+        assert_eq!(vis_visible_sort_by_index(setting.visible, setting.scene), VIS_ERROR_STATE);
+        let blind = make(vis_view_create);
+        let status = vis_pipeline_cull(setting.pipeline, setting.scene, blind, setting.visible, null_mut());
+        assert_eq!(status, VIS_ERROR_STATE);
+        assert_eq!(message(), "the view has no camera yet");
+        assert_eq!(vis_view_set_clip_planes(blind, null(), 0), VIS_ERROR_STATE);
+    }
+    assert_eq!(count, 7);
+}
+
+#[test]
+fn short_buffers_stay_as_they_are_and_learn_the_length() {
+    let setting = Setting::new(70);
+    assert_eq!(setting.cull(), VIS_OK);
+    let visible = setting.visible;
+    let (mut ids, mut words, mut count) = (vec![1_u64; 70], [9_u32; 3], 0);
+    // SAFETY: handles are live, and arrays as long as said.
+    unsafe {
+        assert_eq!(vis_visible_ids(visible, ids.as_mut_ptr(), 69, &raw mut count), VIS_ERROR_TOO_SHORT);
+        assert_eq!((count, ids[0]), (70, 1));
+        assert_eq!(message(), "a buffer of 69 elements is too short for 70");
+        assert_eq!(vis_visible_ids(visible, null_mut(), 0, &raw mut count), VIS_OK, "asks for the length");
+        assert_eq!(vis_visible_sort_by_index(visible, setting.scene), VIS_OK);
+        assert_eq!(vis_visible_ids(visible, ids.as_mut_ptr(), 70, &raw mut count), VIS_OK);
+        assert_eq!(ids, setting.ids);
+        assert_eq!(
+            vis_visible_write_bits(visible, words.as_mut_ptr(), 2, &raw mut count),
+            VIS_ERROR_TOO_SHORT
+        );
+        assert_eq!((count, words), (3, [9; 3]));
+        assert_eq!(vis_visible_write_bits(visible, words.as_mut_ptr(), 3, &raw mut count), VIS_OK);
+        assert_eq!(words, [u32::MAX, u32::MAX, 63]);
+        let mut text = [1; 8];
+        let explain = |text: *mut _, capacity, count| {
+            vis_pipeline_explain(setting.pipeline, setting.ids[0], text, capacity, count)
+        };
+        assert_eq!(explain(text.as_mut_ptr(), 7, &raw mut count), VIS_ERROR_TOO_SHORT);
+        assert_eq!((count, text[0]), (8, 1));
+        assert_eq!(explain(text.as_mut_ptr(), 8, &raw mut count), VIS_OK);
+        assert_eq!(CStr::from_ptr(text.as_ptr()), CString::from(c"unknown").as_c_str());
+    }
+}
+
+#[test]
+fn files_that_are_damaged_are_refused_with_the_place() {
+    let (mut graph, mut pvs) = (null_mut(), null_mut());
+    let text = "PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0)\n";
+    // SAFETY: arrays are as long as said.
+    unsafe {
+        assert_eq!(vis_graph_read_prt(text.as_ptr(), text.len(), &raw mut graph), VIS_ERROR_FORMAT);
+        assert_eq!(message(), "line 4: vertex 3 of 4 is missing");
+        assert!(graph.is_null());
+        let bytes = [7_u8; 40];
+        assert_eq!(vis_pvs_read(bytes.as_ptr(), bytes.len(), &raw mut pvs), VIS_ERROR_FORMAT);
+        assert!(pvs.is_null() && !message().is_empty());
+        let (ends, targets) = ([2_usize, 1], [0_u32, 1]);
+        let status = vis_pvs_create(2, ends.as_ptr(), 2, targets.as_ptr(), 2, &raw mut pvs);
+        assert_eq!(status, VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "a row cannot end at 1 after 2");
+    }
+}
+
+#[test]
+fn a_handle_in_use_elsewhere_is_busy() {
+    // Many objects, so that a call on one thread is under way while another tries: whoever comes second is
+    // told so, or comes when the first has ended. No call waits, none reads what another changes.
+    let setting = Setting::new(1000);
+    struct Shared(*mut vis_scene);
+    // SAFETY: handles may go to any thread.
+    unsafe impl Sync for Shared {}
+    let shared = Shared(setting.scene);
+    let (mut ok, mut busy) = (0, 0);
+    std::thread::scope(|scope| {
+        let shared = &shared;
+        let other = scope.spawn(move || {
+            // SAFETY: the handle is live; that both threads change the scene is what is tried.
+            (0..300).map(|_| unsafe { vis_scene_rebuild(shared.0) }).collect::<Vec<_>>()
+        });
+        // SAFETY: as before.
+        let mut all: Vec<_> = (0..300).map(|_| unsafe { vis_scene_rebuild(shared.0) }).collect();
+        all.extend(other.join().expect("no panic"));
+        for status in all {
+            match status {
+                VIS_OK => ok += 1,
+                VIS_ERROR_BUSY => busy += 1,
+                other => panic!("{other:?}"),
+            }
+        }
+    });
+    assert_eq!(ok + busy, 600);
+    assert!(ok > 0);
+    assert_eq!(setting.cull(), VIS_OK);
+}

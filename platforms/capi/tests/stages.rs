@@ -1,0 +1,271 @@
+//! Stages, layers and the tools that tell why an object is not drawn, through the C interface. What C
+//! programs do with scenes, portals, baked sets and the judge is in `samples`.
+
+use std::ffi::{CStr, c_char};
+use std::ptr::{null, null_mut};
+use visibility::vis_status::*;
+use visibility::*;
+
+fn make<T>(create: unsafe extern "C" fn(*mut *mut T) -> vis_status) -> *mut T {
+    let mut handle = null_mut();
+    // SAFETY: `handle` is a place for the result.
+    assert_eq!(unsafe { create(&raw mut handle) }, VIS_OK);
+    handle
+}
+
+fn new_visible(with_changes: bool) -> *mut vis_visible {
+    let mut handle = null_mut();
+    // SAFETY: `handle` is a place for the result.
+    assert_eq!(unsafe { vis_visible_create(with_changes, &raw mut handle) }, VIS_OK);
+    handle
+}
+
+/// Returns the bounds of a cube of 1 m at a distance ahead of the eye.
+fn cube_at(x: f32) -> vis_box {
+    vis_box { min: [x, -0.5, -0.5], max: [x + 1.0, 0.5, 0.5] }
+}
+
+fn insert(scene: *mut vis_scene, desc: vis_object_desc) -> u64 {
+    let mut id = VIS_NO_OBJECT;
+    // SAFETY: the scene is live.
+    assert_eq!(unsafe { vis_scene_insert(scene, &raw const desc, &raw mut id) }, VIS_OK);
+    id
+}
+
+/// A view from the origin along x, a scene, and a pipeline that starts with the frustum.
+fn setting() -> (*mut vis_scene, *mut vis_view, *mut vis_pipeline) {
+    let (view, pipeline) = (make(vis_view_create), make(vis_pipeline_create));
+    let pose = vis_pose { eye: [0.0; 3], target: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
+    // SAFETY: handles are live.
+    unsafe {
+        assert_eq!(vis_view_set_perspective(view, &raw const pose, 1.0, 1.0, 0.1, f64::INFINITY), VIS_OK);
+        assert_eq!(vis_pipeline_add_frustum(pipeline), VIS_OK);
+    }
+    (make(vis_scene_create), view, pipeline)
+}
+
+/// Culls and returns the ids of the visible objects, ascending.
+fn visible_ids(
+    pipeline: *mut vis_pipeline,
+    scene: *mut vis_scene,
+    view: *mut vis_view,
+    visible: *mut vis_visible,
+) -> Vec<u64> {
+    let mut count = 0;
+    // SAFETY: handles are live, and the list is as long as said.
+    unsafe {
+        assert_eq!(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()), VIS_OK);
+        assert_eq!(vis_visible_sort_by_index(visible, scene), VIS_OK);
+        assert_eq!(vis_visible_count(visible, &raw mut count), VIS_OK);
+        let mut ids = vec![0; count];
+        assert_eq!(vis_visible_ids(visible, ids.as_mut_ptr(), count, &raw mut count), VIS_OK);
+        ids
+    }
+}
+
+/// Reads a text that a function writes: its length first.
+fn text(write: impl Fn(*mut c_char, usize, *mut usize) -> vis_status) -> String {
+    let mut length = 0;
+    assert_eq!(write(null_mut(), 0, &raw mut length), VIS_OK);
+    let mut bytes: Vec<c_char> = vec![0; length];
+    assert_eq!(write(bytes.as_mut_ptr(), length, &raw mut length), VIS_OK);
+    // SAFETY: the text ends with a zero byte.
+    unsafe { CStr::from_ptr(bytes.as_ptr()) }.to_str().expect("UTF-8").to_owned()
+}
+
+#[test]
+fn layers_flags_ranges_and_parents_decide_what_is_drawn() {
+    let (scene, view, pipeline) = setting();
+    let visible = new_visible(true);
+    let [near, far] = [5.0, 500.0].map(|x| insert(scene, vis_object_default(cube_at(x))));
+    let behind = insert(scene, vis_object_default(cube_at(-9.0)));
+    let mut accuracy = vis_accuracy::VIS_ACCURACY_EXACT;
+    let see = || visible_ids(pipeline, scene, view, visible);
+    // SAFETY: handles are live.
+    unsafe {
+        assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
+        assert_eq!(accuracy, vis_accuracy::VIS_ACCURACY_CONSERVATIVE);
+        assert_eq!(see(), [near, far]);
+        assert_eq!(vis_scene_set_flags(scene, behind, VIS_OBJECT_NEVER_CULL), VIS_OK);
+        assert_eq!(see(), [near, far, behind]);
+        assert_eq!(vis_scene_set_flags(scene, behind, 0), VIS_OK);
+        assert_eq!(vis_scene_set_layers(scene, near, 1), VIS_OK);
+        assert_eq!(vis_view_set_layers(view, 2), VIS_OK);
+        assert_eq!(see(), [far]);
+        let (mut id, mut count) = (0, 0);
+        assert_eq!(vis_visible_newly_hidden(visible, &raw mut id, 1, &raw mut count), VIS_ERROR_TOO_SHORT);
+        assert_eq!(count, 2, "near and what was behind");
+        assert_eq!(vis_view_set_layers(view, VIS_ALL_LAYERS), VIS_OK);
+        assert_eq!(see(), [near, far]);
+        assert_eq!(vis_visible_newly_visible(visible, &raw mut id, 1, &raw mut count), VIS_OK);
+        assert_eq!((count, id), (1, near));
+        // A wall across the view, by a plane: only what is beyond 100 m.
+        let plane = [1.0, 0.0, 0.0, -100.0_f64];
+        assert_eq!(vis_view_set_clip_planes(view, plane.as_ptr(), 1), VIS_OK);
+        assert_eq!(see(), [far]);
+        assert_eq!(vis_view_set_clip_planes(view, null(), 0), VIS_OK);
+        // The far cube is 2 pixels high in pictures of 1080 rows.
+        assert_eq!(vis_pipeline_add_contribution(pipeline, 1080.0, 8.0), VIS_OK);
+        assert_eq!(see(), [near]);
+        assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
+        assert_eq!(accuracy, vis_accuracy::VIS_ACCURACY_APPROXIMATE);
+        assert_eq!(vis_scene_set_draw_range(scene, near, 0.0, 3.0), VIS_OK);
+        assert_eq!(see(), []);
+        // A stand-in from 20 m on: nearer, the child is drawn instead.
+        let coarse = insert(scene, vis_object_default(cube_at(5.0)));
+        assert_eq!(vis_scene_set_draw_range(scene, near, 0.0, f32::INFINITY), VIS_OK);
+        assert_eq!(vis_scene_set_draw_range(scene, coarse, 20.0, f32::INFINITY), VIS_OK);
+        assert_eq!(vis_scene_set_hlod_parent(scene, near, coarse), VIS_OK);
+        assert_eq!(see(), [near]);
+        assert_eq!(vis_scene_set_draw_range(scene, coarse, 2.0, f32::INFINITY), VIS_OK);
+        assert_eq!(see(), [coarse]);
+        assert_eq!(vis_scene_set_hlod_parent(scene, near, VIS_NO_OBJECT), VIS_OK);
+        let mut contains = false;
+        assert_eq!(see(), [near, coarse]);
+        assert_eq!(vis_visible_contains(visible, scene, near, &raw mut contains), VIS_OK);
+        assert!(contains);
+        assert_eq!(vis_scene_remove_batch(scene, [near, far].as_ptr(), 2), VIS_OK);
+        assert_eq!(vis_visible_contains(visible, scene, near, &raw mut contains), VIS_OK);
+        assert!(!contains);
+        assert_eq!(vis_scene_contains(scene, coarse, &raw mut contains), VIS_OK);
+        assert!(contains);
+    }
+}
+
+#[test]
+fn pipelines_explain_freeze_and_say_what_they_lack() {
+    let (scene, view, pipeline) = setting();
+    let visible = new_visible(false);
+    let wall = vis_box { min: [4.0, -5.0, -5.0], max: [4.5, 5.0, 5.0] };
+    let wall = insert(scene, vis_object_desc { flags: VIS_OBJECT_OCCLUDER, ..vis_object_default(wall) });
+    let [hidden, behind] = [9.0, -9.0].map(|x| insert(scene, vis_object_default(cube_at(x))));
+    let see = || visible_ids(pipeline, scene, view, visible);
+    // SAFETY: handles are live, and arrays as long as said.
+    unsafe {
+        let explain =
+            |id| text(|text, capacity, count| vis_pipeline_explain(pipeline, id, text, capacity, count));
+        let lacks =
+            || text(|text, capacity, count| vis_pipeline_lacks(pipeline, scene, text, capacity, count));
+        assert_eq!(vis_pipeline_add_z_buffer(pipeline, 64, 64), VIS_OK);
+        assert_eq!(vis_pipeline_set_explaining(pipeline, true), VIS_OK);
+        assert_eq!(see(), [wall, hidden]);
+        assert_eq!(lacks(), "hzb: occluders without a mesh: 1\n");
+        // From the triangles that the wall is drawn with; first of them, one that faces the eye.
+        let quad = [[4.0, -5.0, -5.0], [4.0, 5.0, 5.0], [4.0, 5.0, -5.0], [4.0, -5.0, 5.0_f32]];
+        let triangles = [quad[0], quad[1], quad[2], quad[0], quad[3], quad[1]];
+        let mut made = 0;
+        assert_eq!(vis_scene_set_triangles(scene, wall, triangles.as_ptr().cast(), 2), VIS_OK);
+        assert_eq!(vis_scene_prepare_occluders(scene, &raw mut made), VIS_OK);
+        assert_eq!((made, lacks().as_str()), (1, ""));
+        assert_eq!(see(), [wall]);
+        assert_eq!(explain(wall), "visible");
+        assert_eq!(explain(hidden), "removed by hzb");
+        assert_eq!(explain(behind), "removed by frustum");
+        // The eye turns, the frozen pipeline does not.
+        assert_eq!(vis_pipeline_freeze(pipeline, true), VIS_OK);
+        let pose = vis_pose { eye: [0.0; 3], target: [-1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
+        assert_eq!(vis_view_set_orthographic(view, &raw const pose, 5.0, 5.0, 0.0, 50.0), VIS_OK);
+        assert_eq!(see(), [wall]);
+        assert_eq!(vis_pipeline_freeze(pipeline, false), VIS_OK);
+        assert_eq!(vis_pipeline_reset(pipeline), VIS_OK);
+        assert_eq!(see(), [behind]);
+        // Far from the origin of the world, scene and camera move together.
+        let far = [6.4e6, 0.0, 0.0];
+        assert_eq!(vis_scene_set_origin(scene, far.as_ptr()), VIS_OK);
+        assert_eq!(see(), []);
+        let mut matrix = [0.0_f64; 16];
+        (matrix[3], matrix[4], matrix[9], matrix[14]) = (1.0, -1.0, 1.0, 0.1);
+        let depth = vis_depth::VIS_DEPTH_REVERSED_INFINITE as u32;
+        assert_eq!(vis_view_set_matrix_f64(view, matrix.as_ptr(), depth, far.as_ptr()), VIS_OK);
+        assert_eq!(see(), [wall]);
+        // A mesh of one's own, two-sided, on an object that is moved by its bounds and so loses it.
+        let (mut mesh, corners) = (0, quad.map(|[_, y, z]| [4.0, y, z]));
+        let indices = [0, 2, 1, 0, 1, 3_u32];
+        let positions = corners.as_ptr().cast();
+        assert_eq!(vis_scene_add_mesh(scene, positions, 4, indices.as_ptr(), 2, true, &raw mut mesh), VIS_OK);
+        assert_eq!(vis_scene_set_mesh(scene, wall, mesh, null()), VIS_OK);
+        assert_eq!(see(), [wall]);
+        assert_eq!(vis_scene_set_bounds(scene, wall, &cube_at(2.0)), VIS_OK);
+        assert_eq!(see(), [wall, hidden]);
+    }
+}
+
+#[test]
+fn doors_shut_for_all_views_that_share_the_cells() {
+    let (scene, view, first) = setting();
+    let (second, visible) = (make(vis_pipeline_create), [new_visible(false), new_visible(false)]);
+    let lamp = insert(scene, vis_object_default(cube_at(5.0)));
+    let portal = vis_portal { first_vertex: 0, vertex_count: 4, cells: [0, 1] };
+    let door = [[3.0, -1.0, -1.0], [3.0, 1.0, -1.0], [3.0, 1.0, 1.0], [3.0, -1.0, 1.0_f64]];
+    let cell = |x: f64, planes: u32| vis_volume {
+        min: [x, -5.0, -5.0],
+        max: [x + 5.0, 5.0, 5.0],
+        first_plane: 0,
+        plane_count: planes,
+    };
+    // The first cell is cut off its box at the door by a plane.
+    let (volumes, plane) = ([cell(-1.0, 1), cell(3.0, 0)], [-1.0, 0.0, 0.0, 3.0_f64]);
+    let (mut graph, mut cells, mut sees) = (null_mut(), null_mut(), false);
+    // SAFETY: handles are live, and arrays as long as said.
+    unsafe {
+        let vertices = door.as_ptr().cast();
+        assert_eq!(
+            vis_graph_create(2, &raw const portal, 1, vertices, 3, &raw mut graph),
+            VIS_ERROR_ARGUMENT
+        );
+        assert_eq!(vis_graph_create(2, &raw const portal, 1, vertices, 4, &raw mut graph), VIS_OK);
+        let make = |count, planes, cells: *mut *mut vis_cells| {
+            vis_cells_create(graph, volumes.as_ptr(), count, plane.as_ptr(), planes, 1e-6, cells)
+        };
+        assert_eq!(make(1, 1, &raw mut cells), VIS_ERROR_ARGUMENT, "a cell without a volume");
+        assert_eq!(make(2, 0, &raw mut cells), VIS_ERROR_ARGUMENT, "a plane that is not there");
+        assert_eq!(make(2, 1, &raw mut cells), VIS_OK);
+        assert_eq!(vis_pipeline_add_portals(first, cells), VIS_OK);
+        assert_eq!(vis_pipeline_add_portals(second, cells), VIS_OK);
+        let see = || {
+            [(first, visible[0]), (second, visible[1])]
+                .map(|(pipeline, visible)| visible_ids(pipeline, scene, view, visible).len())
+        };
+        assert_eq!(see(), [1, 1]);
+        assert_eq!(vis_cells_set_open(cells, 0, false), VIS_OK);
+        assert_eq!(see(), [0, 0]);
+        assert_eq!(vis_cells_can_see(cells, 0, 1, &raw mut sees), VIS_OK);
+        assert!(!sees);
+        assert_eq!(vis_cells_set_open(cells, 0, true), VIS_OK);
+        assert_eq!(vis_cells_set_passage(cells, 0, false, true), VIS_OK);
+        assert_eq!(see(), [0, 0], "the door is seen through from the other side only");
+        assert_eq!(vis_cells_set_passage(cells, 0, true, false), VIS_OK);
+        assert_eq!(see(), [1, 1]);
+        assert_eq!(vis_cells_set_passage(cells, 0, false, false), VIS_ERROR_ARGUMENT);
+        assert_eq!(vis_cells_set_open(cells, 7, true), VIS_ERROR_UNKNOWN_ID);
+        // The lamp leaves by bounds: both pipelines see the change.
+        assert_eq!(vis_scene_set_bounds(scene, lamp, &cube_at(-9.0)), VIS_OK);
+        assert_eq!(see(), [0, 1], "outside all cells nothing is hidden but by the frustum");
+        // Another scene may use the cells in between.
+        let elsewhere = crate::make(vis_scene_create);
+        insert(elsewhere, vis_object_default(cube_at(5.0)));
+        assert_eq!(vis_cells_set_passage(cells, 0, false, true), VIS_OK);
+        assert_eq!(visible_ids(first, elsewhere, view, visible[0]).len(), 0);
+        assert_eq!(see(), [0, 1]);
+        assert_eq!(visible_ids(first, elsewhere, view, visible[0]).len(), 0);
+        vis_scene_destroy(elsewhere);
+        // A baked set of objects does not fit cells.
+        let (mut pvs, ends, targets) = (null_mut(), [1_usize, 3], [0, 0, 1_u32]);
+        assert_eq!(vis_pvs_create(2, ends.as_ptr(), 2, targets.as_ptr(), 3, &raw mut pvs), VIS_OK);
+        assert_eq!(vis_cells_set_pvs(cells, pvs), VIS_ERROR_ARGUMENT);
+        let (mut rows, mut columns) = (0, 0);
+        assert_eq!(vis_pvs_counts(pvs, &raw mut rows, &raw mut columns), VIS_OK);
+        assert_eq!((rows, columns), (2, 2));
+        assert_eq!(vis_pvs_sees(pvs, 0, 1, &raw mut sees), VIS_OK);
+        assert!(!sees);
+        assert_eq!(see(), [0, 1], "a refused set leaves the cells as they were");
+        vis_cells_destroy(cells);
+        vis_graph_destroy(graph);
+        vis_pvs_destroy(pvs);
+        assert_eq!(see(), [0, 1], "pipelines keep the cells");
+        visible.into_iter().for_each(|visible| vis_visible_destroy(visible));
+        [first, second].into_iter().for_each(|pipeline| vis_pipeline_destroy(pipeline));
+        vis_view_destroy(view);
+        vis_scene_destroy(scene);
+    }
+}
