@@ -143,8 +143,8 @@ impl Search<'_> {
 
     /// Returns whether a triangle certainly touches neither P nor Q, but for the boundary of Q at corners of
     /// the target triangle.
-    fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
-        let pad = 4.0 * self.delta;
+    pub(crate) fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
+        let pad = self.pad();
         apart(corners, &sight.p, &sight.before_p, pad)
             && (touches_from_one_side(corners, tags, &sight.before_q, pad)
                 || apart(corners, &sight.q, &sight.before_q, pad))
@@ -243,7 +243,7 @@ impl Search<'_> {
             }
             scratch.moved.push((vertex, position + shift));
         }
-        let pad = 4.0 * self.delta;
+        let pad = self.pad();
         for &t in &scratch.chain {
             for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
                 let (corners, numbers) = (all.corners(t), all.vertices(t));

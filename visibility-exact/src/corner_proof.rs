@@ -38,7 +38,9 @@ pub(crate) fn find(sight: &Sight, rows: &[Row], delta: f64) -> Option<[u32; 3]> 
 /// e |d|^2 |v - p|, where e = 3 max |R - I| + 24 U K. The form itself is a sum of products of at most 9
 /// roundings each. All this is covered by (e + 64 U K) |d_i| |d_j| D, with D the greatest distance involved.
 /// Corners are known up to delta, directions up to 4 delta in length, which changes the doubled polar form by
-/// at most 16 delta K D (|d_i| + |d_j|).
+/// at most 16 delta K D (|d_i| + |d_j|). Ends of edges are known up to delta too: unit vectors of edges of
+/// length L turn by 4 delta / L, which changes the g_k by 4 delta K |g_k| / L and the products e_m x t_m by
+/// 4 delta (1 + D / L). With D no less than |d|, a factor of 1 + K D / L covers both.
 fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     let t = rows.map(|row| (row.edge.ends[1] - row.edge.ends[0]).normalize_or_zero() * row.side);
     let cross = [t[1].cross(t[2]), t[2].cross(t[0]), t[0].cross(t[1])];
@@ -50,7 +52,12 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     let flip = if cross[0].dot(middle) / determinant < 0.0 { -1.0 } else { 1.0 };
     let g = cross.map(|cross| cross * (flip / determinant));
     let k: f64 = g.iter().map(|g| g.length()).sum();
-    let positive = |d: DVec3| g.iter().all(|g| g.dot(d) > (16.0 * U * d.length() + 4.0 * delta) * k);
+    let shortest =
+        rows.map(|row| row.edge.ends[0].distance(row.edge.ends[1])).into_iter().fold(f64::MAX, f64::min);
+    let positive = |d: DVec3| {
+        let turned = 8.0 * delta * k / shortest;
+        g.iter().all(|g| g.dot(d) > ((16.0 * U + turned) * d.length() + 4.0 * delta) * k)
+    };
     if !positive(middle) {
         return false;
     }
@@ -76,9 +83,10 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
         most.max((column - axis).abs().max_element())
     });
     let corners = sight.p.corners().iter().map(|p| v.distance(*p));
-    let far = corners.chain(e.iter().map(|e| e.length())).fold(0.0, f64::max);
+    let lengths = e.iter().chain(directions).map(|x| x.length());
+    let far = corners.chain(lengths).fold(0.0, f64::max);
     let bound = (3.0 * residual + 128.0 * U * k) * far;
-    let moved = 16.0 * delta * k * far;
+    let moved = 16.0 * delta * k * far * (1.0 + k * far / shortest);
     // The polar form at two directions, doubled.
     let form = |x: DVec3, y: DVec3| -> f64 {
         (0..3)
@@ -94,4 +102,54 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
             form(x, y) < -2.0 * bound * x.length() * y.length() - moved * (x.length() + y.length())
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::line_side::Edge;
+    use crate::polygon::Polygon;
+    use crate::sight::Half;
+    use visibility_testing::Random;
+
+    /// Three edges through one point, and lines through the point: on no side of any edge. Positions are
+    /// moved by their error, or wrong by rounding alone.
+    #[test]
+    fn lines_through_a_corner_are_not_excluded() {
+        let mut random = Random(7);
+        let mut tried = 0;
+        for round in 0i32..20_000 {
+            let mut int =
+                |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
+            let v = int(50);
+            let t = [int(9), int(9), int(9)];
+            if t[0].dot(t[1].cross(t[2])) == 0.0 {
+                continue;
+            }
+            let flip = if round % 4 < 2 { 1.0 } else { -1.0 };
+            let d = (t[0] + t[1] + t[2]) * flip;
+            let delta = if round % 2 == 0 { 1e-9 } else { 0.0 };
+            let quad = |at: DVec3| {
+                let [a, b] = [d.any_orthogonal_vector(), d.cross(d.any_orthogonal_vector())]
+                    .map(|x| x.normalize() * 1e-3);
+                Polygon::new(&[at - a - b, at + a - b, at + a + b, at - a + b])
+            };
+            // The corner is in the middle, or close to P.
+            let (p, q) = (quad(v - d / [1.0, 256.0][(round / 2 % 2) as usize]), quad(v + d));
+            let half = Half { normal: DVec3::X, offset: 0.0 };
+            let sight = Sight { p, q, before_p: half, before_q: half };
+            let mut row = |k: usize| {
+                let mut end = |m: i32| {
+                    let error = random.fine_vector(delta);
+                    v + t[k] * (f64::from(m) * [1.0, 1.0 / 1024.0][(round / 4 % 2) as usize]) + error
+                };
+                let (m, n) = (round % 5 - 7, round % 7 + 3);
+                Row { edge: Edge::new(end(m), end(n)), side: 1.0 }
+            };
+            let rows = [row(0), row(1), row(2)];
+            tried += 1;
+            assert!(!excludes(&sight, [&rows[0], &rows[1], &rows[2]], delta), "{round}: {v} {t:?}");
+        }
+        assert!(tried > 10_000);
+    }
 }

@@ -156,3 +156,66 @@ pub(crate) fn segment_triangle(p: DVec3, q: DVec3, t: &[DVec3; 3]) -> Crossing {
         _ => Crossing::Unsure,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    fn moved(v: DVec3, delta: f64, random: &mut Random) -> DVec3 {
+        v + DVec3::from_array(core::array::from_fn(|_| if random.one_in(2) { delta } else { -delta }))
+    }
+
+    /// Lines that meet the edge, in exact integers: on no side. With positions moved by their error, none of
+    /// the bound's parts can be left out: for a short line the error of its direction counts, for an edge
+    /// that points at p the errors of the edge's ends, without errors of positions those of rounding.
+    #[test]
+    fn lines_that_meet_an_edge_are_on_no_side() {
+        let mut random = Random(2);
+        let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
+        let mut random = Random(3);
+        for round in 0..20_000 {
+            let (p, a, d) = (int(1000), int(1000), int(100));
+            // b behind a or beside, q on the line from p through a point of the edge.
+            let b = match round % 3 {
+                0 => a + (a - p) + int(1),
+                _ => a + d,
+            };
+            let q = match round % 3 {
+                1 => p + (a - p) / 1024.0,
+                _ => a + (a - p) * 3.0,
+            };
+            let delta = if round % 3 == 2 { 0.0 } else { 1e-7 };
+            // A third of the way is not representable: rounding alone.
+            let scale = if round % 3 == 2 { 1.0 / 3.0 } else { 1.0 };
+            let [p, q, a, b] = [p, q, a, b].map(|v| moved(v, delta, &mut random) * scale);
+            let delta = if round % 3 == 2 { 400.0 * U } else { delta * 1.001 };
+            assert_eq!(sign(side(p, q, a, b, delta)), 0, "{round}: {p} {q} {a} {b}");
+        }
+    }
+
+    /// Integers of 40 bits against exact determinants of 128 bits.
+    #[test]
+    fn sides_are_within_their_bounds_of_exact_ones() {
+        let mut random = Random(4);
+        for _ in 0..50_000 {
+            let size = 1i64 << (10 + random.below(30));
+            let mut point = || core::array::from_fn::<i64, 3, _>(|_| (random.bits() as i64) % size);
+            let (p, a, b) = (point(), point(), point());
+            // Near the plane of p, a and b.
+            let (i, j) = (point()[0] % 3, point()[1] % 3);
+            let near = point();
+            let q = core::array::from_fn(|k| (p[k] + i * a[k] + j * b[k]) / 4 + near[k] % 4);
+            let exact = {
+                let [r, u, w] =
+                    [q, a, b].map(|x| core::array::from_fn::<i128, 3, _>(|k| (x[k] - p[k]).into()));
+                (0..3)
+                    .map(|k| r[k] * (u[(k + 1) % 3] * w[(k + 2) % 3] - u[(k + 2) % 3] * w[(k + 1) % 3]))
+                    .sum::<i128>()
+            };
+            let float = |x: [i64; 3]| DVec3::from_array(x.map(|x| x as f64));
+            let found = sign(side(float(p), float(q), float(a), float(b), 0.0));
+            assert!(found == 0 || i128::from(found) == exact.signum(), "{p:?} {q:?} {a:?} {b:?}");
+        }
+    }
+}

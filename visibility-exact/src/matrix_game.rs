@@ -191,4 +191,16 @@ mod tests {
         assert_eq!(solve(&[[f64::NAN; 3]]).0, Value::Open);
         assert_eq!(solve(&[[0.0; 3]]).0, Value::Open);
     }
+
+    /// Negative entries that may be positive by their errors prove nothing.
+    #[test]
+    fn errors_of_entries_count() {
+        let mut game = MatrixGame::default();
+        for (error, value) in [(2e-3, Value::Open), (1e-4, Value::Negative)] {
+            game.start(2);
+            game.row([(-1e-3, error), (-1.0, 0.0)].into_iter());
+            game.row([(-1e-3, error), (-2.0, 0.0)].into_iter());
+            assert_eq!(game.solve(), value, "{error}");
+        }
+    }
 }

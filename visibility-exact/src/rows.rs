@@ -289,7 +289,7 @@ impl Search<'_> {
         // Corners of the target triangle are in its plane; a loop of these alone bounds nothing before it.
         ring = cut(ring, |corner| sight.before_p.height(corner.0));
         ring = cut(ring, |&(x, tag)| match tag {
-            NO_CORNER => sight.before_q.height(x) - 4.0 * self.delta,
+            NO_CORNER => sight.before_q.height(x) - self.pad(),
             _ => 0.0,
         });
         drop_straight(&mut ring);

@@ -112,7 +112,7 @@ impl<'a> Search<'a> {
             return (Answer::Undecided, 0);
         }
         let mut answer = Answer::Hidden;
-        let all = sights(self.triangles, &self.cell, target, self.clearance, 4.0 * self.delta);
+        let all = sights(self.triangles, &self.cell, target, self.clearance, self.pad());
         let Some(all) = all else { return (Answer::Undecided, self.used) };
         for sight in all {
             match self.node(&sight, 0) {
@@ -127,6 +127,11 @@ impl<'a> Search<'a> {
             }
         }
         (answer, self.used)
+    }
+
+    /// Returns the height over a plane up to which a point may touch the plane, see [`Shaft`].
+    pub(crate) fn pad(&self) -> f64 {
+        4.0 * self.delta
     }
 
     /// Prepares for nodes of a target. Returns false if the clearance is within the error of positions.
@@ -158,7 +163,7 @@ impl<'a> Search<'a> {
             Err(clear) => answer = Some(Answer::Visible(clear)),
             Ok(line) if !hits.is_empty() => {
                 self.sort_starts(&mut hits);
-                let shaft = Shaft::new(&sight.p, &sight.q, self.delta);
+                let shaft = Shaft::new(&sight.p, &sight.q, self.pad());
                 for &start in hits.iter().take(STARTS) {
                     self.stats.surfaces += 1;
                     match self.close(sight, &shaft, start, line) {

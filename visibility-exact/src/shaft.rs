@@ -20,8 +20,8 @@ pub(crate) struct Shaft {
 }
 
 impl Shaft {
-    pub(crate) fn new(p: &Polygon, q: &Polygon, delta: f64) -> Self {
-        let mut shaft = Self { planes: [(DVec3::ZERO, 0.0); PLANES], count: 0, pad: 4.0 * delta };
+    pub(crate) fn new(p: &Polygon, q: &Polygon, pad: f64) -> Self {
+        let mut shaft = Self { planes: [(DVec3::ZERO, 0.0); PLANES], count: 0, pad };
         for (one, other) in [(p, q), (q, p)] {
             let normal = one.normal().normalize_or_zero();
             let towards = normal.dot(other.center() - one.center()) >= 0.0;
@@ -62,5 +62,98 @@ impl Shaft {
     #[inline]
     fn planes(&self) -> impl Iterator<Item = &(DVec3, f64)> {
         self.planes[..self.count].iter()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::search::Search;
+    use crate::sight::{CellBox, Half, Sight, Target};
+    use crate::triangles::SceneTriangles;
+    use crate::{
+        chain::apart, line_side::Edge, line_side::NO_CORNER, polygon::Polygon, search::Budget, shaft::Shaft,
+    };
+    use std::vec;
+    use visibility_core::glam::{DVec3, Vec3};
+    use visibility_core::{Aabb, Object, Scene};
+    use visibility_testing::Random;
+
+    fn prepared(triangle: [Vec3; 3]) -> SceneTriangles {
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
+        scene.set_triangles(id, vec![triangle]).unwrap();
+        SceneTriangles::new(&scene)
+    }
+
+    /// Polygons whose corners are moved by the error of positions: what touches the exact polygons, or a
+    /// segment between them, is not outside of the shaft, and not apart from the polygons.
+    #[test]
+    fn what_touches_by_less_than_the_error_is_not_missed() {
+        let mut random = Random(9);
+        for round in 0..4000 {
+            let mut int =
+                |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
+            let (a, b) = (int(40), int(40) + DVec3::X * 100.0);
+            let (u, v, w, x) = (int(8), int(8), int(8), int(8));
+            if u.cross(v) == DVec3::ZERO || w.cross(x) == DVec3::ZERO {
+                continue;
+            }
+            let exact = [[a, a + u, a + u + v, a + v], [b, b + w, b + w + x, b + x]];
+            let triangles = prepared([Vec3::X, Vec3::Y, Vec3::Z]);
+            let cell = CellBox { min: DVec3::splat(-150.0), max: DVec3::splat(150.0) };
+            let mut search = Search::new(&triangles, cell, 0.0, None);
+            assert!(search.begin(Target::Triangle(0), Budget { nodes: 0, divided: 0 }));
+            let delta = search.delta;
+            let [p, q] = exact.map(|corners| {
+                let move_corner = |v: DVec3| {
+                    v + DVec3::from_array(core::array::from_fn(
+                        |_| if random.one_in(2) { delta } else { -delta },
+                    ))
+                };
+                Polygon::new(&corners.map(move_corner))
+            });
+            let plane = |polygon: &Polygon| {
+                let normal = polygon.normal().normalize();
+                let offset = polygon.corners().iter().map(|v| -normal.dot(*v)).fold(f64::MIN, f64::max);
+                Half { normal, offset }
+            };
+            let sight = Sight { p, q, before_p: plane(&p), before_q: plane(&q) };
+            let shaft = Shaft::new(&p, &q, search.pad());
+            for k in 0..4 {
+                // Points of the exact hull, on its boundary at most corners.
+                let (x, y) = (exact[0][k], exact[1][(k + round) % 4]);
+                for part in [0.0, 0.25, 0.5, 1.0] {
+                    assert!(!shaft.misses(&[x + (y - x) * part]), "{round}");
+                }
+                // A triangle that touches Q in a corner, from any side.
+                let touching = [y, y + random.fine_vector(5.0), y + random.fine_vector(5.0)];
+                assert!(!search.apart(&touching, [NO_CORNER; 3], &sight), "{round}");
+                assert!(!apart(&touching, &q, &sight.before_q, search.pad()), "{round}");
+            }
+        }
+    }
+
+    /// An edge from a corner of the target triangle through the triangle, in its plane up to rounding, is not
+    /// behind.
+    #[test]
+    fn edges_in_the_plane_of_the_target_are_met() {
+        let mut random = Random(11);
+        for round in 0..500 {
+            // Seen through one face of the viewcell alone, so that Q is the whole triangle.
+            let t: [Vec3; 3] = core::array::from_fn(|_| random.vec3(0.1, 0.9) + Vec3::X * 30.0);
+            let triangles = prepared(t);
+            let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
+            let mut search = Search::new(&triangles, cell, 0.0, None);
+            let target = Target::Triangle(0);
+            assert!(search.begin(target, Budget { nodes: 0, divided: 0 }));
+            let t = t.map(Vec3::as_dvec3);
+            // Through the middle of the opposite side: also through what a viewcell's plane leaves of Q.
+            let far = t[0] + ((t[1] - t[0]) + (t[2] - t[0])) * random.fine_range(0.6, 3.0);
+            let edge = Edge { ends: [t[0], far], tags: [0, NO_CORNER] };
+            for sight in crate::sight::sights(&triangles, &cell, target, 0.0, search.pad()).unwrap() {
+                let shaft = Shaft::new(&sight.p, &sight.q, search.pad());
+                assert!(!search.edge_misses(&edge, &sight, &shaft), "{round}");
+            }
+        }
     }
 }

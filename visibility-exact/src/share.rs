@@ -92,7 +92,7 @@ impl Search<'_> {
         let (mut blocked, mut obstacle) = (false, None);
         if let Ok(line) = self.crossed_line(sight, &mut hits) {
             self.sort_starts(&mut hits);
-            let shaft = Shaft::new(&sight.p, &sight.q, self.delta);
+            let shaft = Shaft::new(&sight.p, &sight.q, self.pad());
             for &start in hits.iter().take(2) {
                 match self.close(sight, &shaft, start, line) {
                     Ok(_) => {

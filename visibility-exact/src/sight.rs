@@ -214,6 +214,20 @@ mod tests {
         SceneTriangles::new(&scene)
     }
 
+    #[test]
+    fn viewcells_are_rounded_outwards() {
+        let mut random = Random(1);
+        for _ in 0..1000 {
+            let (origin, size) = (random.fine_vector(1e6), random.fine_vector(1.0).abs());
+            let min = random.fine_vector(10.0);
+            let cell = CellBox::new(&Viewcell::from_box(min, min + size), origin).unwrap();
+            for k in 0..3 {
+                let [low, high] = [min, min + size].map(|x| DoubleDouble::difference(x[k], origin[k]));
+                assert!(cell.min[k] - low.hi <= low.lo && cell.max[k] - high.hi >= high.lo);
+            }
+        }
+    }
+
     /// A box below the viewcell as wide as the numbers allow, in a scene of small triangles: where the box's
     /// top is cut by the plane of the viewcell's face, rounding moves the cut by up to metres.
     #[test]

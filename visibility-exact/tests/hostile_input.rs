@@ -107,8 +107,12 @@ fn a_clearance_that_is_no_number_counts_as_none() {
 fn a_target_nearer_than_the_clearance_is_not_hidden() {
     let t = [[1.005, 0.2, 0.2], [1.005, 0.8, 0.2], [1.005, 0.2, 0.8]].map(Vec3::from);
     let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(0.01)) };
-    let found = ExactCuller::new(prepared(&[vec![t]]), settings).verdicts(&unit_cell());
-    assert_eq!(found.counts()[1], 0);
+    // A triangle, and a cube of which nothing but the face at the viewcell can be seen.
+    let cube = cuboid(DVec3::new(1.005, 0.2, 0.2), DVec3::new(1.5, 0.8, 0.8));
+    for object in [vec![t], cube] {
+        let found = ExactCuller::new(prepared(&[object]), settings).verdicts(&unit_cell());
+        assert_eq!(found.counts()[1], 0);
+    }
 }
 
 /// The top of a low viewcell is over a table top by less than the clearance, and its bottom below it: the

@@ -46,9 +46,17 @@ impl Check<'_> {
         let change = 2.0 * self.delta;
         let level = dot(c[0], *first).hi * orientation;
         let sense = if level > 0.0 { 1.0 } else { -1.0 };
-        let positive = directions
-            .iter()
-            .all(|d| c.iter().all(|c| dot(*c, *d).hi * orientation * sense > norm(*c) * change));
+        // Changes of the ends of edges by delta change each t_k and e_k by 2 delta on each axis, and a
+        // product of two vectors by at most twice the product of the sums of their magnitudes.
+        let moved = |u: [D; 3], w: [D; 3]| 8.0 * self.delta * (norm(u) + norm(w) + change);
+        let c_moved: [f64; 3] = core::array::from_fn(|k| moved(t[(k + 1) % 3], t[(k + 2) % 3]));
+        let w_moved: [f64; 3] = core::array::from_fn(|k| moved(e[k], t[k]));
+        let positive = directions.iter().all(|d| {
+            (0..3).all(|k| {
+                let least = norm(c[k]) * change + c_moved[k] * (norm(*d) + change);
+                dot(c[k], *d).hi * orientation * sense > least
+            })
+        });
         let rounding: f64 = (0..3).map(|k| norm(c[k]) * norm(w[k])).sum::<f64>() * 1e-24;
         positive
             && directions.iter().enumerate().all(|(i, x)| {
@@ -60,6 +68,8 @@ impl Check<'_> {
                         form += both.hi * orientation * sense;
                         error += both.hi.abs() * 1e-15
                             + 2.0 * change * norm(c[k]) * norm(w[k]) * (norm(*x) + norm(*y) + change);
+                        let changed = c_moved[k] * (norm(w[k]) + w_moved[k]) + norm(c[k]) * w_moved[k];
+                        error += 2.0 * changed * (norm(*x) + change) * (norm(*y) + change);
                     }
                     form < -error
                 })

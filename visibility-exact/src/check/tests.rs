@@ -1,13 +1,17 @@
 //! Proofs that were tampered with are refused.
 
+use super::context::{Check, Divider};
+use super::exact_side::side;
+use crate::polygon::Polygon;
 use crate::proof::{LoopEdge, Proof, Step};
 use crate::search::{Answer, Budget, Search};
-use crate::sight::{CellBox, Target};
+use crate::sight::{CellBox, Half, Sight, Target};
 use crate::triangles::SceneTriangles;
 use std::{vec, vec::Vec};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, Scene};
+use visibility_testing::Random;
 
 /// A target behind two walls with slits that are not in line, and its proof.
 fn hidden() -> (SceneTriangles, Proof) {
@@ -76,9 +80,11 @@ fn proofs_with_a_changed_step_are_refused() {
                 kinds[1] += 1;
                 let changed = Step::Loop { piece, ring: ring.clone(), side: -side, edges: edges.clone() };
                 assert!(is_refused(with(changed)), "the other side");
-                let large = ring.iter().map(|&(x, tag)| (x * 1.01, tag)).collect();
-                let changed = Step::Loop { piece, ring: large, side, edges: edges.clone() };
-                assert!(is_refused(with(changed)), "a loop away from its occluder");
+                for part in [1.01, 1.0003] {
+                    let large = ring.iter().map(|&(x, tag)| (x * part, tag)).collect();
+                    let changed = Step::Loop { piece, ring: large, side, edges: edges.clone() };
+                    assert!(is_refused(with(changed)), "a loop away from its occluder");
+                }
                 let inside = edges.iter().map(|_| LoopEdge::Inside).collect();
                 let all_inside = edges.iter().all(|edge| *edge == LoopEdge::Inside);
                 let changed = Step::Loop { piece, ring, side, edges: inside };
@@ -95,4 +101,67 @@ fn proofs_with_a_changed_step_are_refused() {
         }
     }
     assert!(kinds[0] > 0 && kinds[1] > 0, "{kinds:?}");
+}
+
+fn moved(v: DVec3, delta: f64, random: &mut Random) -> DVec3 {
+    v + DVec3::from_array(core::array::from_fn(|_| if random.one_in(2) { delta } else { -delta }))
+}
+
+/// A line that meets an edge is on no side of the edge, though all positions have moved by their error.
+#[test]
+fn lines_that_meet_an_edge_are_on_no_side() {
+    let mut random = Random(3);
+    for _ in 0..20_000 {
+        let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
+        let (p, a, b) = (int(1000), int(1000), int(1000));
+        let line = [p, a + (a - p) * 2.0, a, b];
+        let delta = 1e-7;
+        let [p, q, a, b] = line.map(|v| moved(v, delta, &mut random));
+        let (value, error) = side(p, q, a, b, delta * 1.001);
+        assert!(value.abs() <= error, "{p} {q} {a} {b}");
+    }
+}
+
+/// What touches polygons, or a segment between them, is not apart and not outside, and a line that meets the
+/// dividing edges is not excluded, though all positions have moved by their error.
+#[test]
+fn what_touches_by_less_than_the_error_is_not_apart() {
+    let (triangles, proof) = hidden();
+    let mut random = Random(9);
+    let delta = 1e-9;
+    let check =
+        Check { triangles: &triangles, clearance: 0.0, delta, target_vertices: vec![], steps: [].iter() };
+    for round in 0..4000 {
+        let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
+        let (a, b) = (int(40), int(40) + DVec3::X * 100.0);
+        let (u, v, w, x) = (int(8), int(8), int(8), int(8));
+        let ends = [int(9), int(9), int(9)];
+        if u.cross(v) == DVec3::ZERO || w.cross(x) == DVec3::ZERO {
+            continue;
+        }
+        let exact = [[a, a + u, a + u + v, a + v], [b, b + w, b + w + x, b + x]];
+        let [p, q] = exact.map(|corners| Polygon::new(&corners.map(|v| moved(v, delta, &mut random))));
+        let plane = |polygon: &Polygon| {
+            let normal = polygon.normal().normalize();
+            let offset = polygon.corners().iter().map(|v| -normal.dot(*v)).fold(f64::MIN, f64::max);
+            Half { normal, offset }
+        };
+        let sight = Sight { p, q, before_p: plane(&p), before_q: plane(&q) };
+        let (x, y) = (exact[0][round % 4], exact[1][round / 4 % 4]);
+        for part in [0.0, 0.25, 0.5, 1.0] {
+            assert!(!check.is_outside(&sight, &[x + (y - x) * part]), "{round}");
+        }
+        let touching = [y, y + random.fine_vector(5.0), y + random.fine_vector(5.0)];
+        assert!(!check.is_apart(&sight, &touching), "{round}");
+        // Edges through one point of the line between two corners.
+        let middle = (x + y) * 0.5;
+        let edges =
+            ends.map(|end| [middle - end, middle + end].map(|x| (moved(x, delta, &mut random), None)));
+        let rows: [Divider; 3] = edges.map(|edge| (edge, 1.0));
+        for row in &rows {
+            assert!(!check.excludes(&sight, &[*row], &[1.0]), "{round}");
+        }
+        assert!(!check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]), "{round}");
+    }
+    assert!(proof.len() > 1);
 }
