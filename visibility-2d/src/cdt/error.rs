@@ -25,10 +25,13 @@ pub enum PlanError {
         /// Number of walls of the plan.
         walls: usize,
     },
-    /// A region has no point, or one outside the rectangle around the plan.
+    /// Objects are of another plan, or have none of the number given.
+    Objects,
+    /// A region or an object has no point, or one outside the rectangle around the plan.
     Region,
-    /// The lower bound of heights is not below the upper one, one is not finite, or they are so large or so
-    /// close beside the plan that a portal has no area as `f64`.
+    /// A height of a line of sight is not finite or above 1e60. Or the lower bound of heights of cells is not
+    /// below the upper one, one is not finite, or they are so large or so close beside the plan that a portal
+    /// has no area as `f64`.
     Heights,
 }
 
@@ -42,7 +45,10 @@ impl fmt::Display for PlanError {
             Self::UnknownWall { wall, walls } => {
                 write!(f, "wall {wall} is unknown: the plan has {walls}, numbered from 0")
             }
-            Self::Region => write!(f, "the region is empty, or not inside the rectangle around the plan"),
+            Self::Objects => write!(f, "the objects are of another plan, or none has that number"),
+            Self::Region => {
+                write!(f, "the region or object is empty, or not inside the rectangle around the plan")
+            }
             Self::Heights => write!(
                 f,
                 "the lower height must be below the upper one, and both of a size that suits the plan"

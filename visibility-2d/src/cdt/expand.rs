@@ -35,6 +35,14 @@ pub(crate) struct Cone {
     enters: bool,
 }
 
+impl Cone {
+    /// Returns the triangle that the cone leaves, with the rays that bound the cone. `None` for a cone from
+    /// outside the rectangle.
+    pub(crate) fn inside(&self) -> Option<(u32, Ray, Ray)> {
+        (!self.enters).then_some((self.edge / 3, self.right, self.left))
+    }
+}
+
 /// What happens to a cone at an edge.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Met {
@@ -61,7 +69,7 @@ impl Expansion<'_> {
         Ray { point, offset: [x - self.eye[0], y - self.eye[1]] }
     }
 
-    fn point(&self, point: u32) -> Point {
+    pub(crate) fn point(&self, point: u32) -> Point {
         let vertices = self.plan.points.len();
         let point = point as usize;
         if point < vertices { self.plan.points[point] } else { self.sector[point - vertices] }
@@ -157,12 +165,15 @@ impl Expansion<'_> {
 
     /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
     /// of an edge between two rays where a cone passes a wall or ends, from right to left. Cones end at edges
-    /// for which `is_near` is false.
+    /// for which `is_near` is false, and pass walls for which `stops` is. Calls `enter(triangle, right, left)`
+    /// for each triangle that a cone enters.
     #[inline(always)]
     pub(crate) fn run(
         &self,
         stack: &mut Vec<Cone>,
         is_near: impl Fn(u32) -> bool,
+        stops: impl Fn(u32) -> bool,
+        mut enter: impl FnMut(u32, Ray, Ray),
         mut meet: impl FnMut(u32, Ray, Ray, Met),
     ) {
         let plan = self.plan;
@@ -177,7 +188,7 @@ impl Expansion<'_> {
                         break;
                     }
                     if twin & (WALL | BLOCKS) != 0 {
-                        let blocks = twin & BLOCKS != 0;
+                        let blocks = twin & BLOCKS != 0 && (twin & TWIN == TWIN || stops(cone.edge));
                         let ends = blocks && (cone.through == 0 || twin & TWIN == TWIN);
                         if ends {
                             meet(cone.edge, cone.right, cone.left, Met::Ended);
@@ -188,6 +199,7 @@ impl Expansion<'_> {
                     }
                     twin & TWIN
                 };
+                enter(twin / 3, cone.right, cone.left);
                 let (to_right, to_left) = (next(twin), previous(twin));
                 let apex = plan.edges[to_left as usize].origin;
                 let [x, y] = plan.points[apex as usize];

@@ -2,9 +2,44 @@
 
 use super::plan::Plan;
 use super::predicates::{Point, orient};
-use super::triangulation::{Place, next, place_in};
+use super::triangulation::{NONE, Place, next, place_in};
+
+/// Most steps from the place of the last eye: some steps more take as long as a binary search.
+const MOST_STEPS: u32 = 16;
 
 impl Plan {
+    /// Finds where a point lies: within some steps from a half-edge, [`NONE`] if there is none, or else by a
+    /// search among all. The answer does not depend on where the search begins.
+    pub(crate) fn locate_near(&self, point: Point, from: u32) -> Place {
+        match self.walk_to(point, from) {
+            // The half-edge by which the walk came, of several.
+            Place::Vertex(h) => Place::Vertex(self.out[self.edges[h as usize].origin as usize]),
+            Place::Edge(h) => Place::Edge(self.edges[h as usize].twin().map_or(h, |twin| h.min(twin))),
+            place => place,
+        }
+    }
+
+    fn walk_to(&self, point: Point, from: u32) -> Place {
+        let mut t = from / 3;
+        'walk: for step in 0..MOST_STEPS {
+            if from == NONE {
+                break;
+            }
+            for turn in 0..3 {
+                let h = 3 * t + (turn + step) % 3;
+                if orient(self.start(h), self.start(next(h)), point) < 0.0 {
+                    match self.edges[h as usize].twin() {
+                        Some(twin) => t = twin / 3,
+                        None => return Place::Outside,
+                    }
+                    continue 'walk;
+                }
+            }
+            return self.place_in(t, point).unwrap_or(Place::Outside);
+        }
+        self.locate(point, self.near(point))
+    }
+
     /// Finds where a point lies, starting at a half-edge. The walk turns to another edge at each step, so it
     /// hardly ever runs in a circle; when it has taken too long, all triangles are searched.
     pub(crate) fn locate(&self, point: Point, from: u32) -> Place {

@@ -7,6 +7,8 @@
 //!
 //! - [`Plan::look`]: the visibility polygon and the walls seen, within a range or a sector, through glass,
 //!   one-way walls and a number of opaque ones.
+//! - [`Plan::look_at`]: which of many objects are seen, in proportion to what is seen.
+//! - [`Wall::with_heights`], [`Plan::sees_at`], [`PlanView::with_heights`]: low walls, and eyes above them.
 //! - [`Plan::sees`], [`Plan::ray`]: lines of sight between two points, the first wall on a ray.
 //! - [`Plan::look_from_region`]: the walls and triangles seen from anywhere in a triangle, on a segment, in a
 //!   convex cell.
@@ -19,6 +21,7 @@ mod error;
 mod expand;
 mod hilbert;
 mod locate;
+mod objects;
 mod plan;
 pub(crate) mod predicates;
 mod range;
@@ -33,6 +36,7 @@ mod wall;
 
 pub use cells::PlanCells;
 pub use error::PlanError;
+pub use objects::PlanObjects;
 pub use plan::Plan;
 pub use region::RegionVisibility;
 pub use sight::RayHit;

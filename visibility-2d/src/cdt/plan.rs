@@ -65,6 +65,8 @@ impl HalfEdge {
 #[derive(Clone, Debug)]
 pub struct Plan {
     stamp: Stamp,
+    /// Identifies the triangles, which doors do not change.
+    pub(super) triangulated: Stamp,
     pub(crate) points: Vec<Point>,
     pub(crate) edges: Vec<HalfEdge>,
     /// A half-edge that begins at each vertex.
@@ -166,6 +168,7 @@ impl Plan {
 
         let mut plan = Self {
             stamp: Stamp::new(),
+            triangulated: Stamp::new(),
             points: vertices.iter().map(|&(_, old)| from.points[old as usize]).collect(),
             edges: Vec::with_capacity(from.edges.len()),
             out: vertices.iter().map(|&(_, old)| new_edge(from.out[old as usize])).collect(),
@@ -343,6 +346,17 @@ impl Plan {
     pub(crate) fn walls_of(&self, piece: u32) -> &[u32] {
         let piece = piece as usize;
         &self.walls_of_pieces[self.first_wall[piece] as usize..self.first_wall[piece + 1] as usize]
+    }
+
+    /// Returns whether a wall along a half-edge stops lines of sight out of its triangle at all heights from
+    /// one to another.
+    pub(crate) fn stops_between(&self, h: u32, [low, high]: [f64; 2]) -> bool {
+        let piece = self.piece[h as usize];
+        let stops = |&wall: &u32| {
+            let wall = &self.walls[wall as usize];
+            wall.heights[0] <= low && high <= wall.heights[1] && wall.stops(self.ends(h))
+        };
+        piece != NONE && self.walls_of(piece).iter().any(stops)
     }
 
     /// Returns the point at which a half-edge begins.

@@ -49,7 +49,7 @@ impl Disc {
         // Where the foot of the perpendicular is beyond an end by more than rounding, that end is nearest.
         let (length, at_a, at_b) = (dot(along, along), dot(a, along), dot(b, along));
         let scale = (a[0].abs() + a[1].abs() + b[0].abs() + b[1].abs()) * (along[0].abs() + along[1].abs());
-        if at_a > ERROR * scale || at_b < -ERROR * scale {
+        if length == 0.0 || at_a > ERROR * scale || at_b < -ERROR * scale {
             return false;
         }
         let (p, m) = (a[0] * b[1], a[1] * b[0]);

@@ -51,8 +51,8 @@ pub struct RegionVisibility {
     sides: Vec<Side>,
     beams: Vec<Beam>,
     /// Points of the region, and the corners of their convex hull.
-    points: Vec<Point>,
-    hull: Vec<Point>,
+    pub(super) points: Vec<Point>,
+    pub(super) hull: Vec<Point>,
     signs: Vec<i8>,
     steps: usize,
 }
@@ -79,7 +79,7 @@ impl RegionVisibility {
         self.steps
     }
 
-    fn begin(&mut self, plan: &Plan) {
+    pub(super) fn begin(&mut self, plan: &Plan) {
         self.triangles.clear();
         self.walls.clear();
         self.beams.clear();
@@ -167,7 +167,7 @@ impl Plan {
     }
 
     /// Lists the triangles that the hull overlaps: in area, or at all if the hull has none.
-    fn overlapped(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
+    pub(super) fn overlapped(&self, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         let first = *answer.hull.first().ok_or(PlanError::Region)?;
         let [low, high] = self.bounds();
         let is_inside = |p: &Point| (0..2).all(|axis| low[axis] <= p[axis] && p[axis] <= high[axis]);
@@ -322,7 +322,7 @@ fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u3
 /// Writes the corners of the convex hull of some points, counter-clockwise: one for equal points, two for
 /// collinear ones. Sorts the points. This work is based on: A. M. Andrew, "Another Efficient Algorithm for
 /// Convex Hulls in Two Dimensions", 1979.
-fn convex_hull(points: &mut Vec<Point>, hull: &mut Vec<Point>) {
+pub(super) fn convex_hull(points: &mut Vec<Point>, hull: &mut Vec<Point>) {
     hull.clear();
     points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     points.dedup();

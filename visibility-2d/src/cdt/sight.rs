@@ -7,7 +7,7 @@
 
 use super::error::PlanError;
 use super::plan::{BLOCKS, Plan};
-use super::predicates::{Point, checked, is_same_way, orient};
+use super::predicates::{GREATEST, Point, area, checked, is_same_way, orient};
 use super::triangulation::{NONE, Place, next, previous};
 
 /// End of a ray: the first point that it does not pass.
@@ -63,7 +63,37 @@ impl Plan {
     /// [`PlanError::Coordinate`] if a point, with index 0 or 1, is not finite or above 1e60.
     pub fn sees(&self, a: impl Into<[f64; 2]>, b: impl Into<[f64; 2]>) -> Result<bool, PlanError> {
         let (a, b) = (checked(a.into(), 0)?, checked(b.into(), 1)?);
-        Ok(a == b || Walk { plan: self, a, b, is_ray: false }.run() == Stop::Reached)
+        Ok(a == b || Walk { plan: self, a, b, is_ray: false, heights: None }.run() == Stop::Reached)
+    }
+
+    /// Returns whether two points at heights see each other, as [`sees`](Self::sees) does, over and under
+    /// walls with [heights](super::Wall::heights). A wall stops the segment if the segment's height where the
+    /// two cross is above the wall's lower end and below its upper end; where rounding leaves that open, by
+    /// some 2^-49 of the heights, the segment passes. So what is seen is never denied.
+    ///
+    /// ```
+    /// use visibility_2d::cdt::{Plan, Wall};
+    /// // A parapet 1 m high, halfway between two people.
+    /// let plan = Plan::new(&[Wall::new([0.0, -1.0], [0.0, 1.0]).with_heights(0.0, 1.0)])?;
+    /// assert!(plan.sees_at(([-2.0, 0.0], 1.7), ([2.0, 0.0], 1.7))?);
+    /// assert!(!plan.sees_at(([-2.0, 0.0], 1.7), ([2.0, 0.0], 0.2))?); // passes at 0.95
+    /// # Ok::<(), visibility_2d::cdt::PlanError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] if a point, with index 0 or 1, is not finite or above 1e60, and
+    /// [`PlanError::Heights`] if a height is not.
+    pub fn sees_at(
+        &self,
+        (a, of_a): (impl Into<[f64; 2]>, f64),
+        (b, of_b): (impl Into<[f64; 2]>, f64),
+    ) -> Result<bool, PlanError> {
+        let (a, b) = (checked(a.into(), 0)?, checked(b.into(), 1)?);
+        if !(of_a.abs().max(of_b.abs()) <= GREATEST && !of_a.is_nan() && !of_b.is_nan()) {
+            return Err(PlanError::Heights);
+        }
+        let walk = Walk { plan: self, a, b, is_ray: false, heights: Some([of_a, of_b]) };
+        Ok(a == b || walk.run() == Stop::Reached)
     }
 
     /// Follows a ray from an eye through a point, to the first wall that stops the ray or to the rectangle
@@ -82,7 +112,7 @@ impl Plan {
         if a == b {
             return Ok(None);
         }
-        let walk = Walk { plan: self, a, b, is_ray: true };
+        let walk = Walk { plan: self, a, b, is_ray: true, heights: None };
         Ok(match walk.run() {
             Stop::Reached => None,
             Stop::Edge(h) => {
@@ -116,6 +146,8 @@ struct Walk<'a> {
     a: Point,
     b: Point,
     is_ray: bool,
+    /// Heights at `a` and `b`. `None`: walls stop the walk at any height.
+    heights: Option<[f64; 2]>,
 }
 
 impl Walk<'_> {
@@ -131,7 +163,7 @@ impl Walk<'_> {
                         return Stop::Reached;
                     }
                     match edge.twin() {
-                        Some(twin) if edge.twin & BLOCKS == 0 => match self.cross(twin) {
+                        Some(twin) if !self.is_stopped(h, None) => match self.cross(twin) {
                             Some(at) => at,
                             None => return Stop::Reached,
                         },
@@ -156,6 +188,34 @@ impl Walk<'_> {
                 }
             };
         }
+    }
+
+    /// Returns whether the walk ends where it leaves the triangle of `h` across `h`, or passes an end of it.
+    fn is_stopped(&self, h: u32, end: Option<Point>) -> bool {
+        if self.plan.edges[h as usize].twin & BLOCKS == 0 {
+            return false;
+        }
+        let Some([of_a, of_b]) = self.heights else { return true };
+        // The share of the way is wrong by less than 8 u, the height by that of the difference of heights and
+        // by two roundings.
+        let share = end.map_or_else(
+            || {
+                let [p, q] = self.plan.ends(h);
+                let (before, after) = (area(p, q, self.a), area(p, q, self.b));
+                before / (before - after)
+            },
+            |end| {
+                let axis = self.longer_axis();
+                (end[axis] - self.a[axis]) / (self.b[axis] - self.a[axis])
+            },
+        );
+        let (height, error) = (of_a + share * (of_b - of_a), 16.0 * f64::EPSILON * (of_a.abs() + of_b.abs()));
+        self.plan.stops_between(h, [height - error, height + error])
+    }
+
+    fn longer_axis(&self) -> usize {
+        let [x, y] = [0, 1].map(|axis| (self.b[axis] - self.a[axis]).abs());
+        usize::from(y > x)
     }
 
     /// Returns the side of the segment's line on which a point lies: positive to the left.
@@ -271,7 +331,7 @@ impl Walk<'_> {
         } else {
             return None;
         };
-        (plan.edges[passed as usize].twin & BLOCKS != 0).then_some(passed)
+        self.is_stopped(passed, Some(plan.start(h))).then_some(passed)
     }
 
     /// Returns the step from a vertex in the direction of `b`, passed on some sides. `None` if no triangle
@@ -298,7 +358,13 @@ impl Walk<'_> {
                 }
                 let edge = plan.edges[h as usize];
                 let back = edge.twin().map_or(0, |twin| plan.edges[twin as usize].twin);
-                let is_wall = (edge.twin | back) & BLOCKS != 0 && edge.twin().is_some();
+                let is_wall = edge.twin().is_some_and(|twin| {
+                    let stops = |h, flags: u32| {
+                        flags & BLOCKS != 0
+                            && self.heights.is_none_or(|[a, b]| plan.stops_between(h, [a.min(b), a.max(b)]))
+                    };
+                    stops(h, edge.twin) || stops(twin, back)
+                });
                 self.runs_to(next(h))
                     .then_some(At::Vertex(next(h), if is_wall { sides } else { LEFT | RIGHT }))
             })

@@ -23,6 +23,13 @@ pub struct PlanView {
     /// second: nothing if both have the same direction. `None` by default: all directions. A point equal to
     /// the eye has no direction, and the limit is ignored.
     pub sector: Option<[[f64; 2]; 2]>,
+    /// Heights of the eye and of what it looks for, in world units. `None` by default: all walls count. With
+    /// heights, a wall counts only if it stops every line of sight between the two heights: if it reaches from
+    /// the lower height or below to the upper one or above. So what is seen over a wall, or under one, is
+    /// never left out; what a wall of a height between the two hides is not found: ask [`Plan::sees_at`].
+    ///
+    /// [`Plan::sees_at`]: super::Plan::sees_at
+    pub heights: Option<[f64; 2]>,
     /// Number of opaque walls that a line of sight passes through before it ends at the next one. 0 by
     /// default. Walls along the same piece count once.
     pub through: u32,
@@ -31,7 +38,7 @@ pub struct PlanView {
 impl PlanView {
     /// Makes a view from an eye in world units, without limits.
     pub fn new(eye: impl Into<[f64; 2]>) -> Self {
-        Self { eye: eye.into(), range: f64::INFINITY, sector: None, through: 0 }
+        Self { eye: eye.into(), range: f64::INFINITY, sector: None, heights: None, through: 0 }
     }
 
     /// Returns the view with a greatest distance, in world units.
@@ -43,6 +50,11 @@ impl PlanView {
     /// `left`, in world units. The directions are exact, since points are given and not angles.
     pub fn with_sector(self, right: impl Into<[f64; 2]>, left: impl Into<[f64; 2]>) -> Self {
         Self { sector: Some([right.into(), left.into()]), ..self }
+    }
+
+    /// Returns the view with the heights of the eye and of what it looks for, in world units.
+    pub fn with_heights(self, eye: f64, target: f64) -> Self {
+        Self { heights: Some([eye, target]), ..self }
     }
 
     /// Returns the view with a number of opaque walls that lines of sight pass through.

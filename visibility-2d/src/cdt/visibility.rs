@@ -1,32 +1,55 @@
 //! What an eye on a plan sees: the visibility polygon and the walls.
 
 use super::error::PlanError;
-use super::expand::{Cone, Expansion, Met};
+use super::expand::{Cone, Expansion, Met, Ray};
+use super::objects::PlanObjects;
 use super::plan::Plan;
 use super::predicates::Point;
 use super::range::{Disc, chord};
 use super::triangulation::{NONE, Place};
 use super::view::PlanView;
 use alloc::vec::Vec;
+use visibility_core::stamp::Stamp;
 
 /// The answer of [`Plan::look`]: visibility polygon, its area and the walls seen. Keeps its memory, so that a
 /// warm query does not allocate.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Visibility {
     polygon: Vec<Point>,
     walls: Vec<u32>,
+    objects: Vec<u32>,
     twice_area: f64,
     cones: Vec<Cone>,
     sector: Vec<Point>,
     /// For each wall the number of the query that has seen it last.
     marks: Vec<u32>,
+    /// For each object the number of the query that has seen it last.
+    object_marks: Vec<u32>,
     query: u32,
+    /// Half-edge at the eye of the last query, and the triangles that it is of.
+    last: (u32, Stamp),
 }
 
 impl Visibility {
     /// Makes an empty answer: no polygon, no walls.
     pub fn new() -> Self {
-        Self::default()
+        Self {
+            polygon: Vec::new(),
+            walls: Vec::new(),
+            objects: Vec::new(),
+            twice_area: 0.0,
+            cones: Vec::new(),
+            sector: Vec::new(),
+            marks: Vec::new(),
+            object_marks: Vec::new(),
+            query: 0,
+            last: (0, Stamp::NONE),
+        }
+    }
+
+    /// Returns the numbers of the objects that [`Plan::look_at`] has seen, each once, in no particular order.
+    pub fn objects(&self) -> &[u32] {
+        &self.objects
     }
 
     /// Returns the corners of the visibility polygon in world units, counter-clockwise. Corners at ends of
@@ -50,16 +73,27 @@ impl Visibility {
         &self.walls
     }
 
-    fn begin(&mut self, walls: usize) {
+    fn begin(&mut self, walls: usize, objects: usize) {
         self.polygon.clear();
         self.walls.clear();
+        self.objects.clear();
         self.twice_area = 0.0;
         self.query = self.query.wrapping_add(1);
         if self.query == 0 || self.marks.len() != walls {
+            self.object_marks.clear();
             self.marks.clear();
             self.marks.resize(walls, 0);
             self.query = 1;
         }
+        if self.object_marks.len() < objects {
+            self.object_marks.resize(objects, 0);
+        }
+    }
+}
+
+impl Default for Visibility {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -81,21 +115,66 @@ impl Plan {
     /// [`PlanError::Coordinate`] if the eye or a point of the sector is not finite or above 1e60. The answer
     /// is then empty.
     pub fn look(&self, view: &PlanView, answer: &mut Visibility) -> Result<(), PlanError> {
-        answer.begin(self.walls().len());
+        self.look_for(view, None, answer)
+    }
+
+    /// Finds what a view sees, objects too: those that a line of sight meets, within the view's limits, on its
+    /// way or where it ends. Time is in proportion to the triangles seen and to the objects in these.
+    ///
+    /// Exact for objects that are points, up to rounding of the range. Conservative for others: an object
+    /// counts if it overlaps a triangle of which a part is seen, and the directions of that part.
+    ///
+    /// # Errors
+    /// The errors of [`look`](Self::look), and [`PlanError::Objects`] if the objects are of another plan. The
+    /// answer is then empty.
+    pub fn look_at(
+        &self,
+        view: &PlanView,
+        objects: &PlanObjects,
+        answer: &mut Visibility,
+    ) -> Result<(), PlanError> {
+        self.look_for(view, Some(objects), answer)
+    }
+
+    fn look_for(
+        &self,
+        view: &PlanView,
+        objects: Option<&PlanObjects>,
+        answer: &mut Visibility,
+    ) -> Result<(), PlanError> {
+        answer.begin(self.walls().len(), objects.map_or(0, PlanObjects::len));
+        if objects.is_some_and(|objects| objects.of != self.triangulated) {
+            return Err(PlanError::Objects);
+        }
         let eye = view.checked_eye()?;
         let mut sector = core::mem::take(&mut answer.sector);
         let limited = view.sector_points(eye, &mut sector);
         if let Ok(limited) = limited {
-            self.look_from(&Expansion { plan: self, eye, sector: &sector }, view, limited, answer);
+            let from = Expansion { plan: self, eye, sector: &sector };
+            self.look_from(&from, view, limited, objects, answer);
         }
         answer.sector = sector;
         limited.map(|_| ())
     }
 
-    fn look_from(&self, from: &Expansion<'_>, view: &PlanView, limited: bool, answer: &mut Visibility) {
+    fn look_from(
+        &self,
+        from: &Expansion<'_>,
+        view: &PlanView,
+        limited: bool,
+        objects: Option<&PlanObjects>,
+        answer: &mut Visibility,
+    ) {
         let eye = from.eye;
-        let place = self.locate(eye, self.near(eye));
-        let Visibility { polygon, walls, twice_area, cones, marks, query, .. } = answer;
+        // From where the last eye was, if that is some steps away.
+        let last = if answer.last.1 == self.triangulated { answer.last.0 } else { NONE };
+        let place = self.locate_near(eye, last);
+        if let Place::Triangle(t) = place {
+            answer.last = (3 * t, self.triangulated);
+        }
+        let Visibility {
+            polygon, walls, objects: seen, twice_area, cones, marks, object_marks, query, ..
+        } = answer;
         match place {
             Place::Edge(h) if self.piece[h as usize] != NONE => {
                 add_walls(walls, marks, *query, self.walls_of(self.piece[h as usize]));
@@ -112,6 +191,28 @@ impl Plan {
             from.limit(cones);
         }
         cones.reverse();
+        let disc = (view.range < f64::INFINITY).then(|| Disc::new(eye, view.range));
+        let mut enter = |triangle: u32, right: Ray, left: Ray| {
+            let Some(objects) = objects else { return };
+            let cone = [from.point(right.point), from.point(left.point)];
+            objects.for_each_in(triangle, |object| {
+                let mark = &mut object_marks[object as usize];
+                if *mark != *query
+                    && objects.is_in_cone(object, eye, cone)
+                    && disc.is_none_or(|disc| objects.is_near(object, eye, &disc))
+                {
+                    *mark = *query;
+                    seen.push(object);
+                }
+            });
+        };
+        for cone in cones.iter() {
+            if let Some((triangle, right, left)) = cone.inside() {
+                enter(triangle, right, left);
+            }
+        }
+        let heights = view.heights.map(|[a, b]| [a.min(b), a.max(b)]);
+        let stops = |edge: u32| heights.is_none_or(|heights| self.stops_between(edge, heights));
         let around = !limited && !self.is_on_boundary(place);
         let mut last = [f64::NAN; 2];
         let mut push = |point: Point| {
@@ -126,11 +227,12 @@ impl Plan {
                 add_walls(walls, marks, *query, self.walls_of(piece));
             }
         };
-        if view.range < f64::INFINITY {
-            let disc = Disc::new(eye, view.range);
+        if let Some(disc) = disc {
             from.run(
                 cones,
                 |edge| disc.is_near(self.ends(edge)),
+                stops,
+                enter,
                 |edge, right, left, met| {
                     wall(edge, met);
                     if met != Met::Passed {
@@ -147,6 +249,8 @@ impl Plan {
             from.run(
                 cones,
                 |_| true,
+                stops,
+                enter,
                 |edge, right, left, met| {
                     wall(edge, met);
                     if met == Met::Ended {

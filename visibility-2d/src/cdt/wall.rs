@@ -30,17 +30,27 @@ pub struct Wall {
     pub ends: [[f64; 2]; 2],
     /// Which lines of sight the wall stops: all, none, or those from one side.
     pub opacity: Opacity,
+    /// Heights at which the wall begins and ends, in world units. From negative to positive infinity by
+    /// default: the wall stops lines of sight at any height. Only questions with heights look at them.
+    pub heights: [f64; 2],
 }
 
 impl Wall {
     /// Makes an opaque wall between two points in world units, given as arrays or as `DVec2`.
     pub fn new(from: impl Into<[f64; 2]>, to: impl Into<[f64; 2]>) -> Self {
-        Self { ends: [from.into(), to.into()], opacity: Opacity::Opaque }
+        let heights = [f64::NEG_INFINITY, f64::INFINITY];
+        Self { ends: [from.into(), to.into()], opacity: Opacity::Opaque, heights }
     }
 
     /// Returns the wall with another opacity.
     pub fn with_opacity(self, opacity: Opacity) -> Self {
         Self { opacity, ..self }
+    }
+
+    /// Returns the wall with the heights at which it begins and ends: a parapet, a crate, the wall above a door.
+    /// If the first is not below the second, or one is NaN, the wall stops no line of sight that has heights.
+    pub fn with_heights(self, low: f64, high: f64) -> Self {
+        Self { heights: [low, high], ..self }
     }
 
     /// Returns whether lines of sight end that cross a piece of the wall, from the left side of the piece as

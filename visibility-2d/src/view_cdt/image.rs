@@ -88,6 +88,21 @@ impl Region<'_> {
     }
 }
 
+/// Returns whether a box is certainly behind all planes of a shape. What is behind a plane is a half-space, so
+/// the corners decide.
+///
+/// Corners are wrong by a quarter of a unit, and the bound on a plane holds in the triangulated rectangle.
+fn is_behind(shapes: &Shapes, shape: &Shape, bounds: &ProjectedBox) -> bool {
+    let is_inside = |p: &[f64; 2]| p.iter().all(|x| -RIM < *x && *x < REACH);
+    let planes = &shapes.planes[shape.planes.clone()];
+    !planes.is_empty()
+        && bounds.corners.iter().all(is_inside)
+        && planes.iter().all(|&plane| {
+            let slack = 0.25 * (plane[0].abs() + plane[1].abs());
+            bounds.corners.iter().zip(bounds.keys).all(|(&p, key)| at(plane, p) - slack > key)
+        })
+}
+
 /// Returns a lower bound on the depth key of a shape where a triangle and a rectangle meet; in the whole
 /// triangle if the rectangle has no corners.
 fn least_key(shapes: &Shapes, shape: &Shape, triangle: &[[f64; 2]; 3], rectangle: &[[f64; 2]]) -> f64 {
@@ -206,12 +221,15 @@ impl Image {
         };
         let ([x0, y0], [x1, y1]) = (region.low, region.high);
         let rectangle = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]];
+        // The shape that filled the last triangle, and whether the box is behind it.
+        let mut last = (NONE, false);
         self.visit(region, |t, corners| {
             let label = self.triangulation.labels[t as usize];
-            shapes
-                .list
-                .get(label as usize)
-                .is_some_and(|shape| least_key(shapes, shape, corners, &rectangle) > bounds.nearest)
+            let Some(shape) = shapes.list.get(label as usize) else { return false };
+            if last.0 != label {
+                last = (label, shape.floor > bounds.nearest || is_behind(shapes, shape, bounds));
+            }
+            last.1 || least_key(shapes, shape, corners, &rectangle) > bounds.nearest
         })
     }
 

@@ -52,6 +52,8 @@ pub(crate) struct ProjectedBox {
     /// Least and greatest column and row in grid units, rounded outwards.
     pub(crate) low: [f64; 2],
     pub(crate) high: [f64; 2],
+    /// Upper bound on the depth key of each corner.
+    pub(crate) keys: [f64; 8],
     /// Upper bound on the depth keys of the box.
     pub(crate) nearest: f64,
 }
@@ -136,7 +138,8 @@ impl Screen {
     pub(crate) fn place(&self, bounds: &Aabb) -> BoxPlace {
         let (mut corners, mut low, mut high) = ([[0.0; 2]; 8], [f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut nearest, mut is_known) = (f64::NEG_INFINITY, true);
-        for (corner, p) in corners.iter_mut().zip(bounds.corners()) {
+        let mut keys = [0.0; 8];
+        for ((corner, key), p) in corners.iter_mut().zip(&mut keys).zip(bounds.corners()) {
             let values = self.rows.map(|row| row.at(p.as_dvec3() - self.anchor));
             let (w, of_w) = values[2];
             is_known &= values[4].0 > values[4].1 && w > 1024.0 * of_w;
@@ -152,7 +155,8 @@ impl Screen {
                 is_known &= margin < 0.25;
             }
             let (q, margin) = quotient(values[3]);
-            nearest = nearest.max(q + margin);
+            *key = q + margin;
+            nearest = nearest.max(*key);
         }
         if !is_known {
             return BoxPlace::Unknown;
@@ -160,7 +164,7 @@ impl Screen {
         if (0..2).any(|axis| high[axis] < 0.0 || low[axis] > GRID) {
             return BoxPlace::Outside;
         }
-        BoxPlace::Inside(ProjectedBox { corners, low, high, nearest })
+        BoxPlace::Inside(ProjectedBox { corners, low, high, keys, nearest })
     }
 }
 

@@ -1,0 +1,196 @@
+//! Objects on a plan: points, boxes and other convex outlines, listed by the triangles that they overlap.
+
+use super::error::PlanError;
+use super::plan::Plan;
+use super::predicates::{Point, checked, orient};
+use super::range::Disc;
+use super::region::{RegionVisibility, convex_hull};
+use super::triangulation::NONE;
+use alloc::vec::Vec;
+use visibility_core::stamp::Stamp;
+
+/// An item of two lists: objects of a triangle, and triangles of an object.
+#[derive(Clone, Copy, Debug)]
+struct Item {
+    object: u32,
+    triangle: u32,
+    /// Next item of the triangle, or [`NONE`].
+    next: u32,
+    /// Next item of the object, or [`NONE`]. In the list of free items, the next of those.
+    next_of_object: u32,
+}
+
+/// Objects on a plan, which [`Plan::look_at`] finds in time in proportion to what is seen.
+///
+/// Each is the convex hull of some points: a point, a segment, a box, a polygon. Walls are not changed:
+/// objects hide nothing. Objects belong to the plan that they were put on, and to its clones; doors may open
+/// and close.
+///
+/// ```
+/// use visibility_2d::cdt::{Plan, PlanObjects, PlanView, Visibility, Wall};
+/// let plan = Plan::new(&[Wall::new([2.0, -1.0], [2.0, 1.0])])?;
+/// let mut objects = PlanObjects::new(&plan);
+/// let hidden = objects.insert(&plan, &[[3.0, 0.0]])?;
+/// let crate_beside = objects.insert(&plan, &[[1.0, 2.0], [2.0, 2.0], [2.0, 3.0], [1.0, 3.0]])?;
+/// let mut answer = Visibility::new();
+/// plan.look_at(&PlanView::new([0.0, 0.0]), &objects, &mut answer)?;
+/// assert_eq!(answer.objects(), [crate_beside]);
+/// objects.set(&plan, hidden, &[[1.0, 0.0]])?; // comes before the wall
+/// plan.look_at(&PlanView::new([0.0, 0.0]), &objects, &mut answer)?;
+/// assert!(answer.objects().contains(&hidden));
+/// # Ok::<(), visibility_2d::cdt::PlanError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct PlanObjects {
+    /// Triangulation that the objects are listed on.
+    pub(super) of: Stamp,
+    /// First item of each triangle, or [`NONE`].
+    of_triangle: Vec<u32>,
+    /// First item of each object, or [`NONE`].
+    of_object: Vec<u32>,
+    /// Corners of the hull of each object, counter-clockwise.
+    hulls: Vec<Vec<Point>>,
+    items: Vec<Item>,
+    /// First free item, or [`NONE`].
+    free: u32,
+    scratch: RegionVisibility,
+}
+
+impl PlanObjects {
+    /// Makes an empty list of objects on a plan.
+    pub fn new(plan: &Plan) -> Self {
+        Self {
+            of: plan.triangulated,
+            of_triangle: alloc::vec![NONE; plan.triangle_count()],
+            of_object: Vec::new(),
+            hulls: Vec::new(),
+            items: Vec::new(),
+            free: NONE,
+            scratch: RegionVisibility::new(),
+        }
+    }
+
+    /// Returns the number of objects, removed ones included.
+    pub fn len(&self) -> usize {
+        self.of_object.len()
+    }
+
+    /// Returns whether no object was ever inserted.
+    pub fn is_empty(&self) -> bool {
+        self.of_object.is_empty()
+    }
+
+    /// Adds the object that is the convex hull of some points in world units, and returns its number, counted
+    /// from 0. Time is in proportion to the triangles that the object overlaps.
+    ///
+    /// # Errors
+    /// The errors of [`set`](Self::set); then no object is added.
+    pub fn insert(&mut self, plan: &Plan, outline: &[[f64; 2]]) -> Result<u32, PlanError> {
+        let object = self.of_object.len() as u32;
+        self.place(plan, outline)?;
+        self.of_object.push(NONE);
+        self.hulls.push(Vec::new());
+        self.list(object);
+        Ok(object)
+    }
+
+    /// Moves an object: it is the convex hull of other points from now on.
+    ///
+    /// # Errors
+    /// [`PlanError::Coordinate`] if a point is not finite or above 1e60, [`PlanError::Region`] if there is no
+    /// point or one outside the rectangle around the plan, [`PlanError::Objects`] if the objects are of
+    /// another plan, or have none of that number. The object then stays where it was.
+    pub fn set(&mut self, plan: &Plan, object: u32, outline: &[[f64; 2]]) -> Result<(), PlanError> {
+        if object as usize >= self.of_object.len() {
+            return Err(PlanError::Objects);
+        }
+        self.place(plan, outline)?;
+        self.remove(object);
+        self.list(object);
+        Ok(())
+    }
+
+    /// Removes an object, which is then never seen, until it is [set](Self::set) again. Its number is not
+    /// given to another one. Nothing happens if there is none of that number.
+    pub fn remove(&mut self, object: u32) {
+        let Some(first) = self.of_object.get_mut(object as usize) else { return };
+        let mut item = core::mem::replace(first, NONE);
+        while item != NONE {
+            let Item { triangle, next, next_of_object, .. } = self.items[item as usize];
+            let mut before = self.of_triangle[triangle as usize];
+            if before == item {
+                self.of_triangle[triangle as usize] = next;
+            } else {
+                while self.items[before as usize].next != item {
+                    before = self.items[before as usize].next;
+                }
+                self.items[before as usize].next = next;
+            }
+            self.items[item as usize].next_of_object = self.free;
+            self.free = item;
+            item = next_of_object;
+        }
+    }
+
+    /// Finds the hull of an outline and the triangles that it overlaps, in `scratch`.
+    fn place(&mut self, plan: &Plan, outline: &[[f64; 2]]) -> Result<(), PlanError> {
+        if self.of != plan.triangulated {
+            return Err(PlanError::Objects);
+        }
+        let scratch = &mut self.scratch;
+        scratch.begin(plan);
+        for (index, &point) in outline.iter().enumerate() {
+            scratch.points.push(checked(point, index)?);
+        }
+        convex_hull(&mut scratch.points, &mut scratch.hull);
+        plan.overlapped(scratch)
+    }
+
+    /// Lists an object in the triangles that [`place`](Self::place) has found.
+    fn list(&mut self, object: u32) {
+        let Self { scratch, hulls, items, of_triangle, of_object, free, .. } = self;
+        let hull = &mut hulls[object as usize];
+        hull.clear();
+        hull.extend_from_slice(&scratch.hull);
+        for &triangle in scratch.triangles() {
+            let (first, first_of_object) =
+                (&mut of_triangle[triangle as usize], &mut of_object[object as usize]);
+            let item = Item { object, triangle, next: *first, next_of_object: *first_of_object };
+            let mut index = *free;
+            if index == NONE {
+                index = items.len() as u32;
+                items.push(item);
+            } else {
+                *free = items[index as usize].next_of_object;
+                items[index as usize] = item;
+            }
+            (*first, *first_of_object) = (index, index);
+        }
+    }
+
+    /// Calls `each` for the objects of a triangle.
+    pub(super) fn for_each_in(&self, triangle: u32, mut each: impl FnMut(u32)) {
+        let mut item = self.of_triangle[triangle as usize];
+        while item != NONE {
+            let Item { object, next, .. } = self.items[item as usize];
+            each(object);
+            item = next;
+        }
+    }
+
+    /// Returns false only if no point of an object is in the closed cone between two rays from an eye. Exact
+    /// for points.
+    pub(super) fn is_in_cone(&self, object: u32, eye: Point, [right, left]: [Point; 2]) -> bool {
+        let hull = &self.hulls[object as usize];
+        hull.iter().any(|&p| orient(eye, right, p) >= 0.0)
+            && hull.iter().any(|&p| orient(eye, left, p) <= 0.0)
+    }
+
+    /// Returns false only if no point of an object is within a disc around the eye.
+    pub(super) fn is_near(&self, object: u32, eye: Point, disc: &Disc) -> bool {
+        let hull = &self.hulls[object as usize];
+        let sides = || (0..hull.len()).map(|k| [hull[k], hull[(k + 1) % hull.len()]]);
+        sides().any(|side| disc.is_near(side))
+            || hull.len() > 2 && sides().all(|[a, b]| orient(a, b, eye) >= 0.0)
+    }
+}

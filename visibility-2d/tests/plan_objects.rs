@@ -1,0 +1,222 @@
+//! Objects on a plan and heights, against plain lines of sight and exact whole numbers.
+
+use visibility_2d::cdt::{Opacity, Plan, PlanError, PlanObjects, PlanView, Visibility, Wall};
+use visibility_testing::Random;
+
+type Point = [f64; 2];
+
+fn random_walls(random: &mut Random, count: usize) -> Vec<Wall> {
+    (0..count)
+        .map(|_| {
+            let a = [0, 1].map(|_| f64::from(random.between(0, 64)));
+            let b = a.map(|x| x + f64::from(random.between(-12, 12)));
+            Wall::new(a, b).with_opacity(random.pick(&[Opacity::Opaque, Opacity::Opaque, Opacity::OneWay]))
+        })
+        .collect()
+}
+
+/// Makes a point, a segment, a box or a triangle.
+fn outline(random: &mut Random) -> Vec<Point> {
+    let [x, y] = [0, 1].map(|_| random.fine_range(0.0, 64.0));
+    let [w, h] = [0, 1].map(|_| random.fine_range(0.1, 5.0));
+    match random.below(4) {
+        0 => vec![[x, y]],
+        1 => vec![[x, y], [x + w, y + h]],
+        2 => vec![[x, y], [x + w, y], [x, y + h], [x + w, y + h]],
+        _ => vec![[x, y], [x + w, y + 0.3], [x + 0.2, y + h]],
+    }
+}
+
+#[test]
+fn objects_seen_are_those_with_a_line_of_sight() {
+    let (mut answer, mut all, mut seen_points) = (Visibility::new(), 0, [0, 0]);
+    let mut extra = 0;
+    for seed in 0..200 {
+        let mut random = Random(seed);
+        let count = random.below(40);
+        let plan = Plan::with_margin(&random_walls(&mut random, count), 100.0).unwrap();
+        let mut objects = PlanObjects::new(&plan);
+        let mut outlines: Vec<_> = (0..20).map(|_| outline(&mut random)).collect();
+        for outline in &outlines {
+            objects.insert(&plan, outline).unwrap();
+        }
+        // Some move, some go.
+        for object in 0..20 {
+            match random.below(4) {
+                0 => {
+                    outlines[object] = outline(&mut random);
+                    objects.set(&plan, object as u32, &outlines[object]).unwrap();
+                }
+                1 => {
+                    outlines[object].clear();
+                    objects.remove(object as u32);
+                }
+                _ => {}
+            }
+        }
+        for _ in 0..10 {
+            let eye = [0, 1].map(|_| random.fine_range(0.0, 64.0));
+            let range = random.pick(&[f64::INFINITY, 15.0]);
+            plan.look_at(&PlanView::new(eye).with_range(range), &objects, &mut answer).unwrap();
+            for (object, outline) in (0u32..).zip(&outlines) {
+                let seen = answer.objects().contains(&object);
+                let near = |p: Point| (p[0] - eye[0]).hypot(p[1] - eye[1]) < range;
+                // Points of the outline that the eye sees by a line of sight of its own.
+                let mut by_line = false;
+                for _ in 0..if outline.len() == 1 { 1 } else { 12 } {
+                    let shares: Vec<_> = outline.iter().map(|_| random.unit() + 1e-9).collect();
+                    let sum: f64 = shares.iter().sum();
+                    let p = [0, 1].map(|k| outline.iter().zip(&shares).map(|(c, s)| s / sum * c[k]).sum());
+                    by_line |= !outline.is_empty() && near(p) && plan.sees(eye, p).unwrap();
+                }
+                assert!(seen || !by_line, "seed {seed}: object {object} {outline:?} from {eye:?}");
+                if outline.len() == 1 {
+                    assert_eq!(seen, by_line, "seed {seed}: point {outline:?} from {eye:?}");
+                    seen_points[usize::from(seen)] += 1;
+                }
+                assert!(!seen || !outline.is_empty());
+                all += usize::from(seen);
+                extra += usize::from(seen && !by_line);
+            }
+        }
+    }
+    assert!(seen_points[0] > 1000 && seen_points[1] > 1000, "{seen_points:?}");
+    // Few more than samples find.
+    assert!(extra * 5 < all, "{extra} of {all} objects seen without a sample");
+}
+
+#[test]
+fn objects_of_another_plan_are_refused() {
+    let walls = [Wall::new([0.0, 0.0], [1.0, 0.0])];
+    let (mut plan, other) = (Plan::new(&walls).unwrap(), Plan::new(&walls).unwrap());
+    let mut objects = PlanObjects::new(&plan);
+    let object = objects.insert(&plan, &[[0.5, 0.5]]).unwrap();
+    let mut answer = Visibility::new();
+    let view = PlanView::new([0.5, 1.0]);
+    assert_eq!(other.look_at(&view, &objects, &mut answer), Err(PlanError::Objects));
+    assert_eq!(objects.insert(&other, &[[0.5, 0.5]]), Err(PlanError::Objects));
+    assert_eq!(objects.set(&plan, 7, &[[0.5, 0.5]]), Err(PlanError::Objects));
+    assert_eq!(objects.set(&plan, object, &[[0.5, 1e9]]), Err(PlanError::Region));
+    assert_eq!(objects.set(&plan, object, &[]), Err(PlanError::Region));
+    objects.remove(7);
+    // A door does not change the triangles, and a refused place leaves the object where it was.
+    plan.set_opacity(0, Opacity::Clear).unwrap();
+    plan.look_at(&view, &objects, &mut answer).unwrap();
+    assert_eq!(answer.objects(), [object]);
+    plan.look(&view, &mut answer).unwrap();
+    assert!(answer.objects().is_empty());
+}
+
+/// An eye that moves in small steps, jumps, and changes its plan sees what a fresh answer sees.
+#[test]
+fn the_place_of_the_last_eye_changes_nothing() {
+    let mut random = Random(4);
+    let plans: Vec<_> =
+        (0..4).map(|k| Plan::new(&random_walls(&mut random, 4 << (2 * k))).unwrap()).collect();
+    let mut warm = Visibility::new();
+    let (mut eye, mut plan) = ([30.0, 30.0], 0);
+    for _ in 0..3000 {
+        match random.below(12) {
+            0 => eye = [0, 1].map(|_| random.fine_range(-9.0, 80.0)),
+            1 => plan = random.below(4),
+            2 => eye = random.pick(plans[plan].walls()).ends[0],
+            _ => eye = eye.map(|x| x + random.fine_range(-1.0, 1.0)),
+        }
+        let mut fresh = Visibility::new();
+        let view = PlanView::new(eye);
+        plans[plan].look(&view, &mut warm).unwrap();
+        plans[plan].look(&view, &mut fresh).unwrap();
+        assert_eq!((warm.area(), warm.walls().len()), (fresh.area(), fresh.walls().len()), "{eye:?}");
+    }
+}
+
+/// Returns whether a segment with heights is stopped, `None` if it touches an end of a wall or grazes one.
+fn stopped([a, b]: [[i64; 3]; 2], walls: &[([[i64; 2]; 2], [i64; 2])]) -> Option<bool> {
+    let side =
+        |a: [i64; 2], b: [i64; 2], p: [i64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+    let [p, q] = [a, b].map(|p| [p[0], p[1]]);
+    let mut any = false;
+    for &([c, d], [low, high]) in walls {
+        let (of_c, of_d) = (side(p, q, c), side(p, q, d));
+        let (of_p, of_q) = (side(c, d, p), side(c, d, q));
+        if [of_c, of_d, of_p, of_q].contains(&0) {
+            return None;
+        }
+        if (of_c > 0) != (of_d > 0) && (of_p > 0) != (of_q > 0) {
+            // The height a + of_p / (of_p - of_q) (b - a), times the positive denominator.
+            let whole = (of_p - of_q).abs();
+            let height = a[2] * whole + of_p.abs() * (b[2] - a[2]);
+            if height == low * whole || height == high * whole {
+                return None;
+            }
+            any |= low * whole < height && height < high * whole;
+        }
+    }
+    Some(any)
+}
+
+#[test]
+fn heights_decide_as_whole_numbers_do() {
+    let [mut over, mut blocked] = [0; 2];
+    let mut answer = Visibility::new();
+    for seed in 0..300 {
+        let mut random = Random(seed);
+        let walls: Vec<_> = (0..random.between(1, 12))
+            .map(|_| {
+                let ends = [0; 2].map(|_| [0; 2].map(|_| i64::from(random.between(0, 60))));
+                let low = i64::from(random.between(0, 6));
+                (ends, [low, low + i64::from(random.between(0, 9))])
+            })
+            .collect();
+        let plan = Plan::with_margin(
+            &walls
+                .iter()
+                .map(|&(ends, [low, high])| {
+                    let [a, b] = ends.map(|end| end.map(|x| x as f64));
+                    Wall::new(a, b).with_heights(low as f64, high as f64)
+                })
+                .collect::<Vec<_>>(),
+            100.0,
+        )
+        .unwrap();
+        for _ in 0..40 {
+            let ends = [0; 2].map(|_| {
+                [
+                    i64::from(random.between(0, 60)),
+                    i64::from(random.between(0, 60)),
+                    i64::from(random.between(0, 12)),
+                ]
+            });
+            let [(p, of_p), (q, of_q)] = ends.map(|[x, y, z]| ([x as f64, y as f64], z as f64));
+            let Some(stopped) = stopped(ends, &walls) else { continue };
+            for (from, to) in [((p, of_p), (q, of_q)), ((q, of_q), (p, of_p))] {
+                assert_eq!(
+                    plan.sees_at(from, to).unwrap(),
+                    !stopped,
+                    "seed {seed}: {from:?} {to:?} {walls:?}"
+                );
+            }
+            blocked += usize::from(stopped);
+            over += usize::from(!stopped && !plan.sees(p, q).unwrap());
+            // What a view with heights leaves out, no line of sight at these heights reaches.
+            if !stopped {
+                let mut objects = PlanObjects::new(&plan);
+                objects.insert(&plan, &[q]).unwrap();
+                plan.look_at(&PlanView::new(p).with_heights(of_p, of_q), &objects, &mut answer).unwrap();
+                assert_eq!(answer.objects(), [0], "seed {seed}: {p:?} {q:?}");
+            }
+        }
+    }
+    assert!(over > 500 && blocked > 500, "{over} over walls, {blocked} blocked");
+    let plan = Plan::new(&[Wall::new([0.0, -1.0], [0.0, 1.0]).with_heights(0.0, 1.0)]).unwrap();
+    assert_eq!(plan.sees_at(([1.0, 0.0], f64::NAN), ([0.0, 5.0], 1.0)), Err(PlanError::Heights));
+    // Walls that reach from below the lower height to above the upper one hide.
+    plan.look(&PlanView::new([-1.0, 0.0]).with_heights(0.5, 0.9), &mut answer).unwrap();
+    let hidden = answer.area();
+    plan.look(&PlanView::new([-1.0, 0.0]).with_heights(0.5, 1.1), &mut answer).unwrap();
+    assert!(hidden < answer.area());
+    // A line of sight exactly along the top passes, a millionth below it does not.
+    assert!(plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0)).unwrap());
+    assert!(plan.sees_at(([-0.1, 0.0], 1.1), ([0.2, 0.0], 0.8)).unwrap(), "touches the top, up to rounding");
+    assert!(!plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0 - 1e-6)).unwrap());
+}
