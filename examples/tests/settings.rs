@@ -4,6 +4,7 @@
 
 use peak_alloc::PeakAlloc;
 use std::sync::Arc;
+use visibility_2d::view_cdt::{DepthOrder, PartlyHidden, ViewCdt};
 use visibility_bsp::{
     BspOrderCuller, LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree,
     ShadowFrusta, ShadowFrustaCuller,
@@ -226,6 +227,25 @@ fn core_and_image_space() {
             drop(ItemBuffer::new(width, height));
         }
         check_memory("an item buffer");
+    }
+}
+
+#[test]
+fn triangulated_images() {
+    let world = world("office:1,1");
+    for count in COUNTS {
+        for partly_hidden in [PartlyHidden::Split, PartlyHidden::LeftOut] {
+            let orders = [false, true].map(|incident| DepthOrder::Cells { incident });
+            for order in [DepthOrder::Planes, orders[0], orders[1]] {
+                let map = ViewCdt::new().with_vertices(count);
+                let map = map.with_partly_hidden(partly_hidden).with_order(order);
+                show(
+                    &format!("{count} vertices, {order:?}"),
+                    &world,
+                    OcclusionCuller::new(map).with_price(count as u32),
+                );
+            }
+        }
     }
 }
 

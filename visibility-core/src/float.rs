@@ -1,7 +1,7 @@
 //! The elementary functions that Rust's `core` lacks, from `std` or `libm`.
 //!
-//! These functions are used only to set up views and scenes, never to decide what is visible: their last bit
-//! may differ between platforms, and visibility results must not.
+//! Except for the square root, these functions are used only to set up views and scenes, never to decide what
+//! is visible: their last bit may differ between platforms, and visibility results must not.
 
 #[cfg(feature = "std")]
 pub(crate) fn tan(x: f64) -> f64 {
@@ -13,14 +13,24 @@ pub(crate) fn tan(x: f64) -> f64 {
     libm::tan(x)
 }
 
-/// Returns the square root, rounded to the nearest `f64` on every platform, as IEEE 754 demands.
+/// Returns the square root, rounded to the nearest `f64` on every platform, as IEEE 754 demands; NaN for
+/// negative numbers. For crates without the standard library: from `std`, or from `libm` without it.
+///
+/// ```
+/// assert_eq!(visibility_core::geometry::sqrt(2.25), 1.5);
+/// ```
 #[cfg(feature = "std")]
-pub(crate) fn sqrt(x: f64) -> f64 {
+pub fn sqrt(x: f64) -> f64 {
     x.sqrt()
 }
 
-/// Returns the square root, rounded to the nearest `f64` on every platform, as IEEE 754 demands.
+/// Returns the square root, rounded to the nearest `f64` on every platform, as IEEE 754 demands; NaN for
+/// negative numbers. For crates without the standard library: from `std`, or from `libm` without it.
+///
+/// ```
+/// assert_eq!(visibility_core::geometry::sqrt(2.25), 1.5);
+/// ```
 #[cfg(all(not(feature = "std"), feature = "libm"))]
-pub(crate) fn sqrt(x: f64) -> f64 {
+pub fn sqrt(x: f64) -> f64 {
     libm::sqrt(x)
 }

@@ -8,24 +8,41 @@ use std::time::Instant;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_core::cells::CellId;
 use visibility_examples::plan::drawing::Drawing;
+use visibility_examples::plan::forest_walk::ForestWalk;
 use visibility_examples::plan::{PlanFile, load};
 
 /// Compute what eyes on a floor plan see: visibility polygons and the walls seen.
 ///
 /// The plan is an SVG file (outlines are walls), GeoJSON (lines and rings are walls, points are eyes), or
-/// text: a line `SEGMENTS QUERIES`, then so many lines `x1 y1 x2 y2`, then so many lines `x y`.
+/// text: a line `SEGMENTS QUERIES`, then so many lines `x1 y1 x2 y2`, then so many lines `x y`. Or, with
+/// `--trees`, it walks among as many trees.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
     /// Plan: a file with the extension .svg, .json or .geojson, or text.
-    file: PathBuf,
+    #[arg(required_unless_present = "trees")]
+    file: Option<PathBuf>,
+
+    /// Walk among so many trees instead. `--json` has a line for each step, with the trees `seen` and `us`,
+    /// and `--svg` the steps one after another.
+    #[arg(long, value_name = "N", conflicts_with = "file")]
+    trees: Option<usize>,
+
+    /// Steps of the walk, each of a quarter of a metre.
+    #[arg(long, default_value_t = 40, value_name = "N", requires = "trees")]
+    steps: usize,
+
+    /// Radius of the trees in metres.
+    #[arg(long, default_value_t = 1.5, value_name = "METRES", requires = "trees")]
+    radius: f64,
 
     /// Eye, besides those of the file. May be given several times.
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     eye: Vec<[f64; 2]>,
 
-    /// File to write a line of JSON to for each eye: area of the visibility polygon, numbers of the segments
-    /// seen, from 0, and microseconds, location included. `-` is standard output. By default none.
+    /// File to write a line of JSON to for each eye: `area` of the visibility polygon, numbers of the segments
+    /// `seen`, from 0, and `us`, microseconds with location. The polygon ends at the rectangle of `--margin`
+    /// around all walls, also for an eye outside of it. `-` is standard output. By default none.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
@@ -77,7 +94,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let mut file = load(&arguments.file)?;
+    if let Some(trees) = arguments.trees {
+        return walk(arguments, trees);
+    }
+    let mut file = load(arguments.file.as_deref().unwrap_or(std::path::Path::new("")))?;
     file.eyes.extend(&arguments.eye);
     let walls: Vec<_> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
     let start = Instant::now();
@@ -109,16 +129,43 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(median) = times.get(times.len() / 2) {
         eprintln!("{} eyes, {median:.2} us in the median", times.len());
     }
-    match &arguments.json {
-        Some(path) if path.as_os_str() == "-" => print!("{json}"),
-        Some(path) => write(path, &json)?,
-        None => {}
-    }
+    write_json(arguments, &json)?;
     if let Some(path) = &arguments.svg {
         write(path, &draw(arguments, &file, &plan)?)?;
     }
     if let Some(path) = &arguments.cells {
         write(path, &draw_cells(&file, &plan)?)?;
+    }
+    Ok(())
+}
+
+/// Walks among trees, and writes what is seen.
+fn walk(arguments: &Arguments, trees: usize) -> Result<(), Box<dyn std::error::Error>> {
+    let start = Instant::now();
+    let walk = ForestWalk::new(trees, arguments.radius, arguments.steps)?;
+    eprintln!("{} trees, made and walked in {:.2} s", walk.trees.len(), start.elapsed().as_secs_f64());
+    let mut json = String::new();
+    for step in &walk.steps {
+        writeln!(json, "{}", serde_json::json!({ "eye": step.eye, "seen": step.seen, "us": step.us }))?;
+    }
+    let mut times: Vec<_> = walk.steps.iter().map(|step| step.us).collect();
+    times.sort_unstable_by(f64::total_cmp);
+    if let Some(median) = times.get(times.len() / 2) {
+        let seen: usize = walk.steps.iter().map(|step| step.seen.len()).sum();
+        eprintln!("{} seen in the mean, {median:.1} us in the median", seen / times.len());
+    }
+    write_json(arguments, &json)?;
+    match &arguments.svg {
+        Some(path) => Ok(write(path, &walk.draw())?),
+        None => Ok(()),
+    }
+}
+
+fn write_json(arguments: &Arguments, json: &str) -> Result<(), String> {
+    match &arguments.json {
+        Some(path) if path.as_os_str() == "-" => print!("{json}"),
+        Some(path) => write(path, json)?,
+        None => {}
     }
     Ok(())
 }

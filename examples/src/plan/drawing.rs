@@ -61,6 +61,34 @@ impl Drawing {
         let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"4\" fill=\"{color}\"/>");
     }
 
+    /// Adds a filled disc with a radius in the units of the plan.
+    pub fn disc(&mut self, center: [f64; 2], radius: f64, color: &str) {
+        let place = self.place(center);
+        let (x, y) = place.split_once(' ').unwrap_or_default();
+        let r = radius * self.scale;
+        let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{r:.2}\" fill=\"{color}\"/>");
+    }
+
+    /// Begins a frame of an animation of `count` frames, which repeats: what is added up to the end of the
+    /// frame is shown for some seconds, after the frames with lesser indices. Pictures that do not move show
+    /// the first frame.
+    pub fn begin_frame(&mut self, index: usize, count: usize, seconds: f64) {
+        let (begin, end) = (index as f64 / count as f64, (index + 1) as f64 / count as f64);
+        let visibility = if index == 0 { "visible" } else { "hidden" };
+        let _ = writeln!(
+            self.body,
+            "<g visibility=\"{visibility}\"><animate attributeName=\"visibility\" calcMode=\"discrete\" \
+             values=\"hidden;visible;hidden;hidden\" keyTimes=\"0;{begin:.5};{end:.5};1\" dur=\"{:.2}s\" \
+             repeatCount=\"indefinite\"/>",
+            seconds * count as f64
+        );
+    }
+
+    /// Ends the frame that was begun last.
+    pub fn end_frame(&mut self) {
+        self.body.push_str("</g>\n");
+    }
+
     /// Returns the picture.
     pub fn finish(self) -> String {
         let [width, height] = self.size.map(|side| side.max(1.0));

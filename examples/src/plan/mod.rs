@@ -2,6 +2,7 @@
 //! `plan`.
 
 pub mod drawing;
+pub mod forest_walk;
 pub mod geojson;
 mod plan_file;
 pub mod svg_paths;

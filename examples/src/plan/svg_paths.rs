@@ -1,4 +1,4 @@
-//! Plans as SVG: the outlines of paths, lines, polylines, polygons and rectangles are walls.
+//! Plans as SVG: the outlines of paths, lines, polylines, polygons, rectangles and ellipses are walls.
 //!
 //! Curves become chords. Coordinates are user units of the file, with y downwards. Transforms, `use` and an
 //! `svg` inside another would move walls, so a file that has any is refused rather than read wrongly. What is
@@ -114,6 +114,18 @@ fn element(element: &str, plan: &mut PlanFile) -> Result<(), String> {
         "rect" => {
             let [x, y, width, height] = [number("x")?, number("y")?, number("width")?, number("height")?];
             plan.push_chain(&[[x, y], [x + width, y], [x + width, y + height], [x, y + height]], true);
+        }
+        "circle" | "ellipse" => {
+            let [rx, ry] = if name == "circle" { [number("r")?; 2] } else { [number("rx")?, number("ry")?] };
+            let [cx, cy] = [number("cx")?, number("cy")?];
+            let corner = |k: usize| {
+                let (sin, cos) = (std::f64::consts::PI * k as f64 / CHORDS as f64).sin_cos();
+                [cx + rx * cos, cy + ry * sin]
+            };
+            // A radius of 0 disables the element.
+            if rx > 0.0 && ry > 0.0 {
+                plan.push_chain(&(0..2 * CHORDS).map(corner).collect::<Vec<_>>(), true);
+            }
         }
         "polyline" | "polygon" => {
             let mut numbers = Numbers(attribute(element, "points").unwrap_or(""));
@@ -347,6 +359,12 @@ mod tests {
             assert_eq!(walls.last().unwrap()[1], [4.0, 0.0], "{svg}");
             assert!(walls.windows(2).all(|pair| pair[0][1] == pair[1][0]));
         }
+        for svg in [r#"<circle cx="3" r="2"/>"#, r#"<ellipse cx="3" rx="2" ry="2"/>"#] {
+            let walls = walls(svg);
+            assert_eq!((walls.len(), walls[0][0]), (2 * CHORDS, [5.0, 0.0]), "{svg}");
+            assert!(walls.iter().all(|[a, _]| ((a[0] - 3.0).hypot(a[1]) - 2.0).abs() < 1e-12), "{svg}");
+        }
+        assert!(walls(r#"<circle cx="3" r="0"/>"#).is_empty());
         // The half circle with a positive sweep, y downwards, goes over negative y.
         let top = walls(r#"<path d="M0 0A2 2 0 0 1 4 0"/>"#)[CHORDS / 2][0];
         assert!((top[0] - 2.0).abs() < 1e-9 && (top[1] + 2.0).abs() < 1e-9, "{top:?}");

@@ -6,7 +6,8 @@ use super::plan_file::{PlanFile, Problem};
 ///
 /// # Errors
 ///
-/// Returns the line, counted from 1, that is missing, is no row of numbers, or is left over.
+/// Returns the line, counted from 1, that is missing, is no row of numbers, is left over, or has a coordinate
+/// that is not finite or above 1e60 in magnitude.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let mut lines = content
         .lines()
@@ -16,15 +17,26 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let [segments, queries] = row::<2, usize>(lines.next(), "SEGMENTS QUERIES")?;
     let mut plan = PlanFile::default();
     for _ in 0..segments {
-        let [a, b, c, d] = row::<4, f64>(lines.next(), "x1 y1 x2 y2")?;
+        let [a, b, c, d] = coordinates::<4>(lines.next(), "x1 y1 x2 y2")?;
         plan.walls.push([[a, b], [c, d]]);
     }
     for _ in 0..queries {
-        plan.eyes.push(row::<2, f64>(lines.next(), "x y")?);
+        plan.eyes.push(coordinates::<2>(lines.next(), "x y")?);
     }
     match lines.next() {
         Some((_, number)) => Err(Problem::new(format!("line {number}"), "more lines than announced")),
         None => Ok(plan),
+    }
+}
+
+fn coordinates<const N: usize>(line: Option<(&str, i32)>, form: &str) -> Result<[f64; N], Problem> {
+    let row = row::<N, f64>(line, form)?;
+    match row.iter().find(|x| !(x.abs() <= 1e60)) {
+        Some(x) => Err(Problem::new(
+            line.map_or_else(String::new, |(_, number)| format!("line {number}")),
+            format!("the coordinate {x} is no number up to 1e60"),
+        )),
+        None => Ok(row),
     }
 }
 
@@ -63,6 +75,10 @@ mod tests {
             ("1 0\n0 0 1 1 1\n", "line 2"),
             ("0 0\n1 1\n", "line 2"),
             ("-1 0\n", "line 1"),
+            ("1 1\n0 0 1 nan\n1 1\n", "line 2"),
+            ("1 1\n0 0 1 1\ninf 1\n", "line 3"),
+            ("1 1\n0 0 1 1e61\n1 1\n", "line 2"),
+            ("18446744073709551615 0\n0 0 1 1\n", "end of file"),
         ] {
             assert_eq!(read(content).unwrap_err().place, place, "{content:?}");
         }

@@ -15,7 +15,7 @@ mod london;
 mod mesh;
 mod office;
 mod plpcity;
-mod random;
+pub(crate) mod random;
 mod rooms;
 mod scene;
 mod town;

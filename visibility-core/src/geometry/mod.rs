@@ -16,6 +16,7 @@ mod plane;
 mod side;
 mod sphere;
 
+pub use crate::float::sqrt;
 pub use aabb::Aabb;
 pub(crate) use clip_outward::{Corners, clip_outward};
 pub use convex_polygon::{ConvexPolygon, PolygonError};
