@@ -89,7 +89,8 @@ fn a_box_that_shows_beside_a_wall_by_less_than_rounding_is_visible() {
             end = end.next_up();
         }
         let bounds = |end: f32| Aabb::from_arrays([far, end - 0.2 * scale, z], [far, end, z + 0.1 * scale]);
-        // Beside the line from the eye over the wall's end: (end - eye) (front - eye) > (side - eye) (far - eye).
+        // Beside the line from the eye over the wall's end: (end - eye) (front - eye) > (side - eye) (far -
+        // eye).
         let [end64, front, side, far] = [end, front, side, far].map(f64::from);
         let products = [
             (end64, front),

@@ -40,9 +40,10 @@ struct Arguments {
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     eye: Vec<[f64; 2]>,
 
-    /// File to write a line of JSON to for each eye: `area` of the visibility polygon, numbers of the segments
-    /// `seen`, from 0, and `us`, microseconds with location. The polygon ends at the rectangle of `--margin`
-    /// around all walls, also for an eye outside of it. `-` is standard output. By default none.
+    /// File to write a line of JSON to for each eye: `area` of the visibility polygon, numbers of the
+    /// segments `seen`, from 0, and `us`, microseconds with location. The polygon ends at the rectangle
+    /// of `--margin` around all walls, also for an eye outside of it. `-` is standard output. By default
+    /// none.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 

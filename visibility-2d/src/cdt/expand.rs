@@ -24,8 +24,8 @@ pub(crate) struct Ray {
 /// Part of the view that leaves a triangle by an edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
-    /// Half-edge of the triangle that the cone leaves. Before the outer rectangle, the half-edge by which the
-    /// cone enters.
+    /// Half-edge of the triangle that the cone leaves. Before the outer rectangle, the half-edge by which
+    /// the cone enters.
     pub(crate) edge: u32,
     pub(crate) right: Ray,
     pub(crate) left: Ray,
@@ -165,8 +165,8 @@ impl Expansion<'_> {
 
     /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
     /// of an edge between two rays where a cone passes a wall or ends, from right to left. Cones end at edges
-    /// for which `is_near` is false, and pass walls for which `stops` is. Calls `enter(triangle, right, left)`
-    /// for each triangle that a cone enters.
+    /// for which `is_near` is false, and pass walls for which `stops` is. Calls `enter(triangle, right,
+    /// left)` for each triangle that a cone enters.
     #[inline(always)]
     pub(crate) fn run(
         &self,

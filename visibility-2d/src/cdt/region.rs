@@ -14,7 +14,7 @@ use super::error::PlanError;
 use super::plan::{BLOCKS, Plan, TWIN, WALL};
 use super::predicates::{Point, checked, orient};
 use super::triangulation::{NONE, Place, next, previous};
-use super::visibility::add_walls;
+use super::wall::add_walls;
 use alloc::vec::Vec;
 
 /// Most triangles that all beams of a region enter together. A beam enters a triangle in some 40 ns.

@@ -15,8 +15,8 @@ use super::triangulation::{NONE, Place, next, previous};
 pub struct RayHit {
     /// Point in world units where the ray ends, rounded.
     pub point: [f64; 2],
-    /// Number of the wall at which the ray ends, the least of several that do not let the ray pass. `None` at
-    /// the rectangle around the plan.
+    /// Number of the wall at which the ray ends, the least of several that do not let the ray pass. `None`
+    /// at the rectangle around the plan.
     pub wall: Option<u32>,
 }
 

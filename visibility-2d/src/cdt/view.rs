@@ -24,9 +24,10 @@ pub struct PlanView {
     /// the eye has no direction, and the limit is ignored.
     pub sector: Option<[[f64; 2]; 2]>,
     /// Heights of the eye and of what it looks for, in world units. `None` by default: all walls count. With
-    /// heights, a wall counts only if it stops every line of sight between the two heights: if it reaches from
-    /// the lower height or below to the upper one or above. So what is seen over a wall, or under one, is
-    /// never left out; what a wall of a height between the two hides is not found: ask [`Plan::sees_at`].
+    /// heights, a wall counts only if it stops every line of sight between the two heights: if it reaches
+    /// from the lower height or below to the upper one or above. So what is seen over a wall, or under
+    /// one, is never left out; what a wall of a height between the two hides is not found: ask
+    /// [`Plan::sees_at`].
     ///
     /// [`Plan::sees_at`]: super::Plan::sees_at
     pub heights: Option<[f64; 2]>,

@@ -8,6 +8,7 @@ use super::predicates::Point;
 use super::range::{Disc, chord};
 use super::triangulation::{NONE, Place};
 use super::view::PlanView;
+use super::wall::add_walls;
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
@@ -97,17 +98,6 @@ impl Default for Visibility {
     }
 }
 
-/// Adds walls that no earlier piece has.
-pub(crate) fn add_walls(to: &mut Vec<u32>, marks: &mut [u32], query: u32, walls: &[u32]) {
-    for &wall in walls {
-        let mark = &mut marks[wall as usize];
-        if *mark != query {
-            *mark = query;
-            to.push(wall);
-        }
-    }
-}
-
 impl Plan {
     /// Finds what a view sees. Time is in proportion to the triangles seen, and a search to find the eye.
     ///
@@ -118,8 +108,8 @@ impl Plan {
         self.look_for(view, None, answer)
     }
 
-    /// Finds what a view sees, objects too: those that a line of sight meets, within the view's limits, on its
-    /// way or where it ends. Time is in proportion to the triangles seen and to the objects in these.
+    /// Finds what a view sees, objects too: those that a line of sight meets, within the view's limits, on
+    /// its way or where it ends. Time is in proportion to the triangles seen and to the objects in these.
     ///
     /// Exact for objects that are points, up to rounding of the range. Conservative for others: an object
     /// counts if it overlaps a triangle of which a part is seen, and the directions of that part.

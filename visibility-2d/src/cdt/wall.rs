@@ -1,6 +1,7 @@
 //! Walls of a plan, as given.
 
 use super::predicates::Point;
+use alloc::vec::Vec;
 use visibility_core::glam::DVec2;
 
 /// How a wall acts on lines of sight that cross it.
@@ -47,8 +48,9 @@ impl Wall {
         Self { opacity, ..self }
     }
 
-    /// Returns the wall with the heights at which it begins and ends: a parapet, a crate, the wall above a door.
-    /// If the first is not below the second, or one is NaN, the wall stops no line of sight that has heights.
+    /// Returns the wall with the heights at which it begins and ends: a parapet, a crate, the wall above a
+    /// door. If the first is not below the second, or one is NaN, the wall stops no line of sight that
+    /// has heights.
     pub fn with_heights(self, low: f64, high: f64) -> Self {
         Self { heights: [low, high], ..self }
     }
@@ -76,4 +78,15 @@ impl From<[DVec2; 2]> for Wall {
 pub(crate) fn is_along(wall: [Point; 2], piece: [Point; 2]) -> bool {
     let axis = usize::from(piece[0][0] == piece[1][0]);
     (wall[0][axis] < wall[1][axis]) == (piece[0][axis] < piece[1][axis])
+}
+
+/// Adds walls of a piece to an answer, those without the mark of the query, and marks them.
+pub(crate) fn add_walls(to: &mut Vec<u32>, marks: &mut [u32], query: u32, walls: &[u32]) {
+    for &wall in walls {
+        let mark = &mut marks[wall as usize];
+        if *mark != query {
+            *mark = query;
+            to.push(wall);
+        }
+    }
 }

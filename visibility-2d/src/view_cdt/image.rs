@@ -88,8 +88,8 @@ impl Region<'_> {
     }
 }
 
-/// Returns whether a box is certainly behind all planes of a shape. What is behind a plane is a half-space, so
-/// the corners decide.
+/// Returns whether a box is certainly behind all planes of a shape. What is behind a plane is a half-space,
+/// so the corners decide.
 ///
 /// Corners are wrong by a quarter of a unit, and the bound on a plane holds in the triangulated rectangle.
 fn is_behind(shapes: &Shapes, shape: &Shape, bounds: &ProjectedBox) -> bool {

@@ -60,6 +60,7 @@ pub(crate) struct ProjectedBox {
 
 /// Where a box is.
 #[derive(Clone, Copy, Debug)]
+#[expect(clippy::large_enum_variant, reason = "matched at once, never stored")]
 pub(crate) enum BoxPlace {
     /// The box certainly misses the image.
     Outside,
