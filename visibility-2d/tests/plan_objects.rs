@@ -41,15 +41,15 @@ fn objects_seen_are_those_with_a_line_of_sight() {
             objects.insert(&plan, outline).unwrap();
         }
         // Some move, some go.
-        for object in 0..20 {
+        for (object, outlined) in (0u32..).zip(&mut outlines) {
             match random.below(4) {
                 0 => {
-                    outlines[object] = outline(&mut random);
-                    objects.set(&plan, object as u32, &outlines[object]).unwrap();
+                    *outlined = outline(&mut random);
+                    objects.set(&plan, object, outlined).unwrap();
                 }
                 1 => {
-                    outlines[object].clear();
-                    objects.remove(object as u32);
+                    outlined.clear();
+                    objects.remove(object);
                 }
                 _ => {}
             }
