@@ -31,7 +31,7 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
 
 fn coordinates<const N: usize>(line: Option<(&str, i32)>, form: &str) -> Result<[f64; N], Problem> {
     let row = row::<N, f64>(line, form)?;
-    match row.iter().find(|x| !(x.abs() <= 1e60)) {
+    match row.iter().find(|x| x.is_nan() || x.abs() > 1e60) {
         Some(x) => Err(Problem::new(
             line.map_or_else(String::new, |(_, number)| format!("line {number}")),
             format!("the coordinate {x} is no number up to 1e60"),
