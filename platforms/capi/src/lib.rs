@@ -38,6 +38,20 @@ pub use view::*;
 pub use visible::*;
 pub use volume::*;
 
+/// The header lets any thread use any handle: does not compile for a handle of which that is not true.
+const _: () = {
+    const fn any_thread<T: Send + Sync>() {}
+    any_thread::<vis_cells>();
+    any_thread::<vis_graph>();
+    any_thread::<vis_measure>();
+    any_thread::<vis_pipeline>();
+    any_thread::<vis_pvs>();
+    any_thread::<vis_scene>();
+    any_thread::<vis_scene_pvs>();
+    any_thread::<vis_view>();
+    any_thread::<vis_visible>();
+};
+
 /// Version of the interface. It grows when a change breaks programs that were compiled before.
 pub const VIS_ABI_VERSION: u32 = 1;
 

@@ -95,12 +95,15 @@ fn layers_flags_ranges_and_parents_decide_what_is_drawn() {
         let (mut id, mut count) = (0, 0);
         assert_eq!(vis_visible_newly_hidden(visible, &raw mut id, 1, &raw mut count), VIS_ERROR_TOO_SHORT);
         assert_eq!(count, 2, "near and what was behind");
+        let pose = vis_pose { eye: [0.1, 0.0, 0.0], target: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] };
+        assert_eq!(vis_view_set_perspective(view, &pose, 1.0, 1.0, 0.1, 900.0), VIS_OK);
+        assert_eq!(see(), [far], "layers outlast the camera");
         assert_eq!(vis_view_set_layers(view, VIS_ALL_LAYERS), VIS_OK);
         assert_eq!(see(), [near, far]);
         assert_eq!(vis_visible_newly_visible(visible, &raw mut id, 1, &raw mut count), VIS_OK);
         assert_eq!((count, id), (1, near));
         // A wall across the view, by a plane: only what is beyond 100 m.
-        let plane = [1.0, 0.0, 0.0, -100.0_f64];
+        let plane = [1.0, 0.0, 0.0, -100.0_f64]; // relative to the eye
         assert_eq!(vis_view_set_clip_planes(view, plane.as_ptr(), 1), VIS_OK);
         assert_eq!(see(), [far]);
         assert_eq!(vis_view_set_clip_planes(view, null(), 0), VIS_OK);
@@ -129,6 +132,33 @@ fn layers_flags_ranges_and_parents_decide_what_is_drawn() {
         assert!(!contains);
         assert_eq!(vis_scene_contains(scene, coarse, &raw mut contains), VIS_OK);
         assert!(contains);
+    }
+}
+
+#[test]
+fn each_depth_convention_has_its_near_and_far_plane() {
+    use vis_depth::*;
+    let (scene, view, pipeline) = setting();
+    let visible = new_visible(false);
+    let [_before, between, beyond] = [-0.2, 4.0, 50.0].map(|x| insert(scene, vis_object_default(cube_at(x))));
+    // Clip depth a x + b, with w = x, for planes at n and f.
+    let (n, f) = (1.0, 10.0);
+    for (depth, a, b) in [
+        (VIS_DEPTH_NEGATIVE_ONE_TO_ONE, (f + n) / (f - n), -2.0 * f * n / (f - n)),
+        (VIS_DEPTH_NEGATIVE_ONE_TO_ONE_INFINITE, 1.0, -2.0 * n),
+        (VIS_DEPTH_ZERO_TO_ONE, f / (f - n), -f * n / (f - n)),
+        (VIS_DEPTH_ZERO_TO_ONE_INFINITE, 1.0, -n),
+        (VIS_DEPTH_REVERSED, -n / (f - n), f * n / (f - n)),
+        (VIS_DEPTH_REVERSED_INFINITE, 0.0, n),
+    ] {
+        let mut matrix = [0.0_f32; 16];
+        (matrix[3], matrix[4], matrix[9]) = (1.0, -1.0, 1.0);
+        (matrix[2], matrix[14]) = (a, b);
+        // SAFETY: the view is live, and the matrix has 16 numbers.
+        assert_eq!(unsafe { vis_view_set_matrix(view, matrix.as_ptr(), depth as u32, null()) }, VIS_OK);
+        let is_infinite = depth as u32 % 2 == 1;
+        let expected = if is_infinite { vec![between, beyond] } else { vec![between] };
+        assert_eq!(visible_ids(pipeline, scene, view, visible), expected, "{depth:?}");
     }
 }
 

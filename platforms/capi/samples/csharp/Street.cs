@@ -44,13 +44,13 @@ static class Vis
     [DllImport(Library)] public static extern int vis_scene_add_box_mesh(
         IntPtr scene, ref Box bounds, out ulong mesh);
     [DllImport(Library)] public static extern int vis_scene_set_mesh(
-        IntPtr scene, ulong id, ulong mesh, float[]? transform);
+        IntPtr scene, ulong id, ulong mesh, float[] transform);
     [DllImport(Library)] public static extern int vis_scene_rebuild(IntPtr scene);
     [DllImport(Library)] public static extern int vis_scene_remove(IntPtr scene, ulong id);
     [DllImport(Library)] public static extern int vis_view_create(out IntPtr view);
     [DllImport(Library)] public static extern void vis_view_destroy(IntPtr view);
     [DllImport(Library)] public static extern int vis_view_set_matrix(
-        IntPtr view, float[] matrix, uint depth, double[]? origin);
+        IntPtr view, float[] matrix, uint depth, double[] origin);
     [DllImport(Library)] public static extern int vis_pipeline_create(out IntPtr pipeline);
     [DllImport(Library)] public static extern void vis_pipeline_destroy(IntPtr pipeline);
     [DllImport(Library)] public static extern int vis_pipeline_add_frustum(IntPtr pipeline);
@@ -64,7 +64,7 @@ static class Vis
         [MarshalAs(UnmanagedType.U1)] bool withChanges, out IntPtr visible);
     [DllImport(Library)] public static extern void vis_visible_destroy(IntPtr visible);
     [DllImport(Library)] public static extern int vis_visible_indices(
-        IntPtr visible, [Out] uint[]? indices, UIntPtr capacity, out UIntPtr count);
+        IntPtr visible, [Out] uint[] indices, UIntPtr capacity, out UIntPtr count);
 
     public static void Check(int status)
     {
@@ -102,7 +102,7 @@ static class Street
         Vis.Check(Vis.vis_scene_create(out IntPtr scene));
         Vis.Check(Vis.vis_scene_insert_batch(scene, boxes.ToArray(), (UIntPtr)boxes.Count, ids));
         Vis.Check(Vis.vis_scene_add_box_mesh(scene, ref wall.Bounds, out ulong mesh));
-        Vis.Check(Vis.vis_scene_set_mesh(scene, ids[^1], mesh, null));
+        Vis.Check(Vis.vis_scene_set_mesh(scene, ids[ids.Length - 1], mesh, null));
         Vis.Check(Vis.vis_scene_rebuild(scene));
         Vis.Check(Vis.vis_pipeline_create(out IntPtr pipeline));
         Vis.Check(Vis.vis_pipeline_add_frustum(pipeline));

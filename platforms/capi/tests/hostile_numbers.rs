@@ -1,0 +1,174 @@
+//! Random calls with the numbers that break programs: none ends in a panic, whatever the handles are used
+//! for.
+
+use std::ptr::{null, null_mut};
+use visibility::vis_status::*;
+use visibility::*;
+use visibility_testing::Random;
+
+/// Picks a number that programs do not expect, or a plain one.
+fn number(rng: &mut Random) -> f64 {
+    const NUMBERS: [f64; 12] = [
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MAX,
+        5e-324,
+        -0.0,
+        0.0,
+        1.0,
+        -1.0,
+        3.4e38,
+        1e-40,
+        16777217.0,
+    ];
+    if rng.below(2) == 0 { NUMBERS[rng.below(NUMBERS.len())] } else { rng.vector(10.0).x }
+}
+
+fn numbers<const N: usize>(rng: &mut Random) -> [f64; N] {
+    std::array::from_fn(|_| number(rng))
+}
+
+fn random_box(rng: &mut Random) -> vis_box {
+    let [min, max] = [(); 2].map(|()| numbers::<3>(rng).map(|x| x as f32));
+    vis_box { min, max }
+}
+
+/// Returns an affine matrix, a matrix with one bad element, or 16 arbitrary numbers.
+fn matrix(rng: &mut Random) -> [f32; 16] {
+    let mut matrix: [f32; 16] = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
+    match rng.below(3) {
+        0 => numbers::<3>(rng).into_iter().zip(12..).for_each(|(x, at)| matrix[at] = x as f32),
+        1 => matrix[rng.below(16)] = number(rng) as f32,
+        _ => matrix = numbers::<16>(rng).map(|x| x as f32),
+    }
+    matrix
+}
+
+#[test]
+fn no_number_makes_a_call_panic() {
+    let rng = &mut Random(24);
+    let (mut scene, mut view, mut visible, mut measure) = (null_mut(), null_mut(), null_mut(), null_mut());
+    let (mut pipeline, mut graph, mut cells, mut pvs) = (null_mut(), null_mut(), null_mut(), null_mut());
+    let (mut ids, mut meshes) = (vec![VIS_NO_OBJECT], vec![0]);
+    let (mut list, mut count, mut outcomes) = ([0_u64; 64], 0, [0; 9]);
+    // SAFETY: handles are live, and arrays as long as said.
+    unsafe {
+        assert_eq!(vis_scene_create(&mut scene), VIS_OK);
+        assert_eq!(vis_view_create(&mut view), VIS_OK);
+        assert_eq!(vis_visible_create(true, &mut visible), VIS_OK);
+        assert_eq!(vis_measure_create(32, 32, &mut measure), VIS_OK);
+        assert_eq!(vis_pipeline_create(&mut pipeline), VIS_OK);
+        assert_eq!(vis_pipeline_add_frustum(pipeline), VIS_OK);
+        assert_eq!(vis_pipeline_add_z_buffer(pipeline, 32, 32), VIS_OK);
+        assert_eq!(vis_pipeline_add_contribution(pipeline, number(rng), number(rng)), VIS_OK);
+        for round in 0..20_000 {
+            let (id, mesh) = (ids[rng.below(ids.len())], meshes[rng.below(meshes.len())]);
+            let index = || number(&mut Random(round)) as u32;
+            let status = match rng.below(22) {
+                0 => {
+                    let flags = rng.below(5) as u32;
+                    let object = vis_object_desc { flags, ..vis_object_default(random_box(rng)) };
+                    let mut new = 0;
+                    let status = vis_scene_insert(scene, &object, &mut new);
+                    ids.push(new);
+                    status
+                }
+                1 => vis_scene_set_bounds(scene, id, &random_box(rng)),
+                2 => vis_scene_set_bounds_batch(scene, &id, &random_box(rng), 1),
+                3 => vis_scene_set_local_bounds(scene, id, &random_box(rng)),
+                4 => vis_scene_set_transforms_batch(scene, &id, matrix(rng).as_ptr(), 1),
+                5 => vis_scene_set_mesh(scene, id, mesh, matrix(rng).as_ptr()),
+                6 => {
+                    let mut new = 0;
+                    let status = vis_scene_add_box_mesh(scene, &random_box(rng), &mut new);
+                    meshes.push(new);
+                    status
+                }
+                7 => {
+                    let (corners, mut new) = (numbers::<9>(rng).map(|x| x as f32), 0);
+                    let indices = [0, rng.below(4) as u32, 2];
+                    let status =
+                        vis_scene_add_mesh(scene, corners.as_ptr(), 3, indices.as_ptr(), 1, true, &mut new);
+                    meshes.push(new);
+                    status
+                }
+                8 => vis_scene_set_triangles(scene, id, numbers::<9>(rng).map(|x| x as f32).as_ptr(), 1),
+                9 => vis_scene_set_draw_range(scene, id, number(rng) as f32, number(rng) as f32),
+                10 => vis_scene_set_hlod_parent(scene, id, ids[rng.below(ids.len())]),
+                11 => vis_scene_set_origin(scene, numbers::<3>(rng).as_ptr()),
+                12 => {
+                    vis_view_set_matrix(view, matrix(rng).as_ptr(), index() % 7, numbers::<3>(rng).as_ptr())
+                }
+                13 => vis_view_set_matrix_f64(view, numbers::<16>(rng).as_ptr(), index() % 7, null()),
+                14 => {
+                    let [eye, target, up] = [numbers(rng), numbers(rng), numbers(rng)];
+                    let [a, b, near, far] = numbers(rng);
+                    match rng.below(2) {
+                        0 => vis_view_set_perspective(view, &vis_pose { eye, target, up }, a, b, near, far),
+                        _ => vis_view_set_orthographic(view, &vis_pose { eye, target, up }, a, b, near, far),
+                    }
+                }
+                15 => vis_view_set_clip_planes(view, numbers::<4>(rng).as_ptr(), 1),
+                16 => {
+                    let mut found = vis_comparison {
+                        reported_objects: 0,
+                        false_hidden_objects: 0,
+                        false_visible_objects: 0,
+                        wrong_pixels: 0,
+                    };
+                    let judged = vis_measure_compare(measure, scene, view, visible, &mut found);
+                    assert_ne!(judged, VIS_ERROR_PANIC, "round {round}");
+                    vis_visible_ids(visible, list.as_mut_ptr(), list.len(), &mut count)
+                }
+                17 => vis_scene_remove(scene, id),
+                18 => vis_scene_prepare_occluders(scene, &mut count),
+                19 => vis_scene_maintain(scene, rng.below(50), null_mut()),
+                20 => {
+                    // Two cells with a door that is hardly ever one.
+                    let portal = vis_portal { first_vertex: 0, vertex_count: 3, cells: [0, 1] };
+                    let [min, max] = [numbers(rng), numbers(rng)];
+                    let volume = vis_volume { min, max, first_plane: 0, plane_count: 1 };
+                    let (vertices, plane) = (rng.vector(9.0).to_array(), numbers::<4>(rng));
+                    let corners = [vertices, [1.0, 0.0, 0.0], numbers(rng)];
+                    let mut status = vis_graph_create(2, &portal, 1, corners.as_ptr().cast(), 3, &mut graph);
+                    if status == VIS_OK {
+                        status = vis_graph_bake(graph, number(rng), &mut pvs);
+                        if status == VIS_OK {
+                            vis_pvs_destroy(pvs);
+                        }
+                        let volumes = [volume, volume];
+                        let tolerance = number(rng);
+                        let made = vis_cells_create(
+                            graph,
+                            volumes.as_ptr(),
+                            2,
+                            plane.as_ptr(),
+                            1,
+                            tolerance,
+                            &mut cells,
+                        );
+                        if made == VIS_OK {
+                            let mut own = null_mut();
+                            assert_eq!(vis_pipeline_create(&mut own), VIS_OK);
+                            assert_eq!(vis_pipeline_add_portals(own, cells), VIS_OK);
+                            status = vis_pipeline_cull(own, scene, view, visible, null_mut());
+                            vis_pipeline_destroy(own);
+                            vis_cells_destroy(cells);
+                        }
+                        vis_graph_destroy(graph);
+                    }
+                    status
+                }
+                _ => vis_pipeline_cull(pipeline, scene, view, visible, null_mut()),
+            };
+            assert_ne!(status, VIS_ERROR_PANIC, "round {round}");
+            outcomes[status as usize] += 1;
+        }
+    }
+    // Good numbers and bad ones came: calls succeeded, and calls were refused for each reason that there is.
+    assert!(outcomes[VIS_OK as usize] > 5_000, "{outcomes:?}");
+    for reason in [VIS_ERROR_ARGUMENT, VIS_ERROR_UNKNOWN_ID, VIS_ERROR_STATE] {
+        assert!(outcomes[reason as usize] > 100, "{reason:?}: {outcomes:?}");
+    }
+}
