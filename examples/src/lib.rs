@@ -3,6 +3,7 @@
 //! A scene comes from a recipe ([`built_in`]) or from a file ([`load()`]). Either way it is a
 //! [`SceneSource`]: objects as plain triangles, and walks to move the camera along.
 
+pub mod bake;
 pub mod description;
 pub mod engine;
 pub mod error;

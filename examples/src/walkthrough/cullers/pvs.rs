@@ -7,6 +7,7 @@ use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
 use std::path::Path;
 use std::sync::Arc;
+use visibility_bake::BakedSet;
 use visibility_core::pvs::PvsCuller;
 
 pub(super) const KNOWN: &[Known] = &[
@@ -25,6 +26,19 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, world| {
             let file = dial.ok_or("it needs a file, as in `region-pvs:FILE`")?;
             Ok(Box::new(PvsCuller::new(Arc::new(pvs_file::read(Path::new(file), &world.scene)?))))
+        },
+    },
+    Known {
+        name: "baked",
+        what: "what the file of `baked:FILE`, written by the program `bake`, does not list for the eye's viewcell is hidden; \
+           eyes outside of its viewcells see everything",
+        dials: &[],
+        make: |dial, world| {
+            let file = dial.ok_or("it needs a file, as in `baked:FILE`")?;
+            let set = std::fs::read(file).map_err(|error| format!("cannot read {file}: {error}"))?;
+            let set = BakedSet::from_bytes(&set).and_then(|set| set.for_scene(&world.scene));
+            let set = set.map_err(|error| format!("{file}: {error}"))?;
+            Ok(Box::new(PvsCuller::new(Arc::new(set))))
         },
     },
 ];

@@ -1,0 +1,200 @@
+//! Bakes of whole scenes: which viewcells, how far, and where the work is kept. Used by the program `bake`.
+
+pub mod report;
+
+use crate::region::world;
+use crate::walkthrough::World;
+use crate::{SceneSource, open};
+use clap::Args;
+use std::cmp::Ordering;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use visibility_bake::{BakedSet, CellSandwich, Grid, GridError, SandwichBaker, SandwichOutcome, Settings};
+use visibility_core::bake::{Bake, Progress};
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Viewcell, Viewcells};
+
+/// What is baked: the same for all shards of a bake.
+#[derive(Args, Clone, Debug)]
+pub struct Job {
+    /// Scene: a built-in scene (plpcity, london, town, forest, office, each with sizes as in london:40,40),
+    /// or a file (.vscn, .glb, .gltf).
+    #[arg(value_name = "SCENE")]
+    pub scene: String,
+
+    /// Size of a viewcell in metres along x, y and z.
+    #[arg(long, value_name = "X,Y,Z", value_parser = size, default_value = "4,4,4")]
+    pub size: [f64; 3],
+
+    /// Box to fill with viewcells. By default the viewcells are those that the scene's walks pass.
+    #[arg(long, value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", value_parser = crate::region::cells::parse,
+        allow_hyphen_values = true)]
+    pub over: Option<[f64; 6]>,
+
+    /// Part of the reported triangles that may be neither seen nor proven hidden, as in 5% or 0.05.
+    #[arg(long, value_parser = share, default_value = "5%")]
+    pub gap: f64,
+
+    /// Distance in metres that a line of sight must keep from all occluders. 0 for a conservative bake.
+    #[arg(long, default_value_t = 1e-4)]
+    pub clearance: f64,
+
+    /// Number of rays aimed at each object.
+    #[arg(long, default_value_t = 200)]
+    pub rays: u32,
+}
+
+fn size(text: &str) -> Result<[f64; 3], String> {
+    crate::region::cells::parse_size(text)
+}
+
+/// Reads a part from text: a number from 0 to 1, or a percentage.
+fn share(text: &str) -> Result<f64, String> {
+    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
+    match number.trim().parse::<f64>() {
+        Ok(number) if (0.0..=1.0).contains(&(number * unit)) => Ok(number * unit),
+        _ => Err("a part is a number from 0 to 1, or a percentage up to 100%".to_owned()),
+    }
+}
+
+/// The scene of a job with its viewcells.
+pub struct Level {
+    /// Scene with occluders.
+    pub world: World,
+    /// All viewcells of the bake.
+    pub viewcells: Viewcells,
+    settings: Settings,
+}
+
+impl Level {
+    /// Loads the scene of a job and makes its viewcells.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message if the scene cannot be loaded, or there are no viewcells or too many.
+    pub fn open(job: &Job) -> Result<Self, String> {
+        let source = open(&job.scene).map_err(|error| error.to_string())?;
+        let viewcells = viewcells(job, &source)?;
+        let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
+        Ok(Self { world: world(source), viewcells: Viewcells::new(viewcells), settings })
+    }
+
+    /// Prepares the bake of all viewcells.
+    pub fn baker(&self) -> SandwichBaker<'_> {
+        SandwichBaker::new(&self.world.scene, &self.viewcells, self.settings)
+    }
+
+    /// Makes the file that a game loads.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message if the sets are too large to be stored.
+    pub fn set(&self, cells: &[CellSandwich]) -> Result<BakedSet, String> {
+        let rows: Vec<Vec<u32>> = cells.iter().map(CellSandwich::reported).collect();
+        BakedSet::new(&self.world.scene, self.viewcells.clone(), &rows).map_err(|error| error.to_string())
+    }
+}
+
+fn viewcells(job: &Job, source: &SceneSource) -> Result<Vec<Viewcell>, String> {
+    let text = |error: GridError| error.to_string();
+    let size = DVec3::from_array(job.size);
+    if let Some([a, b, c, d, e, f]) = job.over {
+        let (min, max) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
+        return Grid::new(min, size).and_then(|grid| grid.over(min, max)).map_err(text);
+    }
+    let grid = Grid::new(DVec3::ZERO, size).map_err(text)?;
+    let mut all = Vec::new();
+    for walk in &source.walks {
+        let eyes: Vec<DVec3> = walk.keys.iter().map(|key| key.eye).collect();
+        all.extend(grid.along(&eyes).map_err(text)?);
+    }
+    if all.is_empty() {
+        return Err("the scene has no walks: say with --over where viewcells should be".to_owned());
+    }
+    // Walks may pass the same boxes.
+    all.sort_by(|a, b| a.min.to_array().partial_cmp(&b.min.to_array()).unwrap_or(Ordering::Equal));
+    all.dedup();
+    Ok(all)
+}
+
+/// Where and how long a bake runs.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Number of threads, 0 for as many as the machine has.
+    pub threads: usize,
+    /// Time after which what is not done stays open.
+    pub limit: Option<Duration>,
+    /// File of the work done so far, from which a bake goes on that was interrupted.
+    pub state: PathBuf,
+}
+
+/// Time between two writes of the state.
+const SAVE_EVERY: Duration = Duration::from_secs(5);
+
+/// Runs a bake, from the state that an interrupted one has left if there is one. The state file stays until
+/// [`forget`] removes it.
+///
+/// # Errors
+///
+/// Returns a message if the state file is damaged, of another bake, or cannot be written.
+pub fn run<'a>(
+    baker: impl Fn() -> SandwichBaker<'a> + Sync,
+    run: &Run,
+    mut progress: impl FnMut(Progress) + Send,
+) -> Result<SandwichOutcome, String> {
+    let start = Instant::now();
+    let mut bake = match std::fs::read(&run.state) {
+        Ok(bytes) => Bake::resume(baker(), &bytes)
+            .map_err(|error| format!("{}: {error}; remove the file to begin anew", run.state.display()))?,
+        Err(_) => Bake::new(baker()),
+    };
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(run.threads)
+        .build()
+        .map_err(|error| error.to_string())?;
+    pool.install(|| {
+        let mut saved = Instant::now();
+        progress(bake.progress());
+        while run.limit.is_none_or(|limit| start.elapsed() < limit) {
+            let Some(now) = bake.advance() else { break };
+            progress(now);
+            if saved.elapsed() >= SAVE_EVERY {
+                write(&run.state, &bake.save())?;
+                saved = Instant::now();
+            }
+        }
+        Ok(bake.finish())
+    })
+}
+
+/// Removes the state file of a bake whose result is stored.
+pub fn forget(state: &Path) {
+    // Without a state file there is nothing to remove.
+    let _ = std::fs::remove_file(state);
+}
+
+/// Writes a file so that it is there whole or not at all.
+///
+/// # Errors
+///
+/// Returns a message with the path.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    let mut part = path.as_os_str().to_owned();
+    part.push(".part");
+    std::fs::write(&part, bytes)
+        .and_then(|()| std::fs::rename(&part, path))
+        .map_err(|error| format!("cannot write {}: {error}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_read_or_refused() {
+        assert_eq!((share("5%"), share("0.05"), share("1")), (Ok(0.05), Ok(0.05), Ok(1.0)));
+        for wrong in ["", "5", "-1%", "101%", "nan", "x"] {
+            assert!(share(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! What a bake found, in numbers: for people and as JSON.
+
+use super::Level;
+use serde::Serialize;
+use visibility_bake::{BakedSet, CellSandwich};
+use visibility_core::Scene;
+
+/// What a bake found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Name of the scene.
+    pub scene: String,
+    /// Number of objects.
+    pub objects: usize,
+    /// Seconds that the bake took, without loading the scene.
+    pub seconds: f64,
+    /// Whether all viewcells were worked on.
+    pub complete: bool,
+    /// Triangles neither seen nor proven hidden, as a part of those reported, over all viewcells.
+    pub gap: f64,
+    /// Bytes of the sets.
+    pub bytes: usize,
+    /// Bytes of the sets with a bit for each viewcell and object.
+    pub plain_bytes: usize,
+    /// By viewcell.
+    pub viewcells: Vec<Cell>,
+}
+
+/// What a bake found for a viewcell.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cell {
+    /// Corners in metres: minimum x, y, z, maximum x, y, z.
+    pub cell: [f64; 6],
+    /// Number of objects that a line of sight reaches.
+    pub seen: usize,
+    /// Number of objects neither seen nor proven hidden. They are reported.
+    pub open: usize,
+    /// Number of objects that the sweep found hidden.
+    pub swept: u32,
+    /// Number of objects with a proof that they are hidden.
+    pub proven: u32,
+    /// Rays, and nodes of the search for proofs.
+    pub steps: u64,
+    /// Open triangles as a part of those reported.
+    pub gap: f64,
+}
+
+impl Report {
+    /// Makes the report of a bake.
+    pub fn new(level: &Level, cells: &[CellSandwich], set: &BakedSet, seconds: f64, complete: bool) -> Self {
+        let scene = &level.world.scene;
+        let mut sums = [0.0; 2];
+        let viewcells = level.viewcells.cells().iter().zip(cells).map(|(cell, found)| {
+            let costs = [cost(scene, &found.open), cost(scene, &found.seen)];
+            sums = [sums[0] + costs[0], sums[1] + costs[1]];
+            let ([a, b, c], [d, e, f]) = (cell.min.to_array(), cell.max.to_array());
+            Cell {
+                cell: [a, b, c, d, e, f],
+                seen: found.seen.len(),
+                open: found.open.len(),
+                swept: found.swept,
+                proven: found.proven,
+                steps: found.steps,
+                gap: part(costs),
+            }
+        });
+        let viewcells: Vec<Cell> = viewcells.collect();
+        Self {
+            scene: level.world.source.name.clone(),
+            objects: scene.len(),
+            seconds,
+            complete,
+            gap: part(sums),
+            bytes: set.pvs().as_bytes().len(),
+            plain_bytes: cells.len() * scene.index_limit().div_ceil(8),
+            viewcells,
+        }
+    }
+
+    /// Returns the report in a few lines.
+    pub fn text(&self) -> String {
+        let mean = |of: fn(&Cell) -> f64| {
+            self.viewcells.iter().map(of).sum::<f64>() / self.viewcells.len().max(1) as f64
+        };
+        let worst = self.viewcells.iter().max_by(|a, b| a.gap.total_cmp(&b.gap));
+        let mut text = format!(
+            "{}: {} viewcells of {} objects in {:.1} s{}\n\
+             a viewcell sees {:.1} objects for certain, {:.1} are open, {:.1} swept away, {:.1} proven hidden\n\
+             gap {:.2} % of the triangles; {} bytes, {:.0} % of plain bits\n",
+            self.scene,
+            self.viewcells.len(),
+            self.objects,
+            self.seconds,
+            if self.complete { "" } else { ", not finished: what was not worked on counts as visible" },
+            mean(|cell| cell.seen as f64),
+            mean(|cell| cell.open as f64),
+            mean(|cell| f64::from(cell.swept)),
+            mean(|cell| f64::from(cell.proven)),
+            self.gap * 100.0,
+            self.bytes,
+            100.0 * self.bytes as f64 / self.plain_bytes.max(1) as f64,
+        );
+        if let Some(worst) = worst.filter(|worst| worst.gap > 0.0) {
+            let [a, b, c, d, e, f] = worst.cell;
+            text += &format!("worst: {:.1} % from {a},{b},{c} to {d},{e},{f}\n", worst.gap * 100.0);
+        }
+        text
+    }
+}
+
+/// Returns the triangles of some objects.
+fn cost(scene: &Scene, objects: &[u32]) -> f64 {
+    let cost = |&index: &u32| {
+        let id = scene.id_at(index as usize)?;
+        scene.object(id).ok().map(|object| f64::from(object.cost))
+    };
+    objects.iter().filter_map(cost).sum()
+}
+
+fn part([open, seen]: [f64; 2]) -> f64 {
+    if open > 0.0 { open / (open + seen) } else { 0.0 }
+}

@@ -1,0 +1,157 @@
+//! Program `bake`: finds what can be seen from each viewcell of a scene, and writes the file that a game
+//! loads.
+
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+use visibility_bake::{CellSandwich, Shard, assemble};
+use visibility_examples::bake::report::Report;
+use visibility_examples::bake::{Job, Level, Run, forget, run, write};
+
+/// Bake what can be seen from each viewcell of a scene. A bake that was interrupted goes on where it was.
+///
+/// `bake assemble` puts the parts of a bake with --shard together.
+#[derive(Parser)]
+#[command(version)]
+struct Whole {
+    #[command(flatten)]
+    job: Job,
+
+    /// File to write, for `walkthrough --cullers baked:FILE`; with --shard the file of the shard.
+    #[arg(short, long, value_name = "FILE")]
+    out: PathBuf,
+
+    /// Seconds after which what is not done counts as visible. By default there is no limit.
+    #[arg(long, value_name = "SECONDS")]
+    time: Option<f64>,
+
+    /// Number of threads; 0 for as many as the machine has. The file is the same for any number.
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+
+    /// Bake the part I of N parts alone, counted from 0, for `bake assemble`.
+    #[arg(long, value_name = "I/N", value_parser = part, conflicts_with = "time")]
+    shard: Option<[usize; 2]>,
+
+    /// File to write the report to, as JSON. By default none.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Put the shards of a bake together. The scene and all settings must be those of the shards.
+#[derive(Parser)]
+#[command(name = "bake assemble", version)]
+struct Assembly {
+    #[command(flatten)]
+    job: Job,
+
+    /// File to write, for `walkthrough --cullers baked:FILE`.
+    #[arg(short, long, value_name = "FILE")]
+    out: PathBuf,
+
+    /// Files of the shards, in any order.
+    #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
+    shards: Vec<PathBuf>,
+
+    /// File to write the report to, as JSON. By default none.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+fn part(text: &str) -> Result<[usize; 2], String> {
+    let numbers = text.split_once('/').and_then(|(i, n)| Some([i.parse().ok()?, n.parse().ok()?]));
+    numbers.filter(|[i, n]| i < n).ok_or_else(|| "a part is I/N with I from 0 to N - 1".to_owned())
+}
+
+fn main() -> ExitCode {
+    let is_assembly = std::env::args().nth(1).is_some_and(|first| first == "assemble");
+    let done = if is_assembly {
+        put_together(&Assembly::parse_from(std::env::args_os().skip(1)))
+    } else {
+        bake(&Whole::parse())
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn bake(arguments: &Whole) -> Result<(), String> {
+    let limit =
+        arguments.time.map(Duration::try_from_secs_f64).transpose().map_err(|error| error.to_string())?;
+    let level = Level::open(&arguments.job)?;
+    let count = level.viewcells.cells().len();
+    let range = arguments.shard.map_or(0..count, |[i, n]| {
+        // Products of two counts of viewcells or parts fit in 128 bits.
+        let at = |i: usize| (count as u128 * i as u128 / n as u128) as usize;
+        at(i)..at(i + 1)
+    });
+    let mut state = arguments.out.clone().into_os_string();
+    state.push(".state");
+    let settings = Run { threads: arguments.threads, limit, state: PathBuf::from(state) };
+    // The bar is drawn on standard error, and only if that is a terminal.
+    let bar = ProgressBar::new(range.len() as u64);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} viewcells, {elapsed}, {eta} to go")
+    {
+        bar.set_style(style);
+    }
+    let start = Instant::now();
+    let baker = || level.baker().with_range(range.clone());
+    let outcome = run(baker, &settings, |now| bar.set_position(now.done as u64))?;
+    bar.finish_and_clear();
+    if arguments.shard.is_some() {
+        let shard = Shard::new(level.baker().whole_fingerprint(), outcome);
+        write(&arguments.out, &shard.to_bytes())?;
+        println!("viewcells {} to {} of {count}: {}", range.start, range.end, arguments.out.display());
+    } else {
+        let seconds = start.elapsed().as_secs_f64();
+        store(&level, &outcome.cells, seconds, outcome.complete, &arguments.out, &arguments.json)?;
+        if !outcome.complete {
+            // The next call goes on.
+            return Ok(());
+        }
+    }
+    forget(&settings.state);
+    Ok(())
+}
+
+fn put_together(arguments: &Assembly) -> Result<(), String> {
+    let level = Level::open(&arguments.job)?;
+    let fingerprint = level.baker().whole_fingerprint();
+    let mut shards = Vec::new();
+    for file in &arguments.shards {
+        let named = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+        let bytes = std::fs::read(file).map_err(|error| named(&error))?;
+        let shard = Shard::from_bytes(&bytes).map_err(|error| named(&error))?;
+        if shard.fingerprint != fingerprint {
+            return Err(named(&"it is of another scene, other viewcells or other settings"));
+        }
+        shards.push(shard);
+    }
+    let cells = assemble(level.viewcells.cells().len(), shards).map_err(|error| error.to_string())?;
+    store(&level, &cells, 0.0, true, &arguments.out, &arguments.json)
+}
+
+/// Writes the file of a bake and its report.
+fn store(
+    level: &Level,
+    cells: &[CellSandwich],
+    seconds: f64,
+    complete: bool,
+    out: &Path,
+    json: &Option<PathBuf>,
+) -> Result<(), String> {
+    let set = level.set(cells)?;
+    write(out, &set.to_bytes())?;
+    let report = Report::new(level, cells, &set, seconds, complete);
+    print!("{}", report.text());
+    if let Some(path) = json {
+        write(path, &serde_json::to_vec(&report).map_err(|error| error.to_string())?)?;
+    }
+    Ok(())
+}

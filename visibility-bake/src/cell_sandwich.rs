@@ -1,0 +1,57 @@
+//! What a bake finds for one viewcell.
+
+use visibility_core::binary_format::{FormatError, Reader, Writer};
+
+/// The objects visible from one viewcell, from below and from above: at least those seen, at most those seen
+/// and those open. Objects are given by their [indices](visibility_core::ObjectId::index).
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct CellSandwich {
+    /// Objects that a line of sight reaches, ascending.
+    pub seen: Vec<u32>,
+    /// Objects neither seen nor proven hidden, ascending. They count as visible.
+    pub open: Vec<u32>,
+    /// Number of objects that the sweep of extended projections found hidden.
+    pub swept: u32,
+    /// Number of objects that were proven hidden one by one or in groups.
+    pub proven: u32,
+    /// Work done after the sweep: rays, and nodes of the search for proofs.
+    pub steps: u64,
+}
+
+impl CellSandwich {
+    /// Returns the objects that count as visible, ascending.
+    pub fn reported(&self) -> Vec<u32> {
+        let mut row = [self.seen.as_slice(), &self.open].concat();
+        row.sort_unstable();
+        row
+    }
+
+    pub(crate) fn save(&self, to: &mut Writer) {
+        to.u32(self.swept);
+        to.u32(self.proven);
+        to.u64(self.steps);
+        for list in [&self.seen, &self.open] {
+            to.u32(list.len() as u32);
+            to.u32s(list.iter().copied());
+        }
+    }
+
+    /// Reads what [`save`](Self::save) has written. Objects must be below `limit`.
+    pub(crate) fn load(from: &mut Reader<'_>, limit: usize) -> Result<Self, FormatError> {
+        let (swept, proven, steps) = (from.u32()?, from.u32()?, from.u64()?);
+        let mut lists = [Vec::new(), Vec::new()];
+        for list in &mut lists {
+            let count = from.u32()? as usize;
+            *list = from.u32s(count)?;
+            let ascends = list.windows(2).all(|pair| pair[0] < pair[1]);
+            if !ascends || list.last().is_some_and(|&last| last as usize >= limit) {
+                return Err(from.content_error("objects of a viewcell are unknown or out of order"));
+            }
+        }
+        let [seen, open] = lists;
+        if open.iter().any(|index| seen.binary_search(index).is_ok()) {
+            return Err(from.content_error("an object of a viewcell is both seen and open"));
+        }
+        Ok(Self { seen, open, swept, proven, steps })
+    }
+}

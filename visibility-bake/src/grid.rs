@@ -1,0 +1,184 @@
+//! Grids of viewcells.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+
+/// A grid of equal boxes in world space, of which some become viewcells. Neighbours share their faces to the
+/// last bit, so that no eye is between two viewcells.
+///
+/// ```
+/// use visibility_bake::Grid;
+/// use visibility_core::glam::DVec3;
+/// let grid = Grid::new(DVec3::ZERO, DVec3::new(4.0, 4.0, 2.0))?;
+/// assert_eq!(grid.over(DVec3::ZERO, DVec3::new(8.0, 4.0, 2.0))?.len(), 2);
+/// let walk = [DVec3::new(1.0, 1.0, 1.7), DVec3::new(9.0, 1.0, 1.7)];
+/// assert_eq!(grid.along(&walk)?.len(), 3);
+/// # Ok::<(), visibility_bake::GridError>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Grid {
+    origin: DVec3,
+    size: DVec3,
+}
+
+/// A grid that cannot be made.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum GridError {
+    /// The size of a box is not positive and finite on each axis, or the origin is not finite.
+    Size,
+    /// The box or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`].
+    TooMany,
+}
+
+impl fmt::Display for GridError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Size => write!(f, "the size of viewcells must be positive and finite"),
+            Self::TooMany => write!(f, "more than {} viewcells, or a place that is not finite", Grid::LIMIT),
+        }
+    }
+}
+
+impl std::error::Error for GridError {}
+
+impl Grid {
+    /// Greatest number of viewcells that a call returns.
+    pub const LIMIT: usize = 1 << 24;
+
+    /// Makes a grid with a corner of a box at `origin`. `size` is that of a box, in metres.
+    ///
+    /// # Errors
+    /// [`GridError::Size`].
+    pub fn new(origin: DVec3, size: DVec3) -> Result<Self, GridError> {
+        let is_positive = size.is_finite() && size.cmpgt(DVec3::ZERO).all();
+        if is_positive && origin.is_finite() { Ok(Self { origin, size }) } else { Err(GridError::Size) }
+    }
+
+    /// Returns the viewcells that together contain the box from `min` to `max`, along x first. A box of the
+    /// grid that only touches it from outside is left out. None if the box is inverted.
+    ///
+    /// # Errors
+    /// [`GridError::TooMany`].
+    pub fn over(&self, min: DVec3, max: DVec3) -> Result<Vec<Viewcell>, GridError> {
+        if !min.is_finite() || !max.is_finite() {
+            return Err(GridError::TooMany);
+        }
+        if !min.cmple(max).all() {
+            return Ok(Vec::new());
+        }
+        let first = self.place(min)?;
+        let end = ((max - self.origin) / self.size).ceil().to_array();
+        let mut counts = [0u64; 3];
+        for axis in 0..3 {
+            // A box without extent is in one box of the grid.
+            counts[axis] = (end[axis] - first[axis] as f64).max(1.0) as u64;
+        }
+        let count = counts.iter().try_fold(1u64, |product, &count| product.checked_mul(count));
+        if count.is_none_or(|count| count > Self::LIMIT as u64) {
+            return Err(GridError::TooMany);
+        }
+        let [nx, ny, nz] = counts.map(|count| count as i64);
+        let places = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+        Ok(places.map(|at| self.cell([0, 1, 2].map(|axis| first[axis] + at[axis]))).collect())
+    }
+
+    /// Returns the viewcells that a walk in straight lines from point to point passes, in ascending order of
+    /// z, y and x. Cost is in proportion to the number of boxes passed.
+    ///
+    /// # Errors
+    /// [`GridError::TooMany`].
+    pub fn along(&self, walk: &[DVec3]) -> Result<Vec<Viewcell>, GridError> {
+        let mut found = BTreeSet::new();
+        let mut add = |[x, y, z]: [i64; 3]| {
+            found.insert([z, y, x]);
+            if found.len() > Self::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
+        };
+        for (number, &to) in walk.iter().enumerate() {
+            let from = walk[number.saturating_sub(1)];
+            let (start, end) = (self.place(from)?, self.place(to)?);
+            // The parameters at which the segment crosses from one box into the next, on all axes.
+            let mut crossings = Vec::new();
+            for axis in 0..3 {
+                let (a, b) = (start[axis].min(end[axis]), start[axis].max(end[axis]));
+                if b.abs_diff(a) > Self::LIMIT as u64 {
+                    return Err(GridError::TooMany);
+                }
+                let length = to[axis] - from[axis];
+                crossings.extend((a + 1..=b).map(|place| (self.face(axis, place) - from[axis]) / length));
+            }
+            crossings.push(0.0);
+            crossings.push(1.0);
+            crossings.sort_by(f64::total_cmp);
+            add(start)?;
+            add(end)?;
+            for pair in crossings.windows(2) {
+                add(self.place(from + (to - from) * ((pair[0] + pair[1]) * 0.5))?)?;
+            }
+        }
+        Ok(found.into_iter().map(|[z, y, x]| self.cell([x, y, z])).collect())
+    }
+
+    /// Returns the place in the grid of the box that contains a point.
+    fn place(&self, p: DVec3) -> Result<[i64; 3], GridError> {
+        let at = ((p - self.origin) / self.size).floor();
+        // Beyond 2^52 boxes have no extent.
+        let is_near = at.abs().cmplt(DVec3::splat(4.5e15)).all();
+        if is_near { Ok(at.to_array().map(|at| at as i64)) } else { Err(GridError::TooMany) }
+    }
+
+    fn face(&self, axis: usize, place: i64) -> f64 {
+        self.origin[axis] + place as f64 * self.size[axis]
+    }
+
+    fn cell(&self, place: [i64; 3]) -> Viewcell {
+        let corner = |step: i64| DVec3::from_array([0, 1, 2].map(|axis| self.face(axis, place[axis] + step)));
+        Viewcell::from_box(corner(0), corner(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::pvs::Viewcells;
+    use visibility_testing::Random;
+
+    #[test]
+    fn every_point_of_a_walk_is_in_a_viewcell() {
+        let mut random = Random(1);
+        let mut point = |reach: f64| DVec3::from_array([(); 3].map(|()| (random.unit() - 0.5) * reach));
+        for size in [0.3, 1.0, 7.7] {
+            let grid = Grid::new(point(100.0), DVec3::new(size, size * 1.7, size * 0.6)).unwrap();
+            let walk = [point(40.0), point(40.0), point(40.0)];
+            let cells = Viewcells::new(grid.along(&walk).unwrap());
+            for (a, b) in [(walk[0], walk[1]), (walk[1], walk[2])] {
+                for step in 0..=10_000 {
+                    let p = a.lerp(b, f64::from(step) / 10_000.0);
+                    let near = DVec3::splat(1e-9);
+                    let mut touching = 0;
+                    cells.for_each_touching(p - near, p + near, |_| touching += 1);
+                    assert!(touching > 0, "{p} of a walk among boxes of {size} m");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_box_is_filled_without_overlap_and_limits_are_errors() {
+        let grid = Grid::new(DVec3::splat(0.1), DVec3::splat(0.1)).unwrap();
+        let cells = grid.over(DVec3::ZERO, DVec3::splat(1.0)).unwrap();
+        assert_eq!(cells.len(), 1000);
+        let volume: f64 = cells.iter().map(|cell| (cell.max - cell.min).element_product()).sum();
+        assert!((volume - 1.0).abs() < 1e-9);
+        assert_eq!(grid.over(DVec3::ONE, DVec3::ZERO).unwrap(), []);
+        assert_eq!(grid.over(DVec3::ZERO, DVec3::ZERO).unwrap().len(), 1);
+        for far in [1e9, 1e300, f64::INFINITY, f64::NAN] {
+            assert_eq!(grid.over(DVec3::ZERO, DVec3::splat(far)), Err(GridError::TooMany));
+            assert_eq!(grid.along(&[DVec3::ZERO, DVec3::splat(far)]), Err(GridError::TooMany));
+        }
+        for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(Grid::new(DVec3::ZERO, DVec3::splat(size)), Err(GridError::Size));
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! From a level to a file: what can be seen from each viewcell of a scene, with bounds on the error, baked on
+//! one machine or in shards on many.
+//!
+//! - [`grid`] makes viewcells.
+//! - [`SandwichBaker`] finds for each viewcell the objects that are seen for certain and those that are not
+//!   proven hidden, by methods from cheap to exact, until what lies between is below a stated
+//!   [gap](Settings::gap).
+//! - [`Shard`] is the result for a range of viewcells, as bytes that another process can
+//!   [assemble](assemble).
+//! - [`BakedSet`] is the file that a game loads: viewcells and potentially visible sets.
+//!
+//! What was not worked on counts as visible, always.
+//!
+//! Based on: the query architecture of Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region
+//! Visibility Culling", 2002; Fredo Durand, George Drettakis, Joelle Thollot and Claude Puech, "Conservative
+//! Visibility Preprocessing using Extended Projections", 2000, for the first upper bound.
+#![forbid(unsafe_code)]
+
+mod baked_set;
+mod cell_sandwich;
+mod fingerprint;
+mod grid;
+mod sandwich_baker;
+mod settings;
+mod shard;
+
+pub use baked_set::{BakedSet, BakedSetError};
+pub use cell_sandwich::CellSandwich;
+pub use fingerprint::scene_fingerprint;
+pub use grid::{Grid, GridError};
+pub use sandwich_baker::{BakeScratch, SandwichBaker, SandwichOutcome};
+pub use settings::Settings;
+pub use shard::{AssembleError, Shard, assemble};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

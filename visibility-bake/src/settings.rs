@@ -1,0 +1,28 @@
+//! How much a bake finds out.
+
+/// Settings of a [`SandwichBaker`](crate::SandwichBaker).
+///
+/// ```
+/// let settings = visibility_bake::Settings { gap: 0.0, ..Default::default() };
+/// assert_eq!(settings.clearance, 1e-4);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Settings {
+    /// Proofs for a viewcell end when the open objects have at most this part of the
+    /// [cost](visibility_core::Object::cost) of all that are reported, from 0 to 1. 0 asks for a proof of
+    /// every object that is not seen; 1 for none. NaN counts as 0.
+    pub gap: f64,
+    /// Distance in metres that a line of sight must keep from all occluders for an object to count as
+    /// visible, up to a factor of six. 0 gives a conservative bake, see
+    /// [`Effort::Exact`](visibility_exact::Effort::Exact).
+    pub clearance: f64,
+    /// Number of rays aimed at each object before any proof is tried; 64 times as many go in all directions.
+    pub rays: u32,
+}
+
+impl Default for Settings {
+    /// A gap of 5 %, a clearance of a tenth of a millimetre, 200 rays at each object.
+    fn default() -> Self {
+        Self { gap: 0.05, clearance: 1e-4, rays: 200 }
+    }
+}

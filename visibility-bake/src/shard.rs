@@ -1,0 +1,138 @@
+//! Parts of a bake that were worked on apart, on threads or machines, and their assembly.
+
+use crate::cell_sandwich::CellSandwich;
+use crate::sandwich_baker::{SandwichBaker, SandwichOutcome};
+use std::fmt;
+use visibility_core::bake::Bake;
+use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
+
+const FORMAT: Format = Format { magic: *b"VISSHARD", version: 1 };
+
+/// The sandwiches of a range of viewcells: a pure function of the scene, all viewcells, the settings and the
+/// range. Its bytes carry a checksum and the
+/// [fingerprint of the whole bake](SandwichBaker::whole_fingerprint).
+///
+/// ```
+/// use visibility_bake::{SandwichBaker, Settings, Shard, assemble};
+/// use visibility_core::{glam::DVec3, pvs::{Viewcell, Viewcells}, Aabb, Scene};
+/// let mut scene = Scene::new();
+/// scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
+/// let cell = |x: f64| Viewcell::from_box(DVec3::splat(x), DVec3::splat(x + 1.0));
+/// let cells = Viewcells::new([cell(0.0), cell(1.0), cell(2.0)]);
+/// let shard = |range| Shard::bake(SandwichBaker::new(&scene, &cells, Settings::default()).with_range(range));
+/// let stored = [shard(2..3).to_bytes(), shard(0..2).to_bytes()];
+/// let shards = stored.iter().map(|bytes| Shard::from_bytes(bytes)).collect::<Result<Vec<_>, _>>()?;
+/// assert_eq!(assemble(3, shards)?.len(), 3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Shard {
+    /// [Fingerprint](SandwichBaker::whole_fingerprint) of the whole bake.
+    pub fingerprint: u64,
+    /// Number of the first viewcell.
+    pub first: usize,
+    /// By viewcell, from `first` on.
+    pub cells: Vec<CellSandwich>,
+}
+
+impl Shard {
+    /// Bakes the range of a baker.
+    pub fn bake(baker: SandwichBaker<'_>) -> Self {
+        let fingerprint = baker.whole_fingerprint();
+        Self::new(fingerprint, Bake::new(baker).run())
+    }
+
+    /// Makes a shard from the outcome of a bake with a
+    /// [fingerprint](SandwichBaker::whole_fingerprint).
+    pub fn new(fingerprint: u64, outcome: SandwichOutcome) -> Self {
+        Self { fingerprint, first: outcome.first, cells: outcome.cells }
+    }
+
+    /// Returns the shard as bytes in the [binary format](visibility_core::binary_format).
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut to = Writer::new(FORMAT, 0, self.fingerprint);
+        to.u64(self.first as u64);
+        to.u32(self.cells.len() as u32);
+        for cell in &self.cells {
+            cell.save(&mut to);
+        }
+        to.finish()
+    }
+
+    /// Reads the bytes of a shard.
+    ///
+    /// # Errors
+    /// [`FormatError`] if they are damaged or something else.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
+        let mut from = Reader::new(bytes, FORMAT)?;
+        let fingerprint = from.fingerprint();
+        from.expect(0, fingerprint)?;
+        let first = usize::try_from(from.u64()?).unwrap_or(usize::MAX);
+        let count = from.u32()?;
+        let mut cells = Vec::new();
+        for _ in 0..count {
+            cells.push(CellSandwich::load(&mut from, usize::MAX)?);
+        }
+        from.end()?;
+        Ok(Self { fingerprint, first, cells })
+    }
+}
+
+/// Shards that do not make a whole.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum AssembleError {
+    /// The shard at this position of the list is of another bake than the first: of another scene, other
+    /// viewcells or other settings.
+    OtherBake(usize),
+    /// The shard at this position of the list has viewcells beyond the last.
+    Range(usize),
+    /// The shard at this position of the list contradicts an earlier one.
+    Contradiction(usize),
+    /// No shard has the viewcells from the first number to before the second.
+    Missing(usize, usize),
+}
+
+impl fmt::Display for AssembleError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OtherBake(at) => {
+                write!(f, "shard {at} is of another scene, other viewcells or other settings than shard 0")
+            }
+            Self::Range(at) => write!(f, "shard {at} has viewcells beyond the last"),
+            Self::Contradiction(at) => write!(f, "shard {at} contradicts an earlier shard"),
+            Self::Missing(from, to) => write!(f, "viewcells {from} to {} are in no shard", to - 1),
+        }
+    }
+}
+
+impl std::error::Error for AssembleError {}
+
+/// Puts the shards of a bake of `count` viewcells together, in any order. A viewcell may be in several
+/// shards, as after a machine was given up too early, if these agree.
+///
+/// # Errors
+/// [`AssembleError`] if a viewcell is in no shard, or shards are of different bakes.
+pub fn assemble(
+    count: usize,
+    shards: impl IntoIterator<Item = Shard>,
+) -> Result<Vec<CellSandwich>, AssembleError> {
+    let mut cells: Vec<Option<CellSandwich>> = vec![None; count];
+    let mut whole = None;
+    for (at, shard) in shards.into_iter().enumerate() {
+        if *whole.get_or_insert(shard.fingerprint) != shard.fingerprint {
+            return Err(AssembleError::OtherBake(at));
+        }
+        let end = shard.first.checked_add(shard.cells.len()).filter(|&end| end <= count);
+        let range = shard.first..end.ok_or(AssembleError::Range(at))?;
+        for (place, cell) in cells[range].iter_mut().zip(shard.cells) {
+            if *place.get_or_insert_with(|| cell.clone()) != cell {
+                return Err(AssembleError::Contradiction(at));
+            }
+        }
+    }
+    if let Some(from) = cells.iter().position(Option::is_none) {
+        let to = cells[from..].iter().position(Option::is_some).map_or(count, |length| from + length);
+        return Err(AssembleError::Missing(from, to));
+    }
+    Ok(cells.into_iter().flatten().collect())
+}

@@ -1,0 +1,184 @@
+//! Tests of the bake: its answers against rays of their own, the same bytes in shards, on threads, and after
+//! stops; gaps that are met; damaged files.
+#![allow(missing_docs)]
+
+use visibility_bake::{
+    AssembleError, BakedSet, BakedSetError, CellSandwich, Grid, SandwichBaker, Settings, Shard, assemble,
+};
+use visibility_core::bake::Bake;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::Viewcells;
+use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Object, Scene};
+use visibility_testing::Random;
+
+/// A street: houses left and right, with small boxes between and behind them.
+fn street() -> (Scene, Viewcells) {
+    let mut random = Random(5);
+    let mut scene = Scene::new();
+    let mut number = |low: f64, high: f64| (low + (high - low) * random.unit()) as f32;
+    for i in 0..8 {
+        for side in [-1.0, 1.0] {
+            let (x, y) = (i as f32 * 10.0, side * 12.0);
+            insert(&mut scene, [x, y - 4.0, 0.0], [x + number(7.0, 10.0), y + 4.0, number(5.0, 9.0)], true);
+        }
+    }
+    for _ in 0..60 {
+        let corner = [number(-10.0, 90.0), number(-40.0, 40.0), 0.0];
+        insert(&mut scene, corner, [corner[0] + 1.0, corner[1] + 1.0, number(0.5, 2.0)], false);
+    }
+    scene.prepare_occluders(&Default::default());
+    let grid = Grid::new(DVec3::new(0.0, -2.0, 1.0), DVec3::new(8.0, 4.0, 1.0)).unwrap();
+    let cells = grid.over(DVec3::new(0.0, -2.0, 1.0), DVec3::new(80.0, 2.0, 2.0)).unwrap();
+    assert_eq!(cells.len(), 10);
+    (scene, Viewcells::new(cells))
+}
+
+fn insert(scene: &mut Scene, min: [f32; 3], max: [f32; 3], occluder: bool) {
+    let bounds = Aabb::from_arrays(min, max);
+    let corner = bounds.corners();
+    // Two triangles for each side, from the corners that lie in the side's plane.
+    let mut triangles: Vec<Triangle> = Vec::new();
+    for axis in 0..3 {
+        for plane in [bounds.min[axis], bounds.max[axis]] {
+            let side: Vec<Vec3> = corner.iter().copied().filter(|corner| corner[axis] == plane).collect();
+            triangles.push([side[0], side[1], side[2]]);
+            triangles.push([side[1], side[2], side[3]]);
+        }
+    }
+    let id = scene.insert(Object { occluder, cost: 12, ..Object::new(bounds) });
+    scene.set_triangles(id, triangles).unwrap();
+}
+
+fn baked(scene: &Scene, cells: &Viewcells, settings: Settings) -> Vec<CellSandwich> {
+    Bake::new(SandwichBaker::new(scene, cells, settings)).run().cells
+}
+
+/// Returns whether a segment between two points misses the inside of all houses but one, by slabs.
+fn is_clear(scene: &Scene, from: DVec3, to: DVec3, but: usize) -> bool {
+    scene.ids().filter(|id| id.index() != but).all(|id| {
+        let object = scene.object(id).unwrap();
+        let (min, max) = (object.bounds.min.as_dvec3(), object.bounds.max.as_dvec3());
+        let (a, b) = ((min - from) / (to - from), (max - from) / (to - from));
+        let (enter, leave) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(1.0));
+        !object.occluder || enter >= leave
+    })
+}
+
+#[test]
+fn no_object_that_a_ray_reaches_is_left_out_and_few_are_reported() {
+    let (scene, cells) = street();
+    let found = baked(&scene, &cells, Settings { gap: 0.0, ..Settings::default() });
+    let mut random = Random(9);
+    let mut hidden = 0;
+    for (cell, sandwich) in cells.cells().iter().zip(&found) {
+        let reported = sandwich.reported();
+        let total = reported.len() + (sandwich.swept + sandwich.proven) as usize;
+        assert_eq!(total, scene.len(), "every object is seen, open, swept away or proven hidden");
+        hidden += scene.len() - reported.len();
+        for id in scene.ids().filter(|id| reported.binary_search(&(id.index() as u32)).is_err()) {
+            let bounds = scene.bounds(id).unwrap();
+            let mut between =
+                |a: DVec3, b: DVec3| a + (b - a) * DVec3::from_array([(); 3].map(|()| random.unit()));
+            for _ in 0..400 {
+                let from = between(cell.min, cell.max);
+                let to = between(bounds.min.as_dvec3(), bounds.max.as_dvec3());
+                assert!(!is_clear(&scene, from, to, id.index()), "{id} is seen from {from} at {to}");
+            }
+        }
+    }
+    assert!(hidden > 10 * 30, "{hidden} of {}", 10 * scene.len());
+    let open: usize = found.iter().map(|cell| cell.open.len()).sum();
+    assert!(open <= 5, "{open} open");
+}
+
+#[test]
+fn a_gap_saves_work_and_is_met() {
+    let (scene, cells) = street();
+    let all = baked(&scene, &cells, Settings { gap: 0.0, rays: 2, ..Settings::default() });
+    let some = baked(&scene, &cells, Settings { gap: 0.3, rays: 2, ..Settings::default() });
+    let none = baked(&scene, &cells, Settings { gap: 1.0, rays: 2, ..Settings::default() });
+    let steps = |cells: &[CellSandwich]| cells.iter().map(|cell| cell.steps).sum::<u64>();
+    assert!(steps(&none) < steps(&some) && steps(&some) < steps(&all));
+    for ((some, none), all) in some.iter().zip(&none).zip(&all) {
+        // All objects but those on the ground cost 12.
+        let gap = some.open.len() as f64 / (some.seen.len() + some.open.len()) as f64;
+        assert!(gap <= 0.3 || some.open.iter().all(|index| all.open.contains(index)), "{gap}");
+        assert_eq!(none.proven, 0);
+        let is_within = |inner: &CellSandwich, outer: &CellSandwich| {
+            inner.reported().iter().all(|index| outer.reported().contains(index))
+        };
+        assert!(is_within(all, some) && is_within(some, none));
+    }
+}
+
+#[test]
+fn shards_threads_and_stops_give_the_same_bytes() {
+    let (scene, cells) = street();
+    let settings = Settings { gap: 0.0, ..Settings::default() };
+    let baker = || SandwichBaker::new(&scene, &cells, settings);
+    let whole = Shard::bake(baker()).to_bytes();
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert_eq!(pool.install(|| Shard::bake(baker())).to_bytes(), whole, "{threads} threads");
+    }
+    // Stopped after each round, and resumed.
+    let mut state = Bake::new(baker()).save();
+    loop {
+        let mut bake = Bake::resume(baker(), &state).unwrap();
+        if bake.advance().is_none() {
+            let shard = Shard::new(bake.baker().whole_fingerprint(), bake.finish());
+            assert_eq!(shard.to_bytes(), whole);
+            break;
+        }
+        state = bake.save();
+    }
+    // Shards in any order, one of them twice.
+    let part = |range| Shard::from_bytes(&Shard::bake(baker().with_range(range)).to_bytes()).unwrap();
+    let shards = [part(7..99), part(0..4), part(3..8), part(0..4)];
+    let assembled = assemble(10, shards.clone()).unwrap();
+    assert_eq!(assembled, Shard::from_bytes(&whole).unwrap().cells);
+
+    let [last, first, ..] = shards.clone();
+    assert_eq!(assemble(10, [first.clone(), last.clone()]), Err(AssembleError::Missing(4, 7)));
+    assert_eq!(assemble(9, [last.clone()]), Err(AssembleError::Range(0)));
+    let other = Shard::bake(SandwichBaker::new(&scene, &cells, Settings::default()).with_range(0..1));
+    assert_eq!(assemble(10, [first.clone(), other]), Err(AssembleError::OtherBake(1)));
+    let mut wrong = first.clone();
+    wrong.cells[2].seen.pop();
+    assert_eq!(assemble(10, [first, wrong]), Err(AssembleError::Contradiction(1)));
+}
+
+#[test]
+fn an_unfinished_bake_reports_all() {
+    let (scene, cells) = street();
+    let outcome = Bake::new(SandwichBaker::new(&scene, &cells, Settings::default())).finish();
+    assert!(!outcome.complete);
+    assert!(outcome.cells.iter().all(|cell| cell.reported().len() == scene.len()));
+}
+
+#[test]
+fn files_are_read_for_their_scene_alone_and_damage_is_found() {
+    let (mut scene, cells) = street();
+    let rows: Vec<Vec<u32>> =
+        baked(&scene, &cells, Settings::default()).iter().map(CellSandwich::reported).collect();
+    let set = BakedSet::new(&scene, cells, &rows).unwrap();
+    let bytes = set.to_bytes();
+    assert_eq!(BakedSet::from_bytes(&bytes), Ok(set.clone()));
+    for (number, row) in (0..).zip(&rows) {
+        for index in 0..scene.len() as u32 {
+            let sees = set.pvs().sees(visibility_core::pvs::ViewcellId(number), index);
+            assert_eq!(sees, row.contains(&index));
+        }
+    }
+    assert!(set.clone().for_scene(&scene).is_ok());
+    for at in 0..bytes.len() {
+        assert!(BakedSet::from_bytes(&bytes[..at]).is_err(), "{at} bytes");
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 4;
+        assert!(BakedSet::from_bytes(&damaged).is_err(), "byte {at}");
+    }
+    let first = scene.ids().next().unwrap();
+    scene.set_bounds(first, Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
+    assert!(matches!(set.for_scene(&scene), Err(BakedSetError::OtherScene)));
+}
