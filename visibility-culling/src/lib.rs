@@ -51,6 +51,8 @@ pub use visibility_core::*;
 
 #[cfg(feature = "2d")]
 pub use visibility_2d as two_d;
+#[cfg(feature = "baked")]
+pub use visibility_bake as baked;
 #[cfg(feature = "bsp")]
 pub use visibility_bsp as bsp;
 #[cfg(feature = "exact")]
