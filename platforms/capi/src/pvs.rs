@@ -119,6 +119,30 @@ pub unsafe extern "C" fn vis_pvs_sees(
     })
 }
 
+/// Writes the row of a viewcell: one bit per target, `target % 32` of word `target / 32`, set for targets
+/// that may be seen from there, and the number of words to `count`. Null and too short as for
+/// `vis_pvs_write`. Faster than `vis_pvs_sees` for many targets.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pvs_write_row(
+    pvs: *const vis_pvs,
+    viewcell: u32,
+    words: *mut u32,
+    capacity: usize,
+    count: *mut usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (pvs, words) = unsafe { (reference(pvs, "pvs")?, buffer(words, capacity, count)?) };
+        let mut row = Vec::new();
+        if !pvs.0.write_bits(ViewcellId(viewcell), &mut row) {
+            let message = format_args!("the set has no viewcell {viewcell}");
+            return Err(Error::new(vis_status::VIS_ERROR_UNKNOWN_ID, message));
+        }
+        let halves = row.into_iter().flat_map(|word| [word as u32, (word >> 32) as u32]);
+        words.fill(pvs.0.target_count().div_ceil(32), halves)
+    })
+}
+
 /// Prepares a set for the present state of a scene, for `vis_pipeline_add_pvs`. Viewcell `i` of the set is
 /// the region `viewcells[i]`; `planes` as in `vis_cells_create`. The arrays `objects` and `targets`, of
 /// `pair_count`, give objects their targets; an object may have several. Objects without a target, and

@@ -100,11 +100,12 @@ unsafe fn optional_point<'a>(point: *const f64, name: &str) -> Result<Option<&'a
 }
 
 /// Sets the camera of a view by the matrix that the engine draws with: 16 numbers, column-major, from the
-/// world to clip space. `depth` is the `vis_depth` that the matrix was made for.
+/// world to clip space. `depth` is the `vis_depth` that the matrix was made for. `origin` has the 3
+/// coordinates of the point of the world that the matrix is relative to, for engines that draw relative to
+/// the camera; null for the origin of the world. The view keeps its layers and loses its clip planes.
 ///
-/// `origin` has the 3 coordinates of the point of the world that the matrix is relative to, for engines that
-/// draw relative to the camera; null for the origin of the world. The view keeps its layers and loses its
-/// clip planes.
+/// Two conditions, which every camera meets, are not checked: clip-space w does not decrease away from the
+/// eye, and the near plane is not behind the eye. Occlusion culling relies on them.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_set_matrix(
     view: *mut vis_view,
@@ -158,41 +159,41 @@ impl From<&vis_pose> for Pose {
 }
 
 /// Sets the camera of a view by its pose and lens, for programs that have no matrix. `fov_y` is the vertical
-/// field of view in radians, `aspect` width over height, `near` and `far` the distances of the planes; `far`
-/// may be infinite.
+/// field of view in radians, `aspect` width over height, `near_plane` and `far_plane` the distances of the
+/// planes; `far_plane` may be infinite. The view keeps its layers and loses its clip planes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_set_perspective(
     view: *mut vis_view,
     pose: *const vis_pose,
     fov_y: f64,
     aspect: f64,
-    near: f64,
-    far: f64,
+    near_plane: f64,
+    far_plane: f64,
 ) -> vis_status {
     border(|| {
         // SAFETY: the header's rules for pointers.
         let (view, pose) = unsafe { (reference(view, "view")?, reference(pose, "pose")?) };
-        view.set(View::perspective(pose.into(), fov_y, aspect, near, far)?)
+        view.set(View::perspective(pose.into(), fov_y, aspect, near_plane, far_plane)?)
     })
 }
 
 /// Sets the camera of a view with parallel lines of sight: shadow cascades, maps, plans. The picture is
-/// `width` by `height` metres around the viewing axis; `near` and `far` are distances from the eye along the
-/// axis, and `near` may be negative.
+/// `width` by `height` metres around the viewing axis; `near_plane` and `far_plane` are distances from the
+/// eye along the axis, and `near_plane` may be negative. The view keeps its layers and loses its clip planes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_set_orthographic(
     view: *mut vis_view,
     pose: *const vis_pose,
     width: f64,
     height: f64,
-    near: f64,
-    far: f64,
+    near_plane: f64,
+    far_plane: f64,
 ) -> vis_status {
     border(|| {
         // SAFETY: the header's rules for pointers.
         let (view, pose) = unsafe { (reference(view, "view")?, reference(pose, "pose")?) };
         let window = Window::centered(width * 0.5, height * 0.5);
-        view.set(View::orthographic(pose.into(), window, near, far)?)
+        view.set(View::orthographic(pose.into(), window, near_plane, far_plane)?)
     })
 }
 

@@ -288,6 +288,18 @@ fn doors_shut_for_all_views_that_share_the_cells() {
         assert_eq!((rows, columns), (2, 2));
         assert_eq!(vis_pvs_sees(pvs, 0, 1, &raw mut sees), VIS_OK);
         assert!(!sees);
+        let mut row = 0;
+        assert_eq!(vis_pvs_write_row(pvs, 1, &mut row, 1, &mut rows), VIS_OK);
+        assert_eq!((rows, row), (1, 3));
+        assert_eq!(vis_pvs_write_row(pvs, 2, &mut row, 1, &mut rows), VIS_ERROR_UNKNOWN_ID);
+        // A target in each half of a word of the set, and a row that ends in the first half.
+        let (mut wide, targets) = (null_mut(), [0, 31, 32, 63, 64, 69_u32]);
+        assert_eq!(vis_pvs_create(70, &6, 1, targets.as_ptr(), 6, &mut wide), VIS_OK);
+        let mut words = [0; 3];
+        assert_eq!(vis_pvs_write_row(wide, 0, words.as_mut_ptr(), 2, &mut rows), VIS_ERROR_TOO_SHORT);
+        assert_eq!(vis_pvs_write_row(wide, 0, words.as_mut_ptr(), 3, &mut rows), VIS_OK);
+        assert_eq!(words, [1 << 31 | 1, 1 << 31 | 1, 1 << 5 | 1]);
+        vis_pvs_destroy(wide);
         assert_eq!(see(), [0, 1], "a refused set leaves the cells as they were");
         vis_cells_destroy(cells);
         vis_graph_destroy(graph);
