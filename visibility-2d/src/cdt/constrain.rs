@@ -67,6 +67,8 @@ pub(crate) struct Constrainer {
     chain: Vec<(u32, u32)>,
     /// Crossings met by the wall that is inserted.
     splits: usize,
+    /// Number of crossings that a wall may well have, given the triangulation before it.
+    usual: usize,
 }
 
 impl Constrainer {
@@ -97,9 +99,11 @@ impl Constrainer {
         walls: u32,
     ) -> Result<(), PlanError> {
         self.tasks.push(Task { from, to, walls, is_part: false });
-        self.splits = 0;
+        (self.splits, self.usual) = (0, 16 * of.points.len() + 1024);
         while let Some(task) = self.tasks.pop() {
-            let count = of.points.len().max(of.lists.len());
+            // Pieces as short as rounding may bend to and fro without end, in very few piles of walls.
+            let endless = if self.splits > self.usual { MOST_VERTICES + self.splits } else { 0 };
+            let count = of.points.len().max(of.lists.len()).max(endless);
             if count > MOST_VERTICES {
                 self.tasks.clear();
                 return Err(PlanError::TooMany { count });
@@ -174,10 +178,9 @@ impl Constrainer {
         mark_as(of, crossed, NONE);
         of.begin_at(crossed);
         self.splits += 1;
-        // Pieces as short as rounding might bend to and fro: if there are too many, they cross instead.
-        let may_bend = self.splits < 16 * of.points.len() + 1024;
-        let vertex = near_vertex(of, middle, [from, to, ends[0], ends[1]], is_part);
-        let vertex = vertex.filter(|_| may_bend).unwrap_or_else(|| of.insert(middle));
+        let ends_of_both = [from, to, ends[0], ends[1]];
+        let vertex = near_vertex(of, middle, ends_of_both, is_part);
+        let vertex = vertex.unwrap_or_else(|| of.insert(middle));
         // The pieces of the wall in the way come first, so that the way is not crossed twice. A piece between
         // equal vertices is dropped.
         for (from, to, walls) in [
