@@ -27,13 +27,21 @@ pub(super) fn norm(a: [D; 3]) -> f64 {
 ///
 /// To first order the change is delta times the sum of the magnitudes of the derivatives, which for each
 /// point are the cross product of two differences of the others; twice that covers higher orders where the
-/// value is not smaller than the bound. Rounding of double-double arithmetic is below 2^-90 of the products.
+/// value is not smaller than the bound.
+///
+/// Rounding, with E the relative error of a double-double operation: differences are exact, a component of
+/// the cross product is wrong by 2 E of the sum of the magnitudes of its two products, and the product with
+/// the difference and two sums add 3 E: less than 8 E of the sum of the magnitudes of the six terms. This
+/// sum, not a product of lengths: lines may pass an edge as near as the search's bound, 16 U of the same sum.
 pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, f64) {
     let (r, u, w) = (difference(q, p), difference(a, p), difference(b, p));
     let normal = cross(u, w);
     let value = dot(r, normal).hi;
+    let term = |i: usize, j: usize, k: usize| (r[i].hi * u[j].hi * w[k].hi).abs();
+    let terms: f64 =
+        [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(|(i, j, k)| term(i, j, k) + term(i, k, j)).iter().sum();
+    let rounding = 8.0 * D::ERROR * terms;
     let opposite = cross(difference(a, q), difference(b, q));
     let slopes = norm(normal) + norm(opposite) + norm(cross(r, w)) + norm(cross(r, u));
-    let rounding = norm(r) * norm(u) * norm(w) * 1e-27;
     (value, 2.0 * delta * slopes + rounding)
 }

@@ -98,7 +98,7 @@ impl Check<'_> {
 
 /// Returns whether a segment crosses the inside of a triangle; `None` if it may touch the boundary, or the
 /// plane at an end.
-fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
+pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let sign = |(value, error): (f64, f64)| i32::from(value > error) - i32::from(value < -error);
     let s: [i32; 3] = core::array::from_fn(|k| sign(side(p, q, t[k], t[(k + 1) % 3], 0.0)));
     let ends = [p, q].map(|x| sign(side(x, t[0], t[1], t[2], 0.0)));

@@ -2,6 +2,8 @@
 
 use super::context::{Check, Divider};
 use super::exact_side::side;
+use super::surface::crosses;
+use crate::line_side::{Crossing, segment_triangle};
 use crate::polygon::Polygon;
 use crate::proof::{LoopEdge, Proof, Step};
 use crate::search::{Answer, Budget, Search};
@@ -120,6 +122,76 @@ fn lines_that_meet_an_edge_are_on_no_side() {
         let (value, error) = side(p, q, a, b, delta * 1.001);
         assert!(value.abs() <= error, "{p} {q} {a} {b}");
     }
+}
+
+/// Integers of 40 bits: lines that exactly meet the line of an edge are on no side, and lines beside are on
+/// the right side or on none.
+#[test]
+fn sides_have_the_sign_of_exact_ones() {
+    let mut random = Random(4);
+    for round in 0..20_000 {
+        let mut point = || core::array::from_fn::<i64, 3, _>(|_| random.bits() as i64 >> 24);
+        let (p, a, b, near) = (point(), point(), point(), point());
+        let beside = if round % 2 == 0 { 0 } else { 1 };
+        let q = core::array::from_fn(|k| a[k] + b[k] - p[k] + beside * (near[k] % 2));
+        let [r, u, w] = [q, a, b].map(|x| core::array::from_fn::<i128, 3, _>(|k| (x[k] - p[k]).into()));
+        let exact: i128 =
+            (0..3).map(|k| r[k] * (u[(k + 1) % 3] * w[(k + 2) % 3] - u[(k + 2) % 3] * w[(k + 1) % 3])).sum();
+        let [p, q, a, b] = [p, q, a, b].map(|x| DVec3::from_array(x.map(|x| x as f64)));
+        let (value, error) = side(p, q, a, b, 0.0);
+        assert!(value.abs() <= error || (value > 0.0) == (exact > 0) && exact != 0, "{p} {q} {a} {b}");
+    }
+}
+
+/// A segment crosses a triangle 2e-27 m beside an edge, by exact integers in units of 2^-51 m. The search is
+/// sure of this, because all terms of the side are small beside the product of the distances.
+#[test]
+fn what_the_search_is_sure_to_cross_is_crossed() {
+    let t = [[8.0, 3.0, 4.0], [8.0, 13.0, 18.0], [8.0, 3.0, 18.0]];
+    let line = [[-2.5, 3.000_000_000_000_511_6, 4.0], [8.000_000_000_000_048, 3.0, 4.000_000_000_000_682]];
+    let exact = |x: f64| {
+        let scaled = x * (1u64 << 51) as f64;
+        assert_eq!(scaled, scaled.trunc());
+        scaled as i128
+    };
+    let minus = |a: [f64; 3], b: [f64; 3]| core::array::from_fn::<i128, 3, _>(|k| exact(a[k]) - exact(b[k]));
+    let sign = |r: [i128; 3], u: [i128; 3], w: [i128; 3]| {
+        let cross = |k: usize| u[(k + 1) % 3] * w[(k + 2) % 3] - u[(k + 2) % 3] * w[(k + 1) % 3];
+        (0..3).map(|k| r[k] * cross(k)).sum::<i128>().signum()
+    };
+    // Sides of the triangle in whole metres, so that products fit.
+    let edge = |k: usize| minus(t[(k + 1) % 3], t[k]).map(|x| x >> 51);
+    let sides = [0, 1, 2].map(|k| sign(minus(line[1], line[0]), minus(t[k], line[0]), edge(k)));
+    assert!(sides[0] != 0 && sides == [sides[0]; 3], "{sides:?}");
+    assert_eq!(line.map(|x| sign(minus(x, t[0]), edge(0), edge(1))).iter().product::<i128>(), -1);
+    let (line, t) = (line.map(DVec3::from_array), t.map(DVec3::from_array));
+    assert_eq!(segment_triangle(line[0], line[1], &t), Crossing::Yes);
+    assert_eq!(crosses(line, &t), Some(true));
+    // Segments that pass near an edge, at whatever scale on each axis.
+    let mut random = Random(8);
+    let mut sure = 0;
+    for round in 0..50_000 {
+        let tiny = |random: &mut Random| {
+            let part = |random: &mut Random| match random.below(3) {
+                0 => 0.0,
+                _ => random.fine_range(-1.0, 1.0) * 10f64.powf(random.fine_range(-16.0, -8.0)),
+            };
+            DVec3::from_array(core::array::from_fn(|_| part(random)))
+        };
+        let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
+        let (t, p) = ([int(9), int(9), int(9)], int(9));
+        let part = f64::from(round % 3) * 0.5;
+        let q = t[0] + (t[1] - t[0]) * part + tiny(&mut random);
+        let line = [p + tiny(&mut random), q];
+        let expected = match segment_triangle(line[0], line[1], &t) {
+            Crossing::Yes => true,
+            Crossing::No => false,
+            Crossing::Unsure => continue,
+        };
+        sure += 1;
+        assert_eq!(crosses(line, &t), Some(expected), "{round}");
+    }
+    assert!(sure > 10_000, "{sure}");
 }
 
 /// What touches polygons, or a segment between them, is not apart and not outside, and a line that meets the

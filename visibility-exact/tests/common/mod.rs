@@ -92,9 +92,16 @@ pub fn clearance(objects: &[Vec<Triangle>], target: usize, p: DVec3, q: DVec3) -
 }
 
 /// Panics unless a seen object's segment misses the triangles of all other objects, and each proof holds.
-pub fn check(objects: &[Vec<Triangle>], triangles: &SceneTriangles, found: &visibility_exact::CellVerdicts) {
+/// Returns the number of proofs.
+pub fn check(
+    objects: &[Vec<Triangle>],
+    triangles: &SceneTriangles,
+    found: &visibility_exact::CellVerdicts,
+) -> usize {
+    let mut proofs = 0;
     for proof in found.proofs.iter().flat_map(|hidden| &hidden.proofs) {
         proof.check(triangles).unwrap();
+        proofs += 1;
     }
     for (id, verdict) in found.iter(triangles) {
         if let Verdict::Seen(witness) = verdict {
@@ -107,4 +114,5 @@ pub fn check(objects: &[Vec<Triangle>], triangles: &SceneTriangles, found: &visi
             assert!(clear > 0.0 || witness.from == witness.to, "object {id}: {witness:?}");
         }
     }
+    proofs
 }
