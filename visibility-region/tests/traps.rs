@@ -69,6 +69,48 @@ fn what_stands_on_the_ground_behind_a_wall_is_hidden_though_the_wall_ends_there_
 }
 
 #[test]
+fn what_stands_on_the_ground_is_hidden_from_just_above_the_ground_and_hangs_from_a_ceiling_likewise() {
+    for up in [1.0f32, -1.0] {
+        let mut world = World::new();
+        let upright = |x: [f32; 2], y: [f32; 2], z: [f32; 2]| {
+            let z = z.map(|z| z * up);
+            ([x[0], y[0], z[0].min(z[1])], [x[1], y[1], z[0].max(z[1])])
+        };
+        // Streets along x and y; houses of different heights touch one another.
+        for block in 0..64 {
+            let (x, y) = (10.0 + 40.0 * (block / 8) as f32, 45.0 * (block % 8) as f32 - 180.0);
+            for house in 0..6 {
+                let (low, high) = (y + 6.0 * house as f32, y + 6.0 * (house + 1) as f32);
+                let top = 8.0 + ((block * 7 + house * 5) % 11) as f32;
+                let (min, max) = upright([x, x + 30.0], [low, high], [0.0, top]);
+                world.add_box(min, max);
+            }
+        }
+        let crates: Vec<ObjectId> = (0..200)
+            .map(|i| {
+                let (x, y) = (82.0 + 40.0 * (i % 6) as f32, 1.7 * i as f32 - 170.0);
+                let (min, max) = upright([x, x + 1.0], [y, y + 1.0], [0.0, 1.0]);
+                world.add_target(Aabb::from_arrays(min, max))
+            })
+            .collect();
+        // A tower makes pixels large, and what is under the ground makes rays go there.
+        let (min, max) = upright([70.0, 75.0], [0.0, 5.0], [0.0, 300.0]);
+        world.add_target(Aabb::from_arrays(min, max));
+        for i in 0..10 {
+            let (min, max) =
+                upright([70.0, 72.0], [4.0 * i as f32 - 20.0, 4.0 * i as f32 - 19.0], [-9.0, -8.0]);
+            world.add_target(Aabb::from_arrays(min, max));
+        }
+        let (low, high) = (0.005, 3.0);
+        let z = if up > 0.0 { [low, high] } else { [-high, -low] };
+        let cell = Viewcell::from_box(DVec3::new(-2.0, -2.0, z[0]), DVec3::new(2.0, 2.0, z[1]));
+        let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell);
+        let count = crates.iter().filter(|id| hidden.contains(id)).count();
+        assert!(count > 180, "{count} of 200, upwards: {up}");
+    }
+}
+
+#[test]
 fn a_wall_gets_its_plane_however_many_small_occluders_there_are() {
     let mut world = World::new();
     world.add_box([5.0, -20.0, -20.0], [5.2, 20.0, 20.0]);

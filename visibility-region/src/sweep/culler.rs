@@ -8,7 +8,7 @@ use super::pieces::Pieces;
 use super::planes::{self, Cone, Occluders};
 use super::ray_map::RayMap;
 use super::surfaces::Surfaces;
-use super::window::Window;
+use super::window::{Rim, Window};
 use crate::bits::Bits;
 use crate::extent::usable_bounds;
 use crate::solids::occluders_changed;
@@ -58,6 +58,8 @@ pub struct ExtendedProjectionCuller {
     lists: [Vec<Item>; 6],
     /// Projections of the occludees onto the present plane: ends along x and y.
     projections: Vec<[[f64; 2]; 2]>,
+    /// Scratch: coordinates of the items.
+    coordinates: Vec<f64>,
     stack: Vec<Option<usize>>,
     /// Indices of the hidden objects.
     hidden: Bits,
@@ -79,6 +81,7 @@ impl ExtendedProjectionCuller {
             sweep: Sweep::new(),
             lists: Default::default(),
             projections: Vec::new(),
+            coordinates: Vec::new(),
             stack: Vec::new(),
             hidden: Bits::default(),
         }
@@ -116,10 +119,11 @@ impl ExtendedProjectionCuller {
             let all =
                 Occluders { scene, occluding: &occluding, surfaces: &self.surfaces, pieces: &self.pieces };
             let occluders = planes::occluders(all, direction, &cone, &mut self.stack);
+            let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
             self.sweep.begin();
             for d in planes::distances(direction, &cone, &occluders) {
                 let ends = [0, 1].map(|lat| cone.at(direction, d, lat));
-                let Some(window) = Window::fit(direction, d, ends) else { break };
+                let Some(window) = Window::fit(direction, d, ends, rims) else { break };
                 self.sweep.advance(direction, window, &occluders, &cone);
                 each(direction, &window, &self.sweep.map);
             }
@@ -132,6 +136,7 @@ impl ExtendedProjectionCuller {
         let Some(cone) = Cone::around(direction, list) else { return };
         let all = Occluders { scene, occluding: job.occluding, surfaces: job.surfaces, pieces: job.pieces };
         let occluders = planes::occluders(all, direction, &cone, &mut self.stack);
+        let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
         self.sweep.begin();
         for d in planes::distances(direction, &cone, &occluders) {
             job.drop_reached(d, list, stats);
@@ -141,7 +146,7 @@ impl ExtendedProjectionCuller {
                 [0, 1].map(|lat| [a[lat][0].min(b[lat][0]), a[lat][1].max(b[lat][1])])
             };
             let ends = self.projections.iter().copied().reduce(unite);
-            let Some(window) = ends.and_then(|ends| Window::fit(direction, d, ends)) else { return };
+            let Some(window) = ends.and_then(|ends| Window::fit(direction, d, ends, rims)) else { return };
             stats.occluders += self.sweep.advance(direction, window, &occluders, &cone);
             self.test(job, &window, list, stats);
         }

@@ -1,7 +1,9 @@
 //! Windows of projection planes: the rectangle that a map covers, and its pixels.
 
 use super::direction::Direction;
+use super::occludees::Item;
 use super::ray_map::{PixelRect, Ranges, SIDE};
+use alloc::vec::Vec;
 
 /// The margin of every decision in pixels. All pixel coordinates that decide are in error by less: see
 /// [`Window::fit`] for the lateral positions and [`OccluderRaster`](super::occluder_raster::OccluderRaster)
@@ -10,6 +12,48 @@ pub(crate) const SLACK: f64 = 1.0 / 1024.0;
 
 /// Least width of a window, in units of the rounding error of positions on it: 2^26.
 const WIDTH: f64 = 67_108_864.0;
+
+/// Distance in pixels from a rim to the boundary of pixels next to it: edges at the rim, with their margin,
+/// then mark pixels on one side of the boundary alone.
+const BESIDE: f64 = 4.0 * SLACK;
+
+/// A coordinate along a lateral axis at which most objects begin, or end, such as the ground that houses
+/// stand on. Rays to these objects pass on its inner side. If a pixel had rays of both sides, the lower edge
+/// of a house in front would open the pixel to all that stands behind.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rim {
+    at: f64,
+    /// 1 if objects begin at the rim, -1 if they end there.
+    inwards: f64,
+}
+
+impl Rim {
+    /// Returns the coordinate that most items share along a lateral axis, up to rounding. `None` if no two
+    /// do.
+    pub(crate) fn of(
+        items: &[Item],
+        lat: usize,
+        direction: &Direction,
+        scratch: &mut Vec<f64>,
+    ) -> Option<Self> {
+        let (mut best, mut most) = (None, 1);
+        for inwards in [1.0, -1.0] {
+            scratch.clear();
+            scratch.extend(items.iter().map(
+                |Item { bounds, .. }| {
+                    if inwards > 0.0 { bounds.lo[lat] } else { bounds.hi[lat] }
+                },
+            ));
+            scratch.sort_unstable_by(f64::total_cmp);
+            for equal in scratch.chunk_by(|a, b| b - a <= direction.error) {
+                if equal.len() > most {
+                    (best, most) = (Some(Self { at: equal[0], inwards }), equal.len());
+                }
+            }
+        }
+        best
+    }
+}
 
 /// A projection plane at a distance, with the rectangle on it that its map covers.
 ///
@@ -26,17 +70,31 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    /// Fits a window around the rectangle `ends`, which may be a point but not empty. `None` if the numbers
-    /// are not finite.
-    pub(crate) fn fit(direction: &Direction, d: f64, ends: [[f64; 2]; 2]) -> Option<Self> {
-        let ends = ends.map(|[low, high]| {
+    /// Fits a window around the rectangle `ends`, which may be a point but not empty. Along an axis with a
+    /// rim, a boundary between pixels lies next to the rim. `None` if the numbers are not finite.
+    pub(crate) fn fit(
+        direction: &Direction,
+        d: f64,
+        ends: [[f64; 2]; 2],
+        rims: [Option<Rim>; 2],
+    ) -> Option<Self> {
+        let ends = [0, 1].map(|lat| {
+            let [low, high] = ends[lat];
             // Positions on the plane are sums of three terms within the magnitudes here, each rounded a few
             // times: in error by less than 16 EPSILON of them and of the error of their coordinates, which
             // the factor (d + depth) / (z + depth) <= 1 does not enlarge. The window is at least 2^26 times
             // that wide, so the error is below SIDE / 2^26 < SLACK / 64 pixels.
             let magnitude = low.abs() + high.abs() + direction.widest();
             let pad = (high - low) * 1e-3 + (magnitude * f64::EPSILON + direction.error) * WIDTH;
-            [low - pad, high + pad]
+            let (low, high) = (low - pad, high + pad);
+            let Some(rim) = rims[lat].filter(|rim| low < rim.at && rim.at < high) else {
+                return [low, high];
+            };
+            // One pixel is left for the shift.
+            let pixel = (high - low) / (SIDE - 1) as f64;
+            let boundary = (rim.at + rim.inwards * BESIDE * pixel - low) / pixel;
+            let low = low - (boundary.ceil() - boundary) * pixel;
+            [low, low + pixel * SIDE as f64]
         });
         let scale = ends.map(|[low, high]| SIDE as f64 / (high - low));
         let usable =
