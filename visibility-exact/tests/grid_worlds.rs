@@ -164,6 +164,13 @@ fn proofs_hold_of_targets_in_the_plane_of_a_face_of_the_viewcell() {
     assert_eq!(decide(Kind::Solids, 249..250, 0.0, 1000)[1], 1);
 }
 
+/// A line of sight leaves the viewcell 6e-13 m over its face y = 3, ends in a triangle in the plane of this
+/// face, and passes the edge of an occluder by 1e-16 m.
+#[test]
+fn a_line_of_sight_passes_an_edge_by_less_than_coordinates_resolve() {
+    assert_eq!(decide(Kind::Solids, 389..390, 0.0, 1000)[..3].iter().sum::<usize>(), 1);
+}
+
 #[test]
 #[ignore = "long: 100,000 worlds, 10^8 shots"]
 fn many_worlds() {

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Scene};
 use visibility_exact::{SceneTriangles, Settings, Verdict};
+use visibility_testing::sign_of_sum;
 
 pub type Triangle = [Vec3; 3];
 
@@ -85,6 +86,32 @@ fn segments(p: DVec3, q: DVec3, a: DVec3, b: DVec3) -> f64 {
     (p + d * s).distance(a + e * t)
 }
 
+/// Returns the sign of det(q - p, a - p, b - p), exactly.
+fn orientation(p: DVec3, q: DVec3, a: DVec3, b: DVec3) -> i32 {
+    let triples = [(q, a, b, 1.0), (p, a, b, -1.0), (q, p, b, -1.0), (q, a, p, -1.0)];
+    let orders =
+        [(0, 1, 2, 1.0), (1, 2, 0, 1.0), (2, 0, 1, 1.0), (0, 2, 1, -1.0), (2, 1, 0, -1.0), (1, 0, 2, -1.0)];
+    sign_of_sum(triples.into_iter().flat_map(|(x, y, z, sign)| {
+        orders.into_iter().flat_map(move |(i, j, k, order)| {
+            let high = x[i] * y[j];
+            let low = x[i].mul_add(y[j], -high);
+            [high, low].map(|part| (part, z[k] * sign * order))
+        })
+    }))
+}
+
+/// Returns whether a closed segment and a closed triangle do not touch, exactly. False also for a segment in
+/// the triangle's plane, wherever the segment is.
+fn misses_exactly(p: DVec3, q: DVec3, t: &Triangle) -> bool {
+    let t = t.map(Vec3::as_dvec3);
+    let heights = [p, q].map(|x| orientation(x, t[0], t[1], t[2]));
+    if heights[0] * heights[1] > 0 {
+        return true;
+    }
+    let sides = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| orientation(p, q, t[i], t[j]));
+    heights != [0, 0] && sides.contains(&1) && sides.contains(&-1)
+}
+
 /// Least distance of a segment from all triangles but those of one object.
 pub fn clearance(objects: &[Vec<Triangle>], target: usize, p: DVec3, q: DVec3) -> f64 {
     let others = objects.iter().enumerate().filter(|(o, _)| *o != target);
@@ -105,13 +132,17 @@ pub fn check(
     }
     for (id, verdict) in found.iter(triangles) {
         if let Verdict::Seen(witness) = verdict {
-            // The segment ends on the triangle up to rounding; others may lie in its plane. A shorter one
-            // is rounded off the line, onto an edge that the line passes by less than that.
+            // The segment ends on the triangle up to rounding, and others may lie in its plane: these are
+            // missed by a shorter one. The shorter one is rounded off the line, onto edges that the line
+            // passes by less than that: these are missed by the whole one.
             let short = witness.from + (witness.to - witness.from) * (1.0 - 1e-12);
-            let ends = [witness.to, short];
-            let clear = ends.map(|to| clearance(objects, id.index(), witness.from, to));
-            let clear = clear[0].max(clear[1]);
-            assert!(clear > 0.0 || witness.from == witness.to, "object {id}: {witness:?}");
+            let others = objects.iter().enumerate().filter(|(o, _)| *o != id.index());
+            let clear = others.flat_map(|(_, t)| t).all(|t| {
+                [witness.to, short]
+                    .into_iter()
+                    .any(|to| distance(witness.from, to, t) > 1e-9 || misses_exactly(witness.from, to, t))
+            });
+            assert!(clear || witness.from == witness.to, "object {id}: {witness:?}");
         }
     }
     proofs
