@@ -11,7 +11,7 @@ use crate::proof::Proof;
 use crate::rays::Random;
 use crate::search::{Answer, Budget, Search, Segment};
 use crate::settings::Settings;
-use crate::sight::{CellBox, Target, position_error};
+use crate::sight::{CellBox, Target};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 use alloc::{vec, vec::Vec};
@@ -184,13 +184,15 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Returns whether a box may meet the viewcell, or is too close to it for a target.
+    /// Returns whether a box meets the viewcell, or is too close to it for a target.
+    ///
+    /// Without clearance any distance will do: the faces of both boxes are exact, polygons are cut with a
+    /// pad, and what blocks is certainly apart from the target's face. With a clearance c the target's face
+    /// is advanced by c, and must still be before the viewcell's; another c covers rounding, since a usable
+    /// clearance is at least 64 errors of positions.
     fn meets_cell(&self, min: DVec3, max: DVec3) -> bool {
-        let Search { triangles, cell, clearance, .. } = &self.search;
-        let target = Target::Box { min, max };
-        let Some(delta) = position_error(triangles, cell, target, *clearance) else { return true };
-        let pad = DVec3::splat(8.0 * delta + 2.0 * clearance);
-        cell.meets(min - pad, max + pad)
+        let pad = DVec3::splat(2.0 * self.search.clearance);
+        self.search.cell.meets(min - pad, max + pad)
     }
 
     /// Proves groups of objects hidden, halving those that it cannot prove. Returns the single objects left.

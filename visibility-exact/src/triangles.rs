@@ -1,5 +1,8 @@
 //! The triangles of a scene, welded: which triangles share an edge, and which form one convex polygon.
 
+#[cfg(test)]
+mod tests;
+
 use crate::line_side::U;
 use crate::triangle_tree::TriangleTree;
 use alloc::{boxed::Box, vec, vec::Vec};

@@ -107,9 +107,10 @@ fn a_clearance_that_is_no_number_counts_as_none() {
 fn a_target_nearer_than_the_clearance_is_not_hidden() {
     let t = [[1.005, 0.2, 0.2], [1.005, 0.8, 0.2], [1.005, 0.2, 0.8]].map(Vec3::from);
     let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(0.01)) };
-    // A triangle, and a cube of which nothing but the face at the viewcell can be seen.
-    let cube = cuboid(DVec3::new(1.005, 0.2, 0.2), DVec3::new(1.5, 0.8, 0.8));
-    for object in [vec![t], cube] {
+    // A triangle, and cubes of which nothing but the face at the viewcell can be seen. The advanced face of
+    // the second is as large as the viewcell's and behind it, so that no segment between the two is left.
+    let cube = |r: f64| cuboid(DVec3::new(1.005, 0.5 - r, 0.5 - r), DVec3::new(1.5, 0.5 + r, 0.5 + r));
+    for object in [vec![t], cube(0.3), cube(0.505)] {
         let found = ExactCuller::new(prepared(&[object]), settings).verdicts(&unit_cell());
         assert_eq!(found.counts()[1], 0);
     }

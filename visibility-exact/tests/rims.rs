@@ -182,6 +182,36 @@ fn targets_that_touch_the_viewcell_are_not_hidden() {
     }
 }
 
+/// A box pierces a closed shell around the viewcell and ends before a face of the viewcell, at a distance
+/// above 0 and below the error of positions or about that.
+#[test]
+fn boxes_at_a_distance_within_rounding_are_not_hidden() {
+    let mut random = Random(4);
+    for round in 0..30 {
+        let (axis, steps) = (random.below(3), [1.0, 2.0, 40.0, 1000.0, 9000.0][round % 5]);
+        let mut max = DVec3::ONE;
+        max[axis] -= steps * f64::EPSILON;
+        let mut int = |a: i32, b: i32| f64::from(random.between(a, b)) / 4.0;
+        let low = DVec3::from_array(core::array::from_fn(|_| int(-3, 3)));
+        let size = DVec3::from_array(core::array::from_fn(|_| int(1, 9)));
+        let (mut from, mut to) = (low, low + size);
+        (from[axis], to[axis]) = (1.0, 1.0 + size[axis]);
+        for gap in [1.0, 1.0 / 64.0] {
+            let shell = cuboid(DVec3::splat(-gap), DVec3::splat(1.0 + gap));
+            let objects = vec![cuboid(from, to), shell];
+            let cell = Viewcell::from_box(DVec3::ZERO, max);
+            let is_seen = from.cmple(max + f64::EPSILON * 1e4).all() && to.cmpge(DVec3::ZERO).all();
+            let settings =
+                Settings { rays: 0, aimed_rays: 0, keep_proofs: true, ..Settings::new(Effort::Exact(0.0)) };
+            let triangles = prepared(&objects);
+            let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
+            check(&objects, &triangles, &found);
+            let verdict = found.iter(&triangles).next().unwrap().1;
+            assert!(!is_seen || verdict != Verdict::Hidden, "{round}: {from} to {to}");
+        }
+    }
+}
+
 #[test]
 #[ignore = "long: 20,000 worlds"]
 fn many_rims() {
