@@ -26,23 +26,54 @@ fn walks(c: &mut Criterion) {
     group.finish();
 }
 
-/// Measures a full turn among discs 4.5 m apart on average, by radius in metres, and making the set.
-fn zones(c: &mut Criterion) {
+/// Makes 835,089 disjoint discs, 4.5 m apart on average, as many as the forest of the paper on visible zones.
+fn forest(radius: f64) -> Vec<Disc> {
+    const SQUARES: usize = 914;
+    const SIDE: f64 = 4.5;
     let mut random = Random(1);
-    let count = 100_000;
-    let side = 4.5 * f64::from(count as f32).sqrt();
-    let mut place = || f64::from(random.within(0.0, 1.0)) * side;
-    let centers: Vec<[f64; 2]> = (0..count).map(|_| [place(), place()]).collect();
+    let mut coordinate = || f64::from(random.within(0.0, 1.0)) * SQUARES as f64 * SIDE;
+    let mut squares = vec![Vec::<u32>::new(); SQUARES * SQUARES];
+    let mut discs: Vec<Disc> = Vec::new();
+    while discs.len() < 835_089 {
+        let center = [coordinate(), coordinate()];
+        let [x, y] = center.map(|x| ((x / SIDE) as usize).min(SQUARES - 1));
+        let near = (x.max(1) - 1..(x + 2).min(SQUARES))
+            .flat_map(|x| (y.max(1) - 1..(y + 2).min(SQUARES)).map(move |y| x * SQUARES + y));
+        let is_free = near.flat_map(|square| &squares[square]).all(|&other| {
+            let other: Disc = discs[other as usize];
+            (other.center[0] - center[0]).hypot(other.center[1] - center[1]) > 2.01 * radius
+        });
+        if is_free {
+            squares[x * SQUARES + y].push(discs.len() as u32);
+            discs.push(Disc { center, radius });
+        }
+    }
+    discs
+}
+
+/// Measures a full turn from successive eyes of a walk among discs, by radius in metres, the same for a ball
+/// of eyes, and making the set.
+fn zones(c: &mut Criterion) {
     let mut group = c.benchmark_group("discs");
-    for radius in [1.0, 0.3] {
-        let discs: Vec<Disc> = centers.iter().map(|&center| Disc { center, radius }).collect();
+    group.sample_size(10);
+    for radius in [1.5, 0.6, 0.3, 0.05] {
+        let discs = forest(radius);
         let made = Discs::new(&discs).expect("finite discs");
         let (mut zone, mut seen) = (DiscZone::new(), Vec::new());
-        let eye = [0.5 * side, 0.5 * side];
-        group.bench_function(BenchmarkId::new("full turn", radius), |b| {
-            b.iter(|| zone.look(&made, &DiscView::new(eye), &mut seen));
-        });
-        group.bench_function(BenchmarkId::new("make 100,000", radius), |b| b.iter(|| Discs::new(&discs)));
+        for ball in [0.0, 0.05] {
+            let mut step = 0u32;
+            let name = if ball > 0.0 { "full turn, ball of 5 cm" } else { "full turn" };
+            group.bench_function(BenchmarkId::new(name, radius), |b| {
+                b.iter(|| {
+                    step = (step + 1) % 1024;
+                    let along = 0.05 * f64::from(step);
+                    let view = DiscView::new([2000.0 + along, 2000.0 + 0.3 * along]).with_ball(ball);
+                    zone.look(&made, &view, &mut seen);
+                    seen.len()
+                });
+            });
+        }
+        group.bench_function(BenchmarkId::new("make 835,089", radius), |b| b.iter(|| Discs::new(&discs)));
     }
     group.finish();
 }

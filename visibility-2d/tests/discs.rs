@@ -254,3 +254,108 @@ fn odd_input_has_defined_answers() {
     discs.first_hits([0.0; 2], [1.0, 0.0], usize::MAX, f64::INFINITY, &mut hits);
     assert_eq!(hits.len(), 5);
 }
+
+/// Discs in squares of a grid, for rays that walk from square to square.
+struct Grid {
+    side: f64,
+    count: usize,
+    squares: Vec<Vec<u32>>,
+}
+
+impl Grid {
+    /// Makes a forest of disjoint discs on a square of `count` times `side` metres, with its grid.
+    fn forest(random: &mut Random, discs: usize, radius: f64, count: usize, side: f64) -> (Self, Vec<Disc>) {
+        let mut grid = Self { side, count, squares: vec![Vec::new(); count * count] };
+        let mut forest: Vec<Disc> = Vec::with_capacity(discs);
+        let size = count as f64 * side;
+        while forest.len() < discs {
+            let center = [random.fine_range(0.0, size), random.fine_range(0.0, size)];
+            let radius = radius * random.fine_range(0.7, 1.3);
+            let [x, y] = center.map(|x| (x / side) as usize);
+            let near = (x.max(1) - 1..(x + 2).min(count))
+                .flat_map(|x| (y.max(1) - 1..(y + 2).min(count)).map(move |y| x * count + y));
+            let is_free = near.flat_map(|square| &grid.squares[square]).all(|&other| {
+                let other: Disc = forest[other as usize];
+                (other.center[0] - center[0]).hypot(other.center[1] - center[1]) > other.radius + radius
+            });
+            if is_free {
+                grid.squares[x * count + y].push(forest.len() as u32);
+                forest.push(Disc { center, radius });
+            }
+        }
+        (grid, forest)
+    }
+
+    /// Returns the first disc that a ray meets, of discs that reach at most `side` beyond their squares.
+    fn first(&self, forest: &[Disc], eye: [f64; 2], angle: f64) -> Option<u32> {
+        let (sin, cos) = angle.sin_cos();
+        let (mut best, mut distance) = (None, f64::INFINITY);
+        let mut at = 0.0;
+        // Squares around points at every half side hold whatever the ray meets up to there.
+        while at < distance + self.side {
+            let [x, y] = [eye[0] + cos * at, eye[1] + sin * at].map(|x| (x / self.side).floor());
+            let size = self.count as f64;
+            if x < -1.0 || y < -1.0 || x > size || y > size {
+                break;
+            }
+            for (dx, dy) in (0..9).map(|i| (f64::from(i / 3 - 1), f64::from(i % 3 - 1))) {
+                let (x, y) = (x + dx, y + dy);
+                if x < 0.0 || y < 0.0 || x >= size || y >= size {
+                    continue;
+                }
+                for &index in &self.squares[x as usize * self.count + y as usize] {
+                    let disc = forest[index as usize];
+                    let (x, y) = (disc.center[0] - eye[0], disc.center[1] - eye[1]);
+                    let (ahead, aside) = (x * cos + y * sin, x * sin - y * cos);
+                    if aside.abs() < disc.radius && ahead > 0.0 && x.hypot(y) > disc.radius {
+                        let meets = ahead - (disc.radius * disc.radius - aside * aside).sqrt();
+                        if meets < distance {
+                            (best, distance) = (Some(index), meets);
+                        }
+                    }
+                }
+            }
+            at += 0.5 * self.side;
+        }
+        best
+    }
+}
+
+/// Casts rays from eyes and from balls of eyes in a forest. Returns the number of discs hidden.
+fn cast(count: usize, squares: usize, radii: &[f64], eyes: usize, rays: usize) {
+    for &radius in radii {
+        let mut random = Random(9);
+        let (grid, forest) = Grid::forest(&mut random, count, radius, squares, 4.5);
+        let discs = Discs::new(&forest).unwrap();
+        let (mut zone, mut seen, mut set) = (DiscZone::new(), Vec::new(), vec![false; count]);
+        let mut total = 0;
+        for _ in 0..eyes {
+            let size = 4.5 * squares as f64;
+            let eye = [random.fine_range(0.0, size), random.fine_range(0.0, size)];
+            let ball = [0.0, 0.0, 0.05, 0.2][random.below(4)];
+            zone.look(&discs, &DiscView::new(eye).with_ball(ball), &mut seen);
+            total += seen.len();
+            seen.iter().for_each(|&index| set[index as usize] = true);
+            for _ in 0..rays {
+                let (turn, by) = (random.fine_range(0.0, 7.0), ball * random.fine_unit());
+                let from = [eye[0] + by * turn.cos(), eye[1] + by * turn.sin()];
+                let found = grid.first(&forest, from, random.fine_range(0.0, 7.0));
+                assert!(found.is_none_or(|index| set[index as usize]), "{radius} {eye:?} {from:?} {found:?}");
+            }
+            seen.iter().for_each(|&index| set[index as usize] = false);
+        }
+        println!("radius {radius}: {:.1} of {count} discs seen on average", total as f64 / eyes as f64);
+        assert!(total < eyes * count / 2);
+    }
+}
+
+#[test]
+fn rays_in_a_forest_meet_discs_of_the_zone_first() {
+    cast(4_000, 60, &[1.5, 0.3], 20, 100);
+}
+
+#[test]
+#[ignore = "ten million rays among 835,089 discs"]
+fn rays_in_a_forest_meet_discs_of_the_zone_first_long() {
+    cast(835_089, 914, &[1.5, 0.6, 0.3, 0.05], 2_500, 1_000);
+}
