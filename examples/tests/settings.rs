@@ -4,17 +4,20 @@
 
 use peak_alloc::PeakAlloc;
 use std::sync::Arc;
+use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_2d::view_cdt::{DepthOrder, PartlyHidden, ViewCdt};
+use visibility_2d::virtual_occluders::VirtualOccluderCuller;
 use visibility_bsp::{
     BspOrderCuller, LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree,
     ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, OcclusionCuller, Pipeline, Pose, Scene, View, VisibleSet,
+    Aabb, Culler, FrustumCuller, OcclusionCuller, Pipeline, Pose, RegionCuller, Scene, View, VisibleSet,
     backface::BackfaceCuller,
     casters::{CasterCuller, Light},
     occlusion::{HardwareQueries, LateAnswers, Preparation, QueryDevice},
+    pvs::Viewcell,
     view::Window,
 };
 use visibility_examples::built_in;
@@ -165,6 +168,24 @@ struct Silent;
 impl QueryDevice for Silent {
     fn ask(&mut self, _: u64, _: &Aabb) {}
     fn answers(&mut self, _: &mut dyn FnMut(u64, bool)) {}
+}
+
+#[test]
+fn plans() {
+    let world = world("town:2");
+    let occluders = Arc::new(HorizonOccluders::new(&world.scene, UpAxis::Z));
+    for count in COUNTS {
+        show("columns", &world, HorizonCuller::new(occluders.clone()).with_columns(count));
+        let map = Horizon::new(UpAxis::Y).with_columns(count);
+        show("columns of a map", &world, OcclusionCuller::new(map));
+        let all = HorizonCuller::new(occluders.clone()).with_crowns(world.scene.ids(), count as u8);
+        show("crossings", &world, all);
+        let cell = Viewcell::from_box(DVec3::new(-2.0, -2.0, 1.0), DVec3::new(2.0, 2.0, 2.0));
+        let mut culler = VirtualOccluderCuller::new(UpAxis::Z).with_most(count);
+        culler.cull(&world.scene, &cell, &mut VisibleSet::new());
+        assert!(culler.occluders().len() <= count);
+        check_memory("virtual occluders");
+    }
 }
 
 #[test]

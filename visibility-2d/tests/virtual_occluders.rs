@@ -324,3 +324,35 @@ fn odd_viewcells_and_settings_are_taken() {
     scene.remove(wall).unwrap();
     assert_eq!(left(&scene, &cell(good[0], good[1]), &mut culler).len(), 2);
 }
+
+/// A culler that has seen other scenes, other states and other viewcells answers like a fresh one.
+#[test]
+fn nothing_is_kept_from_other_scenes_and_viewcells() {
+    let mut random = Random(5);
+    let mut scenes: Vec<Scene> = (0..3)
+        .map(|_| {
+            let houses = town(&mut random);
+            scene_of(&houses, &mut random)
+        })
+        .collect();
+    let mut culler = VirtualOccluderCuller::new(UpAxis::Z);
+    let mut hidden = 0;
+    for _ in 0..40 {
+        let index = random.below(scenes.len());
+        match random.below(4) {
+            0 => {
+                let id = scenes[index].ids().nth(random.below(5)).unwrap();
+                let _ = scenes[index].set_occluder(id, random.one_in(2));
+            }
+            1 => scenes[index] = scenes[random.below(3)].clone(),
+            _ => {}
+        }
+        let scene = &scenes[index];
+        let min = DVec3::new(random.fine_range(-9.0, 9.0), random.fine_range(-9.0, 9.0), 1.0);
+        let cell = Viewcell::from_box(min, min + DVec3::new(4.0, 4.0, 1.0));
+        let found = left(scene, &cell, &mut culler);
+        assert_eq!(found, left(scene, &cell, &mut VirtualOccluderCuller::new(UpAxis::Z)));
+        hidden += scene.len() - found.len();
+    }
+    assert!(hidden > 100, "{hidden}");
+}
