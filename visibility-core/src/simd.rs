@@ -302,12 +302,11 @@ fn signs_avx512(values: &[f32; 64]) -> u64 {
     mask
 }
 
-#[cfg(test)]
+#[cfg(all(test, target_arch = "x86_64", feature = "std"))]
 mod tests {
     use super::*;
 
     #[test]
-    #[cfg(all(target_arch = "x86_64", feature = "std"))]
     #[allow(unsafe_code)]
     fn all_ways_to_gather_signs_agree() {
         let mut seed = 1u64;
