@@ -4,7 +4,7 @@
 #![allow(dead_code)] // No test uses all of it.
 
 use std::path::{Path, PathBuf};
-use visibility_examples::walkthrough::{Trial, World, judge};
+use visibility_examples::walkthrough::{Trial, World, cullers, judge, run};
 use visibility_examples::{SceneSource, cars5, load};
 
 /// Returns the path of a file among the reference scenes. Panics if the file is missing.
@@ -40,4 +40,13 @@ pub(crate) fn assert_none_hidden(world: &World, trials: &[Trial]) -> f64 {
     }
     println!();
     judgement.mean_exact()
+}
+
+/// Culls a scene in `frames` frames by cullers as on the command line of `walkthrough`, and panics if one of
+/// them hides an object that an item buffer of 2560 x 1440 sees.
+pub(crate) fn assert_none_hidden_by(entries: &str, source: SceneSource, frames: usize) {
+    let world = World::new(source, (2560, 1440), Some(frames)).unwrap();
+    let entries = cullers::parse(entries, &world).unwrap().into_iter();
+    let trials: Vec<_> = entries.map(|(name, pipeline)| run(name, pipeline, &world)).collect();
+    assert_none_hidden(&world, &trials);
 }
