@@ -165,10 +165,11 @@ fn proofs_hold_of_targets_in_the_plane_of_a_face_of_the_viewcell() {
 }
 
 /// A line of sight leaves the viewcell 6e-13 m over its face y = 3, ends in a triangle in the plane of this
-/// face, and passes the edge of an occluder by 1e-16 m.
+/// face, and passes the edge of an occluder by 1e-16 m. Another ends 2e-15 m before a triangle in its plane.
 #[test]
 fn a_line_of_sight_passes_an_edge_by_less_than_coordinates_resolve() {
     assert_eq!(decide(Kind::Solids, 389..390, 0.0, 1000)[..3].iter().sum::<usize>(), 1);
+    assert_eq!(decide(Kind::Solids, 1775..1776, 1e-4, 1000)[..3].iter().sum::<usize>(), 1);
 }
 
 #[test]

@@ -101,9 +101,13 @@ fn orientation(p: DVec3, q: DVec3, a: DVec3, b: DVec3) -> i32 {
 }
 
 /// Returns whether a closed segment and a closed triangle do not touch, exactly. False also for a segment in
-/// the triangle's plane, wherever the segment is.
+/// the triangle's plane unless their bounding boxes are apart.
 fn misses_exactly(p: DVec3, q: DVec3, t: &Triangle) -> bool {
     let t = t.map(Vec3::as_dvec3);
+    let (min, max) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
+    if p.max(q).cmplt(min).any() || p.min(q).cmpgt(max).any() {
+        return true;
+    }
     let heights = [p, q].map(|x| orientation(x, t[0], t[1], t[2]));
     if heights[0] * heights[1] > 0 {
         return true;
