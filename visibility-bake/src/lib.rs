@@ -1,12 +1,12 @@
 //! From a level to a file: what can be seen from each viewcell of a scene, with bounds on the error, baked on
 //! one machine or in shards on many.
 //!
-//! - [`grid`] makes viewcells.
+//! - A [`Grid`] makes viewcells.
 //! - [`SandwichBaker`] finds for each viewcell the objects that are seen for certain and those that are not
 //!   proven hidden, by methods from cheap to exact, until what lies between is below a stated
 //!   [gap](Settings::gap).
 //! - [`Shard`] is the result for a range of viewcells, as bytes that another process can
-//!   [assemble](assemble).
+//!   [assemble].
 //! - [`BakedSet`] is the file that a game loads: viewcells and potentially visible sets.
 //!
 //! What was not worked on counts as visible, always.

@@ -92,8 +92,9 @@ impl Window {
             };
             // One pixel is left for the shift.
             let pixel = (high - low) / (SIDE - 1) as f64;
-            let boundary = (rim.at + rim.inwards * BESIDE * pixel - low) / pixel;
-            let low = low - (boundary.ceil() - boundary) * pixel;
+            let boundary = ((rim.at + rim.inwards * BESIDE * pixel - low) / pixel).max(0.0);
+            let fraction = boundary - boundary as usize as f64;
+            let low = low - (1.0 - fraction) * pixel;
             [low, low + pixel * SIDE as f64]
         });
         let scale = ends.map(|[low, high]| SIDE as f64 / (high - low));
