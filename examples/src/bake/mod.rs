@@ -23,7 +23,7 @@ pub struct Job {
     pub scene: String,
 
     /// Size of a viewcell in metres along x, y and z.
-    #[arg(long, value_name = "X,Y,Z", value_parser = size, default_value = "4,4,4")]
+    #[arg(long, value_name = "X,Y,Z", value_parser = size, default_value = "4,4,2")]
     pub size: [f64; 3],
 
     /// Box to fill with viewcells. By default the viewcells are those that the scene's walks pass.
@@ -102,7 +102,10 @@ fn viewcells(job: &Job, source: &SceneSource) -> Result<Vec<Viewcell>, String> {
         let (min, max) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
         return Grid::new(min, size).and_then(|grid| grid.over(min, max)).map_err(text);
     }
-    let grid = Grid::new(DVec3::ZERO, size).map_err(text)?;
+    // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it, under
+    // all that stands there.
+    let first = source.walks.iter().flat_map(|walk| &walk.keys).next().map_or(DVec3::ZERO, |key| key.eye);
+    let grid = Grid::new(first - size * 0.5, size).map_err(text)?;
     let mut all = Vec::new();
     for walk in &source.walks {
         let eyes: Vec<DVec3> = walk.keys.iter().map(|key| key.eye).collect();
