@@ -102,8 +102,8 @@ fn viewcells(job: &Job, source: &SceneSource) -> Result<Vec<Viewcell>, String> {
         let (min, max) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
         return Grid::new(min, size).and_then(|grid| grid.over(min, max)).map_err(text);
     }
-    // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it, under
-    // all that stands there.
+    // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it,
+    // under all that stands there.
     let first = source.walks.iter().flat_map(|walk| &walk.keys).next().map_or(DVec3::ZERO, |key| key.eye);
     let grid = Grid::new(first - size * 0.5, size).map_err(text)?;
     let mut all = Vec::new();
