@@ -20,7 +20,7 @@ pub(crate) fn disc_span(x: f64, y: f64, radius: f64, power: f64) -> (f64, f64, f
     // A tangent from the eye is of the length `t`, the root of the power. It meets the circle at right
     // angles, so its direction is that of the centre turned by the angle whose sine is `r / d` and cosine
     // `t / d`.
-    let t = crate::float::sqrt(power);
+    let t = visibility_core::geometry::sqrt(power);
     let first = diamond(x * t + y * radius, y * t - x * radius);
     let last = diamond(x * t - y * radius, y * t + x * radius);
     // The power is rounded by 4u of `d^2 + r^2 <= 2 d^2`, so `t` is off by `4u d^2 / t`, the angle by that

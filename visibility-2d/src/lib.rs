@@ -17,7 +17,6 @@ extern crate std;
 pub mod cdt;
 mod directions;
 pub mod discs;
-mod float;
 pub mod horizon;
 mod median_order;
 pub mod view_cdt;

@@ -69,7 +69,7 @@ impl Disc {
         if !(root > 0.0 && length > 0.0) {
             return self.arc(right, left, push);
         }
-        let root = crate::float::sqrt(root);
+        let root = visibility_core::geometry::sqrt(root);
         let (enter, leave) = (((-half - root) / length).max(0.0), ((root - half) / length).min(1.0));
         if enter >= leave {
             return self.arc(right, left, push);
@@ -115,6 +115,6 @@ fn unit(direction: Point) -> Point {
         return [1.0, 0.0];
     }
     let [x, y] = direction.map(|x| x / size);
-    let length = crate::float::sqrt(x * x + y * y);
+    let length = visibility_core::geometry::sqrt(x * x + y * y);
     [x / length, y / length]
 }

@@ -46,7 +46,7 @@ impl Discs {
         // By the larger component, so that squares neither vanish nor overflow.
         let larger = direction[0].abs().max(direction[1].abs());
         let [x, y] = direction.map(|x| x / larger);
-        let length = crate::float::sqrt(x * x + y * y);
+        let length = visibility_core::geometry::sqrt(x * x + y * y);
         // NaN for directions that are zero, infinite or NaN.
         let is_good = length > 0.0 && origin.iter().all(|x| x.abs() <= 1e150);
         let Some(top) = self.levels.len().checked_sub(1) else { return };
@@ -103,7 +103,7 @@ impl Discs {
         if half_squared < 0.0 {
             return None;
         }
-        let half = crate::float::sqrt(half_squared);
+        let half = visibility_core::geometry::sqrt(half_squared);
         (ahead + half >= 0.0).then(|| (ahead - half).max(0.0))
     }
 }

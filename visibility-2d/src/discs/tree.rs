@@ -215,7 +215,7 @@ impl Discs {
                 let (squared, reach) = (dx * dx + dy * dy, disc.radius + other.radius);
                 // A little more than touching counts as overlapping: rounding.
                 if at != index && squared <= reach * reach * (1.0 + 1e-12) {
-                    let left = crate::float::sqrt(squared) * (1.0 - 1e-12) - other.radius;
+                    let left = visibility_core::geometry::sqrt(squared) * (1.0 - 1e-12) - other.radius;
                     solid = solid.min(left.max(0.0));
                 }
             }

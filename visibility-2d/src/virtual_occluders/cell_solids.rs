@@ -2,9 +2,9 @@
 
 use super::lines::{Point, U, left_of};
 use super::solids::PlanSolids;
-use crate::float::sqrt;
 use crate::median_order::{LEAF, put_in_order};
 use alloc::vec::Vec;
+use visibility_core::geometry::sqrt;
 
 /// Children of an inner node of the tree.
 const FAN: usize = 8;

@@ -29,7 +29,7 @@ impl Grown {
     /// Returns the distance between the ends.
     pub(crate) fn width(&self) -> f64 {
         let [a, b] = self.ends;
-        crate::float::sqrt((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y))
+        visibility_core::geometry::sqrt((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y))
     }
 }
 

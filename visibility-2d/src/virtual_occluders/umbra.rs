@@ -18,7 +18,7 @@ impl Umbra {
     pub(crate) fn new(grown: &Grown, cell: &CellBox) -> Self {
         let [a, b] = grown.ends;
         let (dx, dy) = (b.x - a.x, b.y - a.y);
-        let length = crate::float::sqrt(dx * dx + dy * dy);
+        let length = visibility_core::geometry::sqrt(dx * dx + dy * dy);
         let normal = [-dy / length, dx / length];
         // The ends may differ by rounding: the farther one counts.
         let along = |p: Point| p.x * normal[0] + p.y * normal[1];
