@@ -28,7 +28,7 @@ pub use baked_set::{BakedSet, BakedSetError};
 pub use cell_sandwich::CellSandwich;
 pub use fingerprint::scene_fingerprint;
 pub use grid::{Grid, GridError};
-pub use sandwich_baker::{BakeScratch, SandwichBaker, SandwichOutcome};
+pub use sandwich_baker::{BakeScratch, SandwichBaker, SandwichOutcome, bake_fingerprint};
 pub use settings::Settings;
 pub use shard::{AssembleError, Shard, assemble};
 

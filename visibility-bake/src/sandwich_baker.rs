@@ -103,7 +103,7 @@ impl<'a> SandwichBaker<'a> {
             viewcells,
             settings,
             range: 0..count,
-            fingerprint: fingerprint(scene, viewcells, &settings),
+            fingerprint: bake_fingerprint(scene, viewcells, &settings),
             methods: Methods::new(Arc::new(SceneTriangles::new(scene)), sweep, &settings),
             done: vec![None; count],
         }
@@ -124,8 +124,7 @@ impl<'a> SandwichBaker<'a> {
         self.done.iter().map(Option::as_ref)
     }
 
-    /// Returns a hash of the scene, of all viewcells and of the settings. Shards with the same hash belong
-    /// together.
+    /// Returns the [`bake_fingerprint`] of all viewcells, whatever the range of this baker.
     pub fn whole_fingerprint(&self) -> u64 {
         self.fingerprint
     }
@@ -151,12 +150,11 @@ impl<'a> SandwichBaker<'a> {
             list.push(id);
         }
 
-        let seen_cost = self.cost(seen.iter().copied());
+        let (mut seen_cost, mut left_cost) = (self.cost(seen.iter().copied()), 0.0);
         // Objects that proofs were tried for in vain.
         let mut left: Vec<ObjectId> = Vec::new();
         let gap = if self.settings.gap > 0.0 { self.settings.gap } else { 0.0 };
         open.sort_by(|&a, &b| self.cost([b]).total_cmp(&self.cost([a])).then(a.index().cmp(&b.index())));
-        let (mut seen_cost, mut left_cost) = (seen_cost, 0.0);
         while !open.is_empty() {
             let open_cost = self.cost(open.iter().copied());
             let allowed = gap * (seen_cost + left_cost + open_cost);
@@ -235,8 +233,9 @@ fn decide(
     asked.iter().filter_map(|&id| Some((id, answers[id.index()]?))).collect()
 }
 
-/// Returns a hash of all that a bake depends on.
-fn fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Settings) -> u64 {
+/// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
+/// same hash belong together. Time is linear in the numbers of triangles and viewcells.
+pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Settings) -> u64 {
     let hash = Fingerprint::new().with_u64(scene_fingerprint(scene));
     let hash =
         hash.with_u64(settings.gap.to_bits()).with_u64(settings.clearance.to_bits()).with(settings.rays);

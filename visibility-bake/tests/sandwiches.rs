@@ -178,6 +178,9 @@ fn files_are_read_for_their_scene_alone_and_damage_is_found() {
         damaged[at] ^= 4;
         assert!(BakedSet::from_bytes(&damaged).is_err(), "byte {at}");
     }
+    let mut larger = scene.clone();
+    larger.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    assert!(matches!(set.clone().for_scene(&larger), Err(BakedSetError::OtherScene)));
     let first = scene.ids().next().unwrap();
     scene.set_bounds(first, Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
     assert!(matches!(set.for_scene(&scene), Err(BakedSetError::OtherScene)));

@@ -9,7 +9,9 @@ use clap::Args;
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use visibility_bake::{BakedSet, CellSandwich, Grid, GridError, SandwichBaker, SandwichOutcome, Settings};
+use visibility_bake::{
+    BakedSet, CellSandwich, Grid, GridError, SandwichBaker, SandwichOutcome, Settings, bake_fingerprint,
+};
 use visibility_core::bake::{Bake, Progress};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
@@ -82,6 +84,11 @@ impl Level {
     /// Prepares the bake of all viewcells.
     pub fn baker(&self) -> SandwichBaker<'_> {
         SandwichBaker::new(&self.world.scene, &self.viewcells, self.settings)
+    }
+
+    /// Returns the fingerprint that all shards of the bake have.
+    pub fn fingerprint(&self) -> u64 {
+        bake_fingerprint(&self.world.scene, &self.viewcells, &self.settings)
     }
 
     /// Makes the file that a game loads.
@@ -158,15 +165,20 @@ pub fn run<'a>(
     pool.install(|| {
         let mut saved = Instant::now();
         progress(bake.progress());
-        while run.limit.is_none_or(|limit| start.elapsed() < limit) {
-            let Some(now) = bake.advance() else { break };
-            progress(now);
-            if saved.elapsed() >= SAVE_EVERY {
+        loop {
+            let is_over = run.limit.is_some_and(|limit| start.elapsed() >= limit);
+            if is_over || saved.elapsed() >= SAVE_EVERY {
                 write(&run.state, &bake.save())?;
                 saved = Instant::now();
             }
+            if is_over {
+                return Ok(bake.finish());
+            }
+            match bake.advance() {
+                Some(now) => progress(now),
+                None => return Ok(bake.finish()),
+            }
         }
-        Ok(bake.finish())
     })
 }
 

@@ -105,7 +105,7 @@ fn bake(arguments: &Whole) -> Result<(), String> {
     let outcome = run(baker, &settings, |now| bar.set_position(now.done as u64))?;
     bar.finish_and_clear();
     if arguments.shard.is_some() {
-        let shard = Shard::new(level.baker().whole_fingerprint(), outcome);
+        let shard = Shard::new(level.fingerprint(), outcome);
         write(&arguments.out, &shard.to_bytes())?;
         println!("viewcells {} to {} of {count}: {}", range.start, range.end, arguments.out.display());
     } else {
@@ -122,7 +122,7 @@ fn bake(arguments: &Whole) -> Result<(), String> {
 
 fn put_together(arguments: &Assembly) -> Result<(), String> {
     let level = Level::open(&arguments.job)?;
-    let fingerprint = level.baker().whole_fingerprint();
+    let fingerprint = level.fingerprint();
     let mut shards = Vec::new();
     for file in &arguments.shards {
         let named = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
