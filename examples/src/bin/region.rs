@@ -7,10 +7,11 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use visibility_core::pvs::Viewcell;
+use visibility_bake::BakedSet;
+use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
-use visibility_examples::region::{cells, methods, picture, plot, pvs_file, trial};
+use visibility_examples::region::{cells, methods, picture, plot, trial};
 use visibility_examples::{load_walks, open, region};
 
 /// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
@@ -141,7 +142,11 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     println!("{}\n{}", output::table(&results), output::LEGEND);
     if let Some(path) = &arguments.pvs {
-        pvs_file::write(path, world.scene.index_limit(), &results)?;
+        let cells = Viewcells::new(results.iter().map(|judged| judged.cell.clone()));
+        let first =
+            |judged: &Judged| judged.trials.first().map_or_else(Vec::new, |trial| trial.reported.clone());
+        let rows: Vec<Vec<u32>> = results.iter().map(first).collect();
+        std::fs::write(path, BakedSet::new(&world.scene, cells, &rows)?.to_bytes())?;
     }
     let (eyes, side) = (arguments.eyes, arguments.side);
     let mean = cubes / results.len() as f64;

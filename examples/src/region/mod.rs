@@ -2,8 +2,7 @@
 //! program `region`.
 //!
 //! [`cells`] makes viewcells, [`methods`] names the methods, [`judge`] samples what can be seen, [`trial`]
-//! runs a method, [`output`] prints the results, [`picture`] and [`plot`] draw them, and [`pvs_file`]
-//! stores the visible sets.
+//! runs a method, [`output`] prints the results, [`picture`] and [`plot`] draw them.
 
 pub mod cells;
 pub mod judge;
@@ -11,7 +10,6 @@ pub mod methods;
 pub mod output;
 pub mod picture;
 pub mod plot;
-pub mod pvs_file;
 pub mod trial;
 
 use crate::SceneSource;

@@ -2,10 +2,8 @@
 
 use super::known::{Known, Made};
 use crate::pvs::built::Origin;
-use crate::region::pvs_file;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
-use std::path::Path;
 use std::sync::Arc;
 use visibility_bake::BakedSet;
 use visibility_core::pvs::PvsCuller;
@@ -23,25 +21,23 @@ pub(super) const KNOWN: &[Known] = &[
         what: "what the file of `region-pvs:FILE`, written by the program `region`, does not list for the eye's viewcell is hidden; \
            eyes outside of its viewcells see everything",
         dials: &[],
-        make: |dial, world| {
-            let file = dial.ok_or("it needs a file, as in `region-pvs:FILE`")?;
-            Ok(Box::new(PvsCuller::new(Arc::new(pvs_file::read(Path::new(file), &world.scene)?))))
-        },
+        make: |dial, world| baked(dial.ok_or("it needs a file, as in `region-pvs:FILE`")?, world),
     },
     Known {
         name: "baked",
         what: "what the file of `baked:FILE`, written by the program `bake`, does not list for the eye's viewcell is hidden; \
            eyes outside of its viewcells see everything",
         dials: &[],
-        make: |dial, world| {
-            let file = dial.ok_or("it needs a file, as in `baked:FILE`")?;
-            let set = std::fs::read(file).map_err(|error| format!("cannot read {file}: {error}"))?;
-            let set = BakedSet::from_bytes(&set).and_then(|set| set.for_scene(&world.scene));
-            let set = set.map_err(|error| format!("{file}: {error}"))?;
-            Ok(Box::new(PvsCuller::new(Arc::new(set))))
-        },
+        make: |dial, world| baked(dial.ok_or("it needs a file, as in `baked:FILE`")?, world),
     },
 ];
+
+/// Reads the sets of a file for the scene of a world.
+fn baked(file: &str, world: &World) -> Made {
+    let bytes = std::fs::read(file).map_err(|error| format!("cannot read {file}: {error}"))?;
+    let set = BakedSet::from_bytes(&bytes).and_then(|set| set.for_scene(&world.scene));
+    Ok(Box::new(PvsCuller::new(Arc::new(set.map_err(|error| format!("{file}: {error}"))?))))
+}
 
 fn make(dial: Option<&str>, world: &World) -> Made {
     let (origin, detail) = match dial {
