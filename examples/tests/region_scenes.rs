@@ -13,7 +13,7 @@ use visibility_examples::region::{cells, methods, trial, world};
 use visibility_examples::{SceneSource, built_in};
 
 /// Conservative methods.
-const METHODS: &str = "sweep,convex,volume,shrink:2";
+const METHODS: &str = "sweep,convex,volume,virtual,shrink:2";
 
 /// Sizes of viewcells: a step, a room, and a street corner.
 const SIZES: [[f64; 3]; 3] = [[0.5, 0.5, 1.0], [4.0, 4.0, 2.0], [20.0, 20.0, 3.0]];

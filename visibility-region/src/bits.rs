@@ -36,6 +36,12 @@ impl Bits {
         self.0.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
     }
 
+    /// Returns whether `other` has all indices of this set.
+    pub(crate) fn is_subset(&self, other: &Self) -> bool {
+        let words = other.0.iter().copied().chain(core::iter::repeat(0));
+        self.0.iter().zip(words).all(|(own, other)| own & !other == 0)
+    }
+
     /// Adds an index, unless the index is beyond the limit. Returns whether the index is new.
     pub(crate) fn insert(&mut self, index: usize) -> bool {
         let Some(word) = self.0.get_mut(index / 64) else { return false };

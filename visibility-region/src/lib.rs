@@ -5,6 +5,7 @@
 //! - [`ExtendedProjectionCuller`] is the one to begin with: conservative, fuses any number of occluders, and
 //!   takes a fraction of a second.
 //! - [`VirtualOccluders`] are a few rectangles that hide, from an eye in the viewcell, what moves later on.
+//!   [`VirtualSweepCuller`] hides what they hide from all of the viewcell.
 //! - [`SamplingCuller`] is aggressive: a lower bound to judge the others by.
 //! - [`VolumetricCuller`], [`ShrunkCuller`] and [`ConvexBlockersCuller`] are the methods of other papers, all
 //!   conservative: octrees of opaque cells, shrunk occluders from sample points, single convex blockers.
@@ -60,7 +61,7 @@ pub use convex_blockers::ConvexBlockersCuller;
 pub use sampling::{SamplingCuller, SightLine};
 pub use shrunk::ShrunkCuller;
 pub use sweep::ExtendedProjectionCuller;
-pub use virtual_occluders::{VirtualOccluder, VirtualOccluders};
+pub use virtual_occluders::{VirtualOccluder, VirtualOccluders, VirtualSweepCuller};
 pub use volumetric::VolumetricCuller;
 
 #[cfg(doctest)]

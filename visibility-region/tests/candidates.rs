@@ -8,7 +8,9 @@ use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, ObjectId, OcclusionMap, Pose, RegionCuller, Scene, View, VisibleSet};
-use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, ShrunkCuller, VolumetricCuller};
+use visibility_region::{
+    ConvexBlockersCuller, ExtendedProjectionCuller, ShrunkCuller, VirtualSweepCuller, VolumetricCuller,
+};
 
 /// A wall, given in scene coordinates or by a transform, and an object that the wall hides.
 fn world(transform: Affine3A) -> (World, ObjectId, ObjectId) {
@@ -28,12 +30,13 @@ fn view(layers: u32) -> View {
     View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers)
 }
 
-fn cullers() -> [Box<dyn RegionCuller>; 4] {
+fn cullers() -> [Box<dyn RegionCuller>; 5] {
     [
         Box::new(ExtendedProjectionCuller::new()),
         Box::new(ConvexBlockersCuller::new()),
         Box::new(VolumetricCuller::new()),
         Box::new(ShrunkCuller::new(PointShadows, 2)),
+        Box::new(VirtualSweepCuller::new()),
     ]
 }
 

@@ -8,7 +8,9 @@ mod common;
 
 use common::random_world;
 use visibility_core::{Accuracy, RegionCuller, VisibleSet};
-use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, VolumetricCuller};
+use visibility_region::{
+    ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, VirtualSweepCuller, VolumetricCuller,
+};
 use visibility_testing::Random;
 
 /// Searches random worlds until `trials` objects were hidden. Returns the number of worlds, and that of
@@ -48,6 +50,12 @@ fn no_ray_from_the_cell_reaches_a_hidden_object() {
 }
 
 #[test]
+fn no_ray_from_the_cell_reaches_what_virtual_occluders_hide() {
+    let [worlds, seen] = search(&mut [Box::new(VirtualSweepCuller::new())], 5, 500, 1000);
+    assert!(worlds < 60 && seen > 10 * worlds, "{worlds} worlds, {seen} objects seen");
+}
+
+#[test]
 #[ignore = "many minutes"]
 fn no_ray_from_the_cell_reaches_a_hidden_object_in_many_worlds() {
     let sweep = || -> Vec<Box<dyn RegionCuller>> { vec![Box::new(ExtendedProjectionCuller::new())] };
@@ -55,5 +63,6 @@ fn no_ray_from_the_cell_reaches_a_hidden_object_in_many_worlds() {
     let mut others = sweep();
     others.push(Box::new(ConvexBlockersCuller::new()));
     others.push(Box::new(VolumetricCuller::new()));
+    others.push(Box::new(VirtualSweepCuller::new()));
     println!("all methods: {:?}", search(&mut others, 3, 10_000, 3000));
 }

@@ -10,7 +10,8 @@ use visibility_core::{Culler, RegionCuller};
 use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_region::{
-    ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VolumetricCuller,
+    ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VirtualSweepCuller,
+    VolumetricCuller,
 };
 
 /// A culler from viewcells that can be drawn.
@@ -104,6 +105,17 @@ pub const METHODS: &[Entry] = &[
             Ok(Box::new(ShrunkCuller::new(HzbCuller::new(map), points)))
         },
     },
+    Entry {
+        name: "virtual",
+        dial: "MOST",
+        make: |dial, _| {
+            let culler = VirtualSweepCuller::new();
+            Ok(Box::new(match dial {
+                Some(most) => culler.with_most(number(most)?),
+                None => culler,
+            }))
+        },
+    },
     Entry { name: "volume", dial: "", make: |_, _| Ok(Box::new(VolumetricCuller::new())) },
 ];
 
@@ -151,8 +163,14 @@ impl<C: Culler> Method for ShrunkCuller<C> {
 
 impl Method for VirtualOccluderCuller {
     fn lines(&self) -> Vec<[DVec3; 2]> {
-        let sides = |corners: [DVec3; 4]| (0..4).map(move |i| [corners[i], corners[(i + 1) % 4]]);
         self.occluders().iter().flat_map(|occluder| sides(occluder.corners())).collect()
+    }
+}
+
+impl Method for VirtualSweepCuller {
+    fn lines(&self) -> Vec<[DVec3; 2]> {
+        let occluders = self.last().into_iter().flat_map(|last| last.occluders());
+        occluders.flat_map(|occluder| sides(occluder.corners())).collect()
     }
 }
 
@@ -166,6 +184,11 @@ impl Method for SamplingCuller {
     fn lines(&self) -> Vec<[DVec3; 2]> {
         self.sight_lines().iter().map(|line| [line.eye, line.point]).collect()
     }
+}
+
+/// Returns the four sides of a rectangle, of which `corners` are in order around it.
+fn sides(corners: [DVec3; 4]) -> impl Iterator<Item = [DVec3; 2]> {
+    (0..4).map(move |i| [corners[i], corners[(i + 1) % 4]])
 }
 
 /// Returns the twelve edges of a box.

@@ -8,7 +8,10 @@
 //! choice, as in the paper, keeps those that hide most.
 
 mod choose;
+mod culler;
 mod rectangles;
+
+pub use culler::VirtualSweepCuller;
 
 use crate::bits::Bits;
 use crate::sweep::cell_extent::CellExtent;
@@ -167,6 +170,25 @@ impl VirtualOccluders {
         let within = within && self.cell.planes.iter().all(is_inside);
         (known && finite && within).then_some((low, high))
     }
+
+    /// Makes the virtual occluders hide what no line of sight that begins in `start` reaches. `start` is
+    /// within the viewcell and relative to `origin`, as the boxes that are tested.
+    fn activate(&mut self, start: &CellExtent, origin: DVec3) {
+        self.active.clear();
+        for occluder in &self.occluders {
+            let near = Aabb::from_world(occluder.corners()[0], occluder.corners()[2], origin);
+            let Some(start) = CellBox::new(start, &near, occluder.axes) else { continue };
+            let direction = start.direction(2);
+            let moved = occluder.anchor - origin;
+            let [x, y, z] = [0, 1, 2].map(|i| direction.rows[i].dot(moved) - direction.offset[i]);
+            let along = |ends: [f64; 2], offset: f64| ends.map(|end| end + offset);
+            self.active.push(Active {
+                direction,
+                d: occluder.distance + z,
+                ends: [along(occluder.ends[0], x), along(occluder.ends[1], y)],
+            });
+        }
+    }
 }
 
 impl OcclusionMap for VirtualOccluders {
@@ -185,19 +207,8 @@ impl OcclusionMap for VirtualOccluders {
             return;
         }
         let Some((min, max)) = self.sight_start(view) else { return };
-        let Some(start) = CellExtent::new(&Viewcell::from_box(min, max), origin) else { return };
-        for occluder in &self.occluders {
-            let near = Aabb::from_world(occluder.corners()[0], occluder.corners()[2], origin);
-            let Some(start) = CellBox::new(&start, &near, occluder.axes) else { continue };
-            let direction = start.direction(2);
-            let moved = occluder.anchor - origin;
-            let [x, y, z] = [0, 1, 2].map(|i| direction.rows[i].dot(moved) - direction.offset[i]);
-            let along = |ends: [f64; 2], offset: f64| ends.map(|end| end + offset);
-            self.active.push(Active {
-                direction,
-                d: occluder.distance + z,
-                ends: [along(occluder.ends[0], x), along(occluder.ends[1], y)],
-            });
+        if let Some(start) = CellExtent::new(&Viewcell::from_box(min, max), origin) {
+            self.activate(&start, origin);
         }
     }
 
