@@ -68,6 +68,20 @@ fn nothing_sampled_is_hidden() {
 }
 
 #[test]
+fn ten_virtual_occluders_hide_most_of_what_the_sweep_hides_in_a_city() {
+    let world = world(built_in("london").unwrap());
+    let mut methods = methods::parse("sweep,virtual:10", &world).unwrap();
+    let mut hidden = [0; 2];
+    for cell in cells::along_walks(&world, 3, [20.0, 20.0, 3.0]) {
+        for ((name, method), hidden) in methods.iter_mut().zip(&mut hidden) {
+            *hidden +=
+                world.scene.len() - trial::run(name, method.as_mut(), &world.scene, &cell).reported.len();
+        }
+    }
+    assert!(hidden[0] > 9000 && hidden[1] * 100 >= hidden[0] * 85, "{hidden:?}");
+}
+
+#[test]
 #[ignore = "takes many minutes"]
 fn nothing_sampled_is_hidden_in_many_trials() {
     let effort = Effort { eyes: 15, side: 256, rays: 200_000 };

@@ -11,8 +11,9 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::scene::SceneCursor;
 use visibility_core::{Aabb, Scene, VisibleSet};
 
-/// Rectangles of each map that are candidates.
-const A_PLANE: usize = 4;
+/// Rectangles of each map that are candidates. More take more time to find: with twice as many, ten virtual
+/// occluders hide 1 % more in a city (measured).
+const A_PLANE: usize = 8;
 /// Candidates are compared by what they hide of about so many objects, evenly spread over all.
 const SAMPLE: usize = 4096;
 

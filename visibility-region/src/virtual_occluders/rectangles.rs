@@ -3,8 +3,9 @@
 use crate::sweep::ray_map::{PixelRect, RayMap, SIDE};
 use alloc::vec::Vec;
 
-/// Side of the blocks of pixels that rectangles consist of.
-const BLOCK: usize = 4;
+/// Side of the blocks of pixels that rectangles consist of. Blocks of 4 pixels lose the rims of umbrae, and
+/// with them, in a city, a sixth of what is hidden (measured).
+const BLOCK: usize = 2;
 const COUNT: usize = SIDE / BLOCK;
 
 /// Returns up to `most` rectangles of pixels that are all set, the largest first, none of which meet. They
@@ -71,8 +72,8 @@ mod tests {
             map.set_span(row, 100, 180);
         }
         let all = largest(&map, 3);
-        assert_eq!(all[0], PixelRect { x: [8, 299], y: [12, 207] });
-        assert_eq!(all[1], PixelRect { x: [100, 179], y: [208, 399] });
+        assert_eq!(all[0], PixelRect { x: [6, 299], y: [10, 209] });
+        assert_eq!(all[1], PixelRect { x: [100, 179], y: [210, 399] });
         assert_eq!(all.len(), 2);
         assert!(all.iter().all(|&rect| map.all_set(rect)));
         assert!(largest(&RayMap::new(), 3).is_empty());
