@@ -1,10 +1,11 @@
-//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- (api | cycles | package |
-//! width)`.
+//! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- (api | cycles | licenses |
+//! package | width)`.
 
 mod api;
 mod crates;
 mod cycles;
 mod item_lines;
+mod licenses;
 mod module_tree;
 mod package;
 mod public_items;
@@ -20,13 +21,16 @@ const WIDTH: usize = 110;
 fn main() -> ExitCode {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let task = std::env::args().nth(1).unwrap_or_default();
-    let found = match task.as_str() {
-        "api" => api::check(root, std::env::args().nth(2).is_some_and(|option| option == "--write")),
-        "cycles" => check_cycles(root),
-        "package" => package::check(root),
-        "width" => check_width(root),
-        _ => Err("usage: cargo run -p xtask -- (api [--write] | cycles | package | width)".to_owned()),
-    };
+    let found =
+        match task.as_str() {
+            "api" => api::check(root, std::env::args().nth(2).is_some_and(|option| option == "--write")),
+            "cycles" => check_cycles(root),
+            "licenses" => licenses::check(root),
+            "package" => package::check(root),
+            "width" => check_width(root),
+            _ => Err("usage: cargo run -p xtask -- (api [--write] | cycles | licenses | package | width)"
+                .to_owned()),
+        };
     match found {
         Ok(0) => ExitCode::SUCCESS,
         Ok(count) => {
