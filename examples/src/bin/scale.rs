@@ -1,0 +1,304 @@
+//! Program `scale`: simulates a bake on many machines, some slow and some failing, from the measured times of
+//! viewcells. It runs nothing of the bake itself, so a million viewcells take seconds.
+//!
+//! Shards are handed out as Jeffrey Dean and Sanjay Ghemawat hand out tasks in "MapReduce: Simplified Data
+//! Processing on Large Clusters", 2004: a shard whose worker is lost goes back to the queue, and near the end
+//! idle workers take copies of the shards that are still running. The first copy that is finished counts.
+
+use clap::Parser;
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, VecDeque};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Simulate a bake on many workers: time, cost and bytes, by the number of viewcells in a shard.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// Report of `bake --json` from which times and bytes of viewcells are drawn.
+    report: PathBuf,
+
+    /// Number of viewcells.
+    #[arg(long, default_value_t = 1_000_000)]
+    cells: usize,
+
+    /// Number of workers, one thread each.
+    #[arg(long, default_value_t = 1000)]
+    workers: usize,
+
+    /// Numbers of viewcells in a shard, separated by commas.
+    #[arg(long, value_delimiter = ',', default_value = "1,10,100,300,1000")]
+    shards: Vec<usize>,
+
+    /// Seconds to start a shard: load the scene and prepare it.
+    #[arg(long, default_value_t = 0.5)]
+    start: f64,
+
+    /// Part of the workers that are slow.
+    #[arg(long, default_value_t = 0.05)]
+    slow: f64,
+
+    /// How many times as long a slow worker takes.
+    #[arg(long, default_value_t = 4.0)]
+    slowness: f64,
+
+    /// Mean hours after which a worker fails.
+    #[arg(long, default_value_t = 24.0)]
+    fails: f64,
+
+    /// Seconds until a failure is noticed, and again until the worker is replaced.
+    #[arg(long, default_value_t = 120.0)]
+    repair: f64,
+
+    /// Price of a worker for an hour.
+    #[arg(long, default_value_t = 0.04)]
+    price: f64,
+
+    /// Bytes of a viewcell in a shard.
+    #[arg(long, default_value_t = 1000.0)]
+    bytes: f64,
+
+    /// Do not run copies of the last shards.
+    #[arg(long)]
+    no_copies: bool,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    match simulate_all(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn simulate_all(arguments: &Arguments) -> Result<(), String> {
+    let report = &arguments.report;
+    let text = std::fs::read_to_string(report).map_err(|error| format!("{}: {error}", report.display()))?;
+    let times = measured(&text).map_err(|error| format!("{}: {error}", report.display()))?;
+    let positive = [arguments.slowness, arguments.fails, arguments.start, arguments.repair];
+    if arguments.workers == 0 || arguments.cells == 0 || arguments.shards.contains(&0) {
+        return Err("viewcells, workers and shards must be at least 1".to_owned());
+    }
+    if positive.iter().any(|number| !(*number >= 0.0)) || arguments.fails == 0.0 {
+        return Err("times must not be negative, nor workers fail at once".to_owned());
+    }
+    let mean = times.iter().sum::<f64>() / times.len() as f64;
+    let ideal = mean * arguments.cells as f64 / arguments.workers as f64;
+    println!(
+        "{} measured viewcells, {mean:.3} s each; without any loss {:.2} hours",
+        times.len(),
+        ideal / HOUR
+    );
+    println!(
+        "| viewcells in a shard | shards | hours | efficiency | worker lost | copies | cost | GB of shards |"
+    );
+    println!("|---:|---:|---:|---:|---:|---:|---:|---:|");
+    for &size in &arguments.shards {
+        let found = simulate(arguments, &times, size);
+        println!(
+            "| {size} | {} | {:.2} | {:.0} % | {} | {} | {:.2} | {:.2} |",
+            arguments.cells.div_ceil(size),
+            found.seconds / HOUR,
+            100.0 * ideal / found.seconds,
+            found.lost,
+            found.copies,
+            found.seconds / HOUR * arguments.workers as f64 * arguments.price,
+            arguments.cells as f64 * arguments.bytes / 1e9,
+        );
+    }
+    Ok(())
+}
+
+const HOUR: f64 = 3600.0;
+
+/// A SplitMix64 generator (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    /// Returns a number from 0 to below 1.
+    fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Returns an index below `limit`, which must not be 0.
+    fn below(&mut self, limit: usize) -> usize {
+        (self.bits() % limit as u64) as usize
+    }
+}
+
+/// Returns the seconds that each viewcell of a report took: its part of the whole time, by its steps.
+fn measured(text: &str) -> Result<Vec<f64>, String> {
+    let report: serde_json::Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
+    let seconds = report["seconds"].as_f64().unwrap_or(0.0);
+    let cells = report["viewcells"].as_array().map_or(&[][..], Vec::as_slice);
+    let steps: Vec<f64> = cells.iter().filter_map(|cell| cell["steps"].as_f64()).collect();
+    let sum: f64 = steps.iter().sum();
+    if !(seconds > 0.0 && sum > 0.0) {
+        return Err("the report has no times of viewcells".to_owned());
+    }
+    Ok(steps.iter().map(|steps| steps / sum * seconds).collect())
+}
+
+/// What a simulated bake took.
+struct Found {
+    /// Time until the last shard was done.
+    seconds: f64,
+    /// Number of attempts that ended with a failure of the worker.
+    lost: usize,
+    /// Number of copies of running shards.
+    copies: usize,
+}
+
+/// What happens at a time.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Event {
+    /// A worker has finished the attempt with this number.
+    Finished(usize, u64),
+    /// A worker fails in the attempt with this number.
+    Failed(usize, u64),
+    /// A worker was replaced.
+    Replaced(usize),
+    /// The loss of a shard is noticed.
+    Noticed(usize),
+}
+
+struct Worker {
+    slowness: f64,
+    /// Shard that the worker is at, and when it would finish.
+    job: Option<(usize, u64)>,
+    attempt: u64,
+}
+
+struct Simulation<'a> {
+    arguments: &'a Arguments,
+    random: Random,
+    /// Seconds of work in each shard; 0 once it is done.
+    work: Vec<f64>,
+    /// Number of workers that are at a shard.
+    running: Vec<u32>,
+    queue: VecDeque<usize>,
+    workers: Vec<Worker>,
+    idle: Vec<usize>,
+    /// Events by time in microseconds, a whole number, so that the order is the same on every machine.
+    events: BinaryHeap<Reverse<(u64, Event)>>,
+    found: Found,
+}
+
+fn simulate(arguments: &Arguments, times: &[f64], size: usize) -> Found {
+    let mut random = Random(1);
+    let mut left = arguments.cells;
+    let mut work = Vec::new();
+    while left > 0 {
+        let count = size.min(left);
+        work.push((0..count).map(|_| times[random.below(times.len())]).sum());
+        left -= count;
+    }
+    let workers = (0..arguments.workers).map(|_| {
+        let slowness = if random.unit() < arguments.slow { arguments.slowness } else { 1.0 };
+        Worker { slowness, job: None, attempt: 0 }
+    });
+    let workers = workers.collect();
+    let mut simulation = Simulation {
+        arguments,
+        queue: (0..work.len()).collect(),
+        running: vec![0; work.len()],
+        work,
+        workers,
+        random,
+        idle: Vec::new(),
+        events: BinaryHeap::new(),
+        found: Found { seconds: 0.0, lost: 0, copies: 0 },
+    };
+    for worker in 0..arguments.workers {
+        simulation.assign(worker, 0);
+    }
+    simulation.run();
+    simulation.found
+}
+
+fn micros(seconds: f64) -> u64 {
+    (seconds * 1e6) as u64
+}
+
+impl Simulation<'_> {
+    fn run(&mut self) {
+        let mut open = self.work.len();
+        let repair = micros(self.arguments.repair);
+        while open > 0
+            && let Some(Reverse((now, event))) = self.events.pop()
+        {
+            match event {
+                Event::Finished(worker, attempt) if self.workers[worker].attempt == attempt => {
+                    let Some((shard, _)) = self.workers[worker].job.take() else { continue };
+                    (self.work[shard], self.running[shard]) = (0.0, 0);
+                    open -= 1;
+                    self.found.seconds = now as f64 * 1e-6;
+                    // A worker at a copy of the shard is told to stop.
+                    for other in 0..self.workers.len() {
+                        if self.workers[other].job.is_some_and(|(job, _)| job == shard) {
+                            self.assign(other, now);
+                        }
+                    }
+                    self.assign(worker, now);
+                }
+                Event::Failed(worker, attempt) if self.workers[worker].attempt == attempt => {
+                    if let Some((shard, _)) = self.workers[worker].job.take() {
+                        self.found.lost += 1;
+                        self.running[shard] -= 1;
+                        self.events.push(Reverse((now + repair, Event::Noticed(shard))));
+                    }
+                    self.workers[worker].attempt += 1;
+                    self.events.push(Reverse((now + 2 * repair, Event::Replaced(worker))));
+                }
+                // The attempt was stopped before.
+                Event::Finished(..) | Event::Failed(..) => {}
+                Event::Replaced(worker) => self.assign(worker, now),
+                Event::Noticed(shard) => {
+                    if self.work[shard] > 0.0 && self.running[shard] == 0 {
+                        self.queue.push_front(shard);
+                        if let Some(worker) = self.idle.pop() {
+                            self.assign(worker, now);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Gives a worker the next shard of the queue; if there is none, a copy of the one that would be finished
+    /// last; if there is none of these, nothing.
+    fn assign(&mut self, worker: usize, now: u64) {
+        self.workers[worker].attempt += 1;
+        self.workers[worker].job = None;
+        let shard = self.queue.pop_front().or_else(|| {
+            let last = self.workers.iter().filter_map(|worker| worker.job);
+            let copy = last.filter(|&(shard, _)| self.running[shard] == 1).max_by_key(|&(_, end)| end);
+            let copy = copy.filter(|_| !self.arguments.no_copies)?.0;
+            self.found.copies += 1;
+            Some(copy)
+        });
+        let Some(shard) = shard else { return self.idle.push(worker) };
+        self.running[shard] += 1;
+        let Worker { slowness, attempt, .. } = self.workers[worker];
+        let end = now + micros((self.arguments.start + self.work[shard]) * slowness);
+        // Failures have no memory: the time to the next is exponential.
+        let failure = now + micros(-(1.0 - self.random.unit()).ln() * self.arguments.fails * HOUR);
+        self.workers[worker].job = Some((shard, end));
+        let (time, event) = if failure < end {
+            (failure, Event::Failed(worker, attempt))
+        } else {
+            (end, Event::Finished(worker, attempt))
+        };
+        self.events.push(Reverse((time, event)));
+    }
+}
