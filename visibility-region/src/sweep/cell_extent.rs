@@ -19,6 +19,8 @@ const SMALLER: f64 = 0.3;
 pub(crate) struct CellExtent {
     pub(crate) min: DVec3,
     pub(crate) max: DVec3,
+    /// Bound on the rounding of `min` and `max`.
+    error: DVec3,
     /// Half-spaces with unit normals that contain the viewcell, each with a bound on the rounding of its
     /// offset.
     planes: Vec<(Plane, f64)>,
@@ -40,7 +42,15 @@ impl CellExtent {
         };
         let planes = cell.planes.iter().filter_map(Plane::normalized).map(relative);
         let usable = |(plane, error): &(Plane, f64)| plane.offset.is_finite() && error.is_finite();
-        Some(Self { min, max, planes: planes.filter(usable).collect() })
+        // Without an origin, the differences are exact. Others round by half an EPSILON of their result.
+        let error = DVec3::select(origin.cmpeq(DVec3::ZERO), DVec3::ZERO, min.abs().max(max.abs()));
+        let error = error * f64::EPSILON;
+        Some(Self { min, max, error, planes: planes.filter(usable).collect() })
+    }
+
+    /// Returns the ends of the viewcell's box along an axis of the scene, rounded outwards.
+    pub(crate) fn ends(&self, axis: usize) -> [f64; 2] {
+        [self.min[axis] - self.error[axis], self.max[axis] + self.error[axis]]
     }
 
     /// Returns a lower bound of the positions of the viewcell's points along an axis of about unit length,

@@ -17,7 +17,7 @@ use super::direction::Direction;
 use super::hull::{Spread, draw_hull};
 use super::polygon::{Polygon, cut};
 use super::ray_map::{PixelRect, RayMap};
-use super::window::{SLACK, Window};
+use super::window::Window;
 use visibility_core::glam::DVec3;
 
 /// Pixel coordinates beyond this are not computed with: 2^30, whose rounding errors are below
@@ -47,16 +47,17 @@ impl PieceMaps {
     }
 
     /// Adds to `map` the pixels that a piece covers. `contour` are the edges that bound it, before it is cut.
+    /// Each comes with whether it is on the outer side of the window's rims: see [`Window::is_outside`].
     pub(super) fn draw(
         &mut self,
         map: &mut RayMap,
         target: &Target<'_>,
-        triangles: impl Iterator<Item = [DVec3; 3]> + Clone,
-        contour: impl Iterator<Item = [DVec3; 2]>,
+        triangles: impl Iterator<Item = ([DVec3; 3], [bool; 2])> + Clone,
+        contour: impl Iterator<Item = ([DVec3; 2], [bool; 2])>,
     ) {
         let Target { window, near, rect, .. } = *target;
         let mut filled = false;
-        for triangle in triangles.clone() {
+        for (triangle, _) in triangles.clone() {
             if triangle.iter().any(|p| p.z < window.d) && triangle.iter().any(|p| p.z > near) {
                 let polygon = Polygon::cut(triangle, near, window.d);
                 filled |= polygon.fill(&mut self.inside, map, window, rect);
@@ -66,8 +67,9 @@ impl PieceMaps {
             return;
         }
         if map.lacks(&self.inside, rect) {
-            let known = triangles.into_iter().all(|triangle| self.sweep_cuts(target, triangle))
-                && contour.into_iter().all(|[a, b]| self.sweep_edge(target, a, b));
+            let known =
+                triangles.into_iter().all(|(triangle, outside)| self.sweep_cuts(target, triangle, outside))
+                    && contour.into_iter().all(|([a, b], outside)| self.sweep_edge(target, a, b, outside));
             if known {
                 map.add_difference(&self.inside, &self.contour, rect);
             }
@@ -78,7 +80,7 @@ impl PieceMaps {
 
     /// Draws the edges that the plane and the near cut leave of a triangle. Returns false if a position is
     /// too far away to compute with.
-    fn sweep_cuts(&mut self, target: &Target<'_>, triangle: [DVec3; 3]) -> bool {
+    fn sweep_cuts(&mut self, target: &Target<'_>, triangle: [DVec3; 3], outside: [bool; 2]) -> bool {
         let Target { window, near, .. } = *target;
         if triangle.iter().all(|p| p.z > near && p.z < window.d) {
             return true;
@@ -88,13 +90,13 @@ impl PieceMaps {
         points.iter().enumerate().all(|(i, &a)| {
             let b = points[(i + 1) % points.len()];
             let cut = (a.z == near && b.z == near) || (a.z == window.d && b.z == window.d);
-            !cut || self.sweep_edge(target, a, b)
+            !cut || self.sweep_edge(target, a, b, outside)
         })
     }
 
     /// Marks the pixels in which a contour edge is seen from any viewpoint of the cell, as far as the edge is
     /// between the near cut and the plane. Returns false if a position is too far away to compute with.
-    fn sweep_edge(&mut self, target: &Target<'_>, a: DVec3, b: DVec3) -> bool {
+    fn sweep_edge(&mut self, target: &Target<'_>, a: DVec3, b: DVec3, outside: [bool; 2]) -> bool {
         let Target { direction, window, near, rect } = *target;
         let (mut a, mut b) = if a.z <= b.z { (a, b) } else { (b, a) };
         if b.z < near || a.z > window.d {
@@ -109,8 +111,8 @@ impl PieceMaps {
         let spread = |p: DVec3| -> Spread {
             let factors = direction.beyond(p.z, window.d);
             [0, 1].map(|lat| {
-                let [low, high] = direction.spread(p[lat], lat, factors);
-                [window.pixel(low, lat) - SLACK, window.pixel(high, lat) + SLACK]
+                let range = window.widened(direction.spread(p[lat], lat, factors), lat);
+                if outside[lat] { window.clip_outwards(range, lat) } else { range }
             })
         };
         let (p, q) = (spread(a), spread(b));

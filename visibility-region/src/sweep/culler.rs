@@ -161,7 +161,7 @@ impl ExtendedProjectionCuller {
             let projection = projection.unwrap_or_else(|| job.direction.occludee(window.d, &item.bounds));
             at += 1;
             stats.tests += 1;
-            if let Some(rect) = window.pixels(projection) {
+            if let Some(rect) = window.pixels(projection, &item.scene_bounds) {
                 if self.sweep.map.all_set(rect) {
                     occludees::mark(job.scene, item.child, &mut self.hidden);
                     continue;

@@ -20,6 +20,9 @@ pub(crate) struct CellBox {
     /// Middle of the box and half its extent, along `axes`.
     center: DVec3,
     half: DVec3,
+    /// Axis of the scene and ends of the viewcell along it, rounded outwards, for each axis of the box that is
+    /// one of the scene.
+    exact: [Option<(usize, [f64; 2])>; 3],
     /// Bound on the error of every local coordinate, in metres; see [`Direction::error`].
     error: f64,
 }
@@ -39,7 +42,11 @@ impl CellBox {
             return None;
         }
         let (center, half) = (low * 0.5 + high * 0.5, (high * 0.5 - low * 0.5) + DVec3::splat(error));
-        error.is_finite().then_some(Self { axes, center, half, error })
+        let exact = axes.map(|row| {
+            let axis = (0..3).find(|&axis| row == DVec3::AXES[axis])?;
+            Some((axis, cell.ends(axis)))
+        });
+        error.is_finite().then_some(Self { axes, center, half, exact, error })
     }
 
     /// Returns a point of the scene relative to the middle of the box, along its axes.
@@ -71,6 +78,7 @@ impl CellBox {
             rows: [self.axes[a], self.axes[b], self.axes[outward] * sign],
             offset: [self.center[a], self.center[b], self.center[outward] * sign + self.half[outward]],
             half: [self.half[a], self.half[b]],
+            exact: [self.exact[a], self.exact[b]],
             depth: 2.0 * self.half[outward],
             error: self.error,
         }
@@ -86,6 +94,9 @@ pub(crate) struct Direction {
     pub(crate) offset: [f64; 3],
     /// Half the extent of the viewcell along x and y.
     pub(crate) half: [f64; 2],
+    /// For each of x and y that runs along an axis of the scene: that axis, and the ends of the viewcell along
+    /// it relative to the scene's origin, rounded outwards.
+    pub(crate) exact: [Option<(usize, [f64; 2])>; 2],
     /// Extent of the viewcell along z.
     pub(crate) depth: f64,
     /// Bound on the error of each local coordinate of a point of the scene, in metres.

@@ -13,6 +13,8 @@ use visibility_core::{Aabb, Scene, VisibleSet};
 pub(crate) struct Item {
     pub(crate) child: Child,
     pub(crate) bounds: LocalBox,
+    /// Bounds in coordinates of the scene.
+    pub(crate) scene_bounds: Aabb,
 }
 
 /// Slopes of rays that are too steep for a map: objects that reach so far aside count as visible.
@@ -44,14 +46,14 @@ pub(crate) fn assign(
             match child {
                 Child::Object(id) => {
                     if usable && visible.contains(scene, id) {
-                        lists[farthest].push(Item { child, bounds });
+                        lists[farthest].push(Item { child, bounds, scene_bounds });
                     }
                 }
                 Child::Node(below) => {
                     // An object below may be as far along another direction as the node reaches there.
                     let others = (0..6).filter(|&i| i != farthest).map(|i| boxes[i].hi.z);
                     if usable && others.fold(0.0, f64::max) * 0.75 <= bounds.lo.z {
-                        lists[farthest].push(Item { child, bounds });
+                        lists[farthest].push(Item { child, bounds, scene_bounds });
                     } else {
                         stack.push(Some(below));
                     }
@@ -77,7 +79,7 @@ pub(crate) fn for_each_child(
 ) {
     SceneHierarchy.for_each_child(scene, Some(node), &mut |child, bounds| {
         if !matches!(child, Child::Object(id) if !visible.contains(scene, id)) {
-            each(Item { child, bounds: direction.local_box(&bounds) });
+            each(Item { child, bounds: direction.local_box(&bounds), scene_bounds: bounds });
         }
     });
 }

@@ -109,7 +109,8 @@ impl<'a> Occluder<'a> {
         (near <= far).then_some(())?;
         let along = |lat| {
             let [left, right] = direction.common_view(window.d, &self.bounds, [near, far], lat);
-            let (left, right) = (window.pixel(left, lat).max(0.0), window.pixel(right, lat).min(SIDE as f64));
+            let [left, right] = window.widened([left, right], lat);
+            let (left, right) = (left.max(0.0), right.min(SIDE as f64));
             (right - left >= 1.0).then_some(())?;
             let first = left as usize + usize::from(left > (left as usize) as f64);
             (first < right as usize).then_some([first, right as usize - 1])

@@ -52,11 +52,14 @@ impl OccluderRaster {
         match occluder.shape {
             Shape::Mesh(mesh) => self.draw_mesh(map, &target, occluder, mesh),
             Shape::Piece { surfaces, triangles, contour } => {
-                let triangles = triangles
-                    .iter()
-                    .map(|&t| surfaces.triangles[t as usize].corners.map(|p| occluder.local(p)));
-                let contour =
-                    contour.iter().map(|&s| surfaces.segments[s as usize].map(|p| occluder.local(p)));
+                let triangles = triangles.iter().map(|&t| {
+                    let corners = &surfaces.triangles[t as usize].corners;
+                    (corners.map(|p| occluder.local(p)), window.is_outside(corners))
+                });
+                let contour = contour.iter().map(|&s| {
+                    let ends = &surfaces.segments[s as usize];
+                    (ends.map(|p| occluder.local(p)), window.is_outside(ends))
+                });
                 self.maps.draw(map, &target, triangles, contour);
             }
         }
@@ -132,10 +135,10 @@ impl OccluderRaster {
                 (0..3).filter_map(move |corner| {
                     let other = neighbour(mesh, edges[corner], t);
                     let inner = other.is_some_and(|other| facing[other as usize] == 2 * side);
-                    (!inner).then_some([corners[corner], corners[(corner + 1) % 3]])
+                    (!inner).then_some(([corners[corner], corners[(corner + 1) % 3]], [false; 2]))
                 })
             });
-            self.maps.draw(map, target, piece.iter().map(|&t| corners(t)), contour);
+            self.maps.draw(map, target, piece.iter().map(|&t| (corners(t), [false; 2])), contour);
         }
     }
 

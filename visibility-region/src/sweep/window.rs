@@ -4,6 +4,8 @@ use super::direction::Direction;
 use super::occludees::Item;
 use super::ray_map::{PixelRect, Ranges, SIDE};
 use alloc::vec::Vec;
+use visibility_core::Aabb;
+use visibility_core::glam::Vec3;
 
 /// The margin of every decision in pixels. All pixel coordinates that decide are in error by less: see
 /// [`Window::fit`] for the lateral positions and [`OccluderRaster`](super::occluder_raster::OccluderRaster)
@@ -25,6 +27,46 @@ pub(crate) struct Rim {
     at: f64,
     /// 1 if objects begin at the rim, -1 if they end there.
     inwards: f64,
+    /// Axis of the scene and position of the rim along it, exact, if all of the viewcell is on the inner side
+    /// of the rim or touches it.
+    exact: Option<(usize, f64)>,
+}
+
+/// A rim that the viewcell does not cross, as a boundary between the pixels of a window.
+///
+/// The pixels on the inner side of this boundary hold the points on the inner side of the rim, exactly, and
+/// those on its outer side the points beyond: between the rim and the boundary of pixels by their coordinates
+/// are [`BESIDE`] pixels, and every range of pixels is widened by these. Rays from the viewcell through an inner
+/// pixel stay on the inner side of the rim. So an edge on the outer side, or at the rim, does not meet them.
+/// (Rays within the rim meet an edge at the rim, and its triangle blocks them there. Nor would they see an
+/// object that rays beside them do not: what is seen is seen by an open set of rays.)
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct ExactRim {
+    at: f64,
+    inwards: f64,
+    exact: (usize, f64),
+    /// The pixel on the inner side.
+    inner: usize,
+}
+
+impl ExactRim {
+    /// Cuts a range of pixel coordinates off, whose points are all on the inner side.
+    fn clip_inwards(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+        let inner = self.inner as f64;
+        if self.inwards > 0.0 { [low.max(inner), high] } else { [low, high.min(inner + 1.0 - SLACK)] }
+    }
+
+    /// Cuts a range of pixel coordinates off, whose points are all on the outer side or at the rim.
+    fn clip_outwards(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+        let inner = self.inner as f64;
+        if self.inwards > 0.0 {
+            let high = high.min(inner - SLACK);
+            [low.min(high), high]
+        } else {
+            let low = low.max(inner + 1.0);
+            [low, high.max(low)]
+        }
+    }
 }
 
 impl Rim {
@@ -47,11 +89,30 @@ impl Rim {
             scratch.sort_unstable_by(f64::total_cmp);
             for equal in scratch.chunk_by(|a, b| b - a <= direction.error) {
                 if equal.len() > most {
-                    (best, most) = (Some(Self { at: equal[0], inwards }), equal.len());
+                    let range = [equal[0], equal[equal.len() - 1]];
+                    (best, most) = (Some((range, inwards)), equal.len());
                 }
             }
         }
-        best
+        let (range, inwards) = best?;
+        let exact = direction.exact[lat].and_then(|(axis, cell)| {
+            let outermost = items
+                .iter()
+                .map(|Item { bounds, scene_bounds, .. }| {
+                    let (local, scene) = if inwards > 0.0 {
+                        (bounds.lo[lat], scene_bounds.min[axis])
+                    } else {
+                        (bounds.hi[lat], scene_bounds.max[axis])
+                    };
+                    (local, f64::from(scene))
+                })
+                .filter(|(local, _)| (range[0]..=range[1]).contains(local))
+                .min_by(|a, b| (a.1 * inwards).total_cmp(&(b.1 * inwards)))?;
+            let is_within = if inwards > 0.0 { cell[0] >= outermost.1 } else { cell[1] <= outermost.1 };
+            is_within.then_some((outermost.0, axis, outermost.1))
+        });
+        let at = exact.map_or(range[0], |(at, ..)| at);
+        Some(Self { at, inwards, exact: exact.map(|(_, axis, scene)| (axis, scene)) })
     }
 }
 
@@ -67,6 +128,8 @@ pub(crate) struct Window {
     pub(crate) ends: [[f64; 2]; 2],
     /// Pixels per metre along x and y.
     scale: [f64; 2],
+    /// Rims along x and y that the viewcell does not cross.
+    rims: [Option<ExactRim>; 2],
 }
 
 impl Window {
@@ -78,6 +141,7 @@ impl Window {
         ends: [[f64; 2]; 2],
         rims: [Option<Rim>; 2],
     ) -> Option<Self> {
+        let mut exact_rims = [None; 2];
         let ends = [0, 1].map(|lat| {
             let [low, high] = ends[lat];
             // Positions on the plane are sums of three terms within the magnitudes here, each rounded a few
@@ -92,15 +156,25 @@ impl Window {
             };
             // One pixel is left for the shift.
             let pixel = (high - low) / (SIDE - 1) as f64;
-            let boundary = ((rim.at + rim.inwards * BESIDE * pixel - low) / pixel).max(0.0);
+            let side = if rim.exact.is_some() { -rim.inwards } else { rim.inwards };
+            let boundary = (rim.at + side * BESIDE * pixel - low) / pixel;
+            let is_inside = boundary >= 0.0;
+            let boundary = boundary.max(0.0);
             let fraction = boundary - boundary as usize as f64;
+            let first = boundary as usize + 1;
+            exact_rims[lat] = rim.exact.filter(|_| is_inside && first < SIDE).map(|exact| ExactRim {
+                at: rim.at,
+                inwards: rim.inwards,
+                exact,
+                inner: if rim.inwards > 0.0 { first } else { first - 1 },
+            });
             let low = low - (1.0 - fraction) * pixel;
             [low, low + pixel * SIDE as f64]
         });
         let scale = ends.map(|[low, high]| SIDE as f64 / (high - low));
         let usable =
             scale.iter().all(|s| s.is_finite() && *s > 0.0) && ends.iter().flatten().all(|e| e.is_finite());
-        usable.then_some(Self { d, ends, scale })
+        usable.then_some(Self { d, ends, scale, rims: exact_rims })
     }
 
     /// Returns the pixel coordinate of a position along the lateral axis `lat`.
@@ -118,10 +192,47 @@ impl Window {
         self.scale[lat]
     }
 
-    /// Returns the pixels that a rectangle on the plane meets, or `None` unless it is within the window.
-    pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2]) -> Option<PixelRect> {
-        let along = |[low, high]: [f64; 2], lat| {
-            let (low, high) = (self.pixel(low, lat) - SLACK, self.pixel(high, lat) + SLACK);
+    /// Returns the margin of ranges of pixels along a lateral axis, in pixels.
+    fn margin(&self, lat: usize) -> f64 {
+        if self.rims[lat].is_some() { SLACK + BESIDE } else { SLACK }
+    }
+
+    /// Returns the range of pixel coordinates that surely contains the positions from `low` to `high`.
+    pub(crate) fn widened(&self, [low, high]: [f64; 2], lat: usize) -> [f64; 2] {
+        [self.pixel(low, lat) - self.margin(lat), self.pixel(high, lat) + self.margin(lat)]
+    }
+
+    /// Returns along which lateral axes all of some points of the scene, exact, are on the outer side of the rim
+    /// or at it.
+    pub(crate) fn is_outside(&self, points: &[Vec3]) -> [bool; 2] {
+        self.rims.map(|rim| {
+            rim.is_some_and(|ExactRim { inwards, exact: (axis, at), .. }| {
+                points.iter().all(|p| (f64::from(p[axis]) - at) * inwards <= 0.0)
+            })
+        })
+    }
+
+    /// Cuts a range of pixel coordinates off at the rim, for points on its outer side.
+    pub(crate) fn clip_outwards(&self, range: [f64; 2], lat: usize) -> [f64; 2] {
+        self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
+    }
+
+    /// Returns the pixels that the projection of an occludee on the plane meets, or `None` unless it is within
+    /// the window. `bounds` are those of the occludee in the scene.
+    pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2], bounds: &Aabb) -> Option<PixelRect> {
+        let along = |range: [f64; 2], lat| {
+            let [mut low, mut high] = self.widened(range, lat);
+            if let Some(rim) = &self.rims[lat] {
+                let (axis, at) = rim.exact;
+                let is_inside = if rim.inwards > 0.0 {
+                    f64::from(bounds.min[axis]) >= at
+                } else {
+                    f64::from(bounds.max[axis]) <= at
+                };
+                if is_inside {
+                    [low, high] = rim.clip_inwards([low, high]);
+                }
+            }
             (low >= 0.0 && high < SIDE as f64 && low <= high).then_some([low as usize, high as usize])
         };
         Some(PixelRect { x: along(x, 0)?, y: along(y, 1)? })
@@ -131,7 +242,8 @@ impl Window {
     pub(crate) fn inside(&self, rect: PixelRect) -> [[f64; 2]; 2] {
         let along = |[first, last]: [usize; 2], lat: usize| {
             let at = |pixel: f64| self.ends[lat][0] + pixel * self.pixel_size(lat);
-            [at(first as f64 + SLACK), at((last + 1) as f64 - SLACK)]
+            let margin = self.margin(lat);
+            [at(first as f64 + margin), at((last + 1) as f64 - margin)]
         };
         [along(rect.x, 0), along(rect.y, 1)]
     }
@@ -147,13 +259,25 @@ impl Window {
         let mut ranges = [[0; 2]; SIDE];
         let (mut first, mut last) = (0, 0);
         for (i, range) in ranges.iter_mut().enumerate() {
-            let a = self.ends[lat][0] + i as f64 * size;
-            let b = self.ends[lat][0] + (i + 1) as f64 * size;
+            let mut a = self.ends[lat][0] + i as f64 * size;
+            let mut b = self.ends[lat][0] + (i + 1) as f64 * size;
+            if let Some(rim) = &self.rims[lat] {
+                // The pixels on both sides of the rim end there.
+                let first_above = if rim.inwards > 0.0 { rim.inner } else { rim.inner + 1 };
+                a = if i == first_above { rim.at } else { a };
+                b = if i + 1 == first_above { rim.at } else { b };
+            }
             let low = t.map(|t| a * (1.0 - t) - h * t);
             let high = t.map(|t| b * (1.0 - t) + h * t);
             // Asked rays stay within the earlier window, so what is beyond its rim need not be blocked.
-            let low = from.pixel(low[0].min(low[1]), lat) - SLACK;
-            let high = from.pixel(high[0].max(high[1]), lat) + SLACK;
+            let [mut low, mut high] = from.widened([low[0].min(low[1]), high[0].max(high[1])], lat);
+            if let (Some(own), Some(other)) = (&self.rims[lat], &from.rims[lat])
+                && own.exact == other.exact
+                && own.inwards == other.inwards
+                && (if own.inwards > 0.0 { i >= own.inner } else { i <= own.inner })
+            {
+                [low, high] = other.clip_inwards([low, high]);
+            }
             let clamp = |x: f64| x.max(0.0).min((SIDE - 1) as f64) as usize;
             // In real numbers the ends never decrease; rounding must not make them do so.
             first = clamp(low).max(first);

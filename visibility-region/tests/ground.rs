@@ -1,0 +1,63 @@
+//! Viewcells that stand exactly on the ground that most objects stand on: nothing that is seen past the lower
+//! edges of occluders is hidden.
+
+mod common;
+
+use common::World;
+use visibility_core::Aabb;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_region::ExtendedProjectionCuller;
+use visibility_testing::Random;
+
+/// Returns a box given by its extent along x, y and upwards, with `up` as the upward axis, or down if `flip`.
+fn turned(low: [f32; 3], high: [f32; 3], up: usize, flip: bool) -> ([f32; 3], [f32; 3]) {
+    let (mut min, mut max) = ([0.0; 3], [0.0; 3]);
+    for i in 0..3 {
+        let axis = (up + 1 + i) % 3;
+        let flip = flip && i == 2;
+        (min[axis], max[axis]) = if flip { (-high[i], -low[i]) } else { (low[i], high[i]) };
+    }
+    (min, max)
+}
+
+#[test]
+fn no_ray_from_a_cell_on_the_ground_reaches_a_hidden_object() {
+    let mut rng = Random(11);
+    let (mut hidden_objects, mut standing) = (0, 0);
+    for number in 0..120 {
+        let mut world = World::new();
+        let (up, flip) = (number % 3, number / 3 % 2 == 1);
+        // The ground is at a height that has no short binary fraction.
+        let ground = rng.pick(&[0.0f32, 0.1, -3.3]);
+        let gaps =
+            rng.pick(&[[0.0f32; 6], [0.0, 0.0, 0.0, 1e-4, 0.02, -1.0], [0.0, 0.0, 0.0, 0.0, -0.05, 0.4]]);
+        for _ in 0..rng.pick(&[3, 12, 30]) {
+            let (x, y) = (rng.range(3.0, 25.0) as f32, rng.range(-25.0, 15.0) as f32);
+            let (depth, width) = (rng.range(0.1, 5.0) as f32, rng.range(4.0, 20.0) as f32);
+            let base = ground + rng.pick(&gaps);
+            let top = ground + rng.range(2.0, 12.0) as f32;
+            let (min, max) = turned([x, y, base], [x + depth, y + width, top], up, flip);
+            world.add_box(min, max);
+        }
+        for _ in 0..60 {
+            let (x, y) = (rng.range(4.0, 50.0) as f32, rng.range(-40.0, 40.0) as f32);
+            let base = ground + rng.pick(&[0.0f32, 0.0, 0.0, 0.0, -1.0, -0.1, -0.01, 0.5]);
+            let height = rng.pick(&[0.0f32, 0.5, 1.5]);
+            let (min, max) = turned([x, y, base], [x + 0.8, y + 0.8, base + height], up, flip);
+            world.add_target(Aabb::from_arrays(min, max));
+        }
+        // Most cells stand on the ground, some a little below or above it.
+        let floor = ground + rng.pick(&[0.0f32, 0.0, 0.0, -0.01, 0.001, -1e-6]);
+        let (min, max) = turned([-1.5, -1.5, floor], [1.5, 1.5, ground + 2.0], up, flip);
+        let cell =
+            Viewcell::from_box(DVec3::from_array(min.map(f64::from)), DVec3::from_array(max.map(f64::from)));
+        let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell);
+        hidden_objects += hidden.len();
+        standing += if floor == ground { hidden.len() } else { 0 };
+        let found = world.search(&mut rng, &cell, &hidden, 3000);
+        assert!(found.is_ok(), "world {number}: {found:?}");
+    }
+    println!("{hidden_objects} {standing}");
+    assert!(standing > 1000, "{standing} of {hidden_objects}");
+}
