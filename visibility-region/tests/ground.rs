@@ -61,3 +61,17 @@ fn no_ray_from_a_cell_on_the_ground_reaches_a_hidden_object() {
     println!("{hidden_objects} {standing}");
     assert!(standing > 1000, "{standing} of {hidden_objects}");
 }
+
+#[test]
+fn what_stands_behind_a_wall_is_seen_through_a_crack_under_the_wall_however_thin() {
+    let cell = Viewcell::from_box(DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, 1.0, 2.0));
+    for (base, is_hidden) in [(-1.0, true), (0.0, true), (1e-6, false), (1e-3, false), (0.03, false)] {
+        let mut world = World::new();
+        world.add_box([5.0, -30.0, base], [5.5, 30.0, 20.0]);
+        let posts: Vec<_> = [-4.0f32, 0.0, 4.0]
+            .map(|y| world.add_target(Aabb::from_arrays([20.0, y, 0.0], [20.5, y + 0.5, 1.0])))
+            .into();
+        let hidden = world.hidden(&mut ExtendedProjectionCuller::new(), &cell);
+        assert!(posts.iter().all(|id| hidden.contains(id) == is_hidden), "{base}");
+    }
+}

@@ -20,8 +20,8 @@ pub(crate) struct CellBox {
     /// Middle of the box and half its extent, along `axes`.
     center: DVec3,
     half: DVec3,
-    /// Axis of the scene and ends of the viewcell along it, rounded outwards, for each axis of the box that is
-    /// one of the scene.
+    /// Axis of the scene and ends of the viewcell along it, rounded outwards, for each axis of the box that
+    /// is one of the scene.
     exact: [Option<(usize, [f64; 2])>; 3],
     /// Bound on the error of every local coordinate, in metres; see [`Direction::error`].
     error: f64,
@@ -94,8 +94,8 @@ pub(crate) struct Direction {
     pub(crate) offset: [f64; 3],
     /// Half the extent of the viewcell along x and y.
     pub(crate) half: [f64; 2],
-    /// For each of x and y that runs along an axis of the scene: that axis, and the ends of the viewcell along
-    /// it relative to the scene's origin, rounded outwards.
+    /// For each of x and y that runs along an axis of the scene: that axis, and the ends of the viewcell
+    /// along it relative to the scene's origin, rounded outwards.
     pub(crate) exact: [Option<(usize, [f64; 2])>; 2],
     /// Extent of the viewcell along z.
     pub(crate) depth: f64,

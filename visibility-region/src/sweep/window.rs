@@ -27,8 +27,8 @@ pub(crate) struct Rim {
     at: f64,
     /// 1 if objects begin at the rim, -1 if they end there.
     inwards: f64,
-    /// Axis of the scene and position of the rim along it, exact, if all of the viewcell is on the inner side
-    /// of the rim or touches it.
+    /// Axis of the scene and position of the rim along it, exact, if all of the viewcell is on the inner
+    /// side of the rim or touches it.
     exact: Option<(usize, f64)>,
 }
 
@@ -36,10 +36,10 @@ pub(crate) struct Rim {
 ///
 /// The pixels on the inner side of this boundary hold the points on the inner side of the rim, exactly, and
 /// those on its outer side the points beyond: between the rim and the boundary of pixels by their coordinates
-/// are [`BESIDE`] pixels, and every range of pixels is widened by these. Rays from the viewcell through an inner
-/// pixel stay on the inner side of the rim. So an edge on the outer side, or at the rim, does not meet them.
-/// (Rays within the rim meet an edge at the rim, and its triangle blocks them there. Nor would they see an
-/// object that rays beside them do not: what is seen is seen by an open set of rays.)
+/// are [`BESIDE`] pixels, and every range of pixels is widened by these. Rays from the viewcell through an
+/// inner pixel stay on the inner side of the rim. So an edge on the outer side, or at the rim, does not meet
+/// them. (Rays within the rim meet an edge at the rim, and its triangle blocks them there. Nor would they see
+/// an object that rays beside them do not: what is seen is seen by an open set of rays.)
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct ExactRim {
     at: f64,
@@ -202,8 +202,8 @@ impl Window {
         [self.pixel(low, lat) - self.margin(lat), self.pixel(high, lat) + self.margin(lat)]
     }
 
-    /// Returns along which lateral axes all of some points of the scene, exact, are on the outer side of the rim
-    /// or at it.
+    /// Returns along which lateral axes all of some points of the scene, exact, are on the outer side of the
+    /// rim or at it.
     pub(crate) fn is_outside(&self, points: &[Vec3]) -> [bool; 2] {
         self.rims.map(|rim| {
             rim.is_some_and(|ExactRim { inwards, exact: (axis, at), .. }| {
@@ -217,8 +217,8 @@ impl Window {
         self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
     }
 
-    /// Returns the pixels that the projection of an occludee on the plane meets, or `None` unless it is within
-    /// the window. `bounds` are those of the occludee in the scene.
+    /// Returns the pixels that the projection of an occludee on the plane meets, or `None` unless it is
+    /// within the window. `bounds` are those of the occludee in the scene.
     pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2], bounds: &Aabb) -> Option<PixelRect> {
         let along = |range: [f64; 2], lat| {
             let [mut low, mut high] = self.widened(range, lat);
