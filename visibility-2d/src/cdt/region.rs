@@ -231,6 +231,8 @@ impl Plan {
     fn follow_from(&self, edge: u32, answer: &mut RegionVisibility) -> Result<(), PlanError> {
         answer.sides.clear();
         let (a, b) = (self.edges[edge as usize].origin, self.edges[next(edge) as usize].origin);
+        // Every line across an edge of the hull meets the hull.
+        let is_in_hull = [a, b].iter().all(|&v| contains(&answer.hull, self.points[v as usize]));
         // All lines across the edge, from along it in one direction to along it in the other.
         answer.sides.push(Side { vertex: a, corner: [a, b] });
         answer.sides.push(Side { vertex: b, corner: [b, a] });
@@ -238,7 +240,7 @@ impl Plan {
         answer.beams.push(Beam { edge, sides: (0, 2), kept: 2 });
         while let Some(beam) = answer.beams.pop() {
             answer.sides.truncate(beam.kept as usize);
-            if !self.meets_hull(beam, answer) {
+            if !is_in_hull && !self.meets_hull(beam, answer) {
                 continue;
             }
             let twin = self.edges[beam.edge as usize].twin;
@@ -291,27 +293,44 @@ impl Plan {
     }
 }
 
+/// Returns whether a convex polygon, counter-clockwise, contains a point in its inside or on its outline.
+/// False for a polygon without area.
+fn contains(hull: &[Point], point: Point) -> bool {
+    let after = hull.iter().cycle().skip(1);
+    hull.len() > 2
+        && hull.iter().zip(after).all(|(&a, &b)| a == point || b == point || orient(a, b, point) >= 0.0)
+}
+
 /// Pushes the lines of a beam that pass the vertex `apex` on a side: `sign` is 1 for those with the vertex to
 /// their left.
 fn clip(answer: &mut RegionVisibility, beam: Beam, apex: u32, sign: i8, edge: u32) {
     let (first, count) = (beam.sides.0 as usize, answer.signs.len());
-    let keeps = |index: usize| answer.signs[index % count] == sign;
     let kept = answer.sides.len() as u32;
-    if (0..count).all(|index| answer.signs[index] != -sign) {
-        if (0..count).any(keeps) {
-            answer.beams.push(Beam { edge, sides: beam.sides, kept });
-        }
+    let stay = answer.signs.iter().filter(|&&other| other == sign).count();
+    if stay == 0 {
         return;
     }
-    // The corners that stay follow one another.
-    let Some(begin) = (0..count).find(|&index| keeps(index) && !keeps(index + count - 1)) else { return };
-    let length = (begin..).take_while(|&index| keeps(index)).count();
-    for index in begin..begin + length {
-        let side = answer.sides[first + index % count];
-        answer.sides.push(side);
+    if !answer.signs.contains(&-sign) {
+        answer.beams.push(Beam { edge, sides: beam.sides, kept });
+        return;
+    }
+    // The corners that stay follow one another: either none of them is the last, or they end at the first
+    // that does not stay.
+    let keeps = |&other: &i8| other == sign;
+    let end = if keeps(&answer.signs[count - 1]) {
+        answer.signs.iter().position(|other| !keeps(other)).unwrap_or(count)
+    } else {
+        answer.signs.iter().rposition(keeps).map_or(0, |last| last + 1)
+    };
+    let begin = if end >= stay { end - stay } else { end + count - stay };
+    if begin < end {
+        answer.sides.extend_from_within(first + begin..first + end);
+    } else {
+        answer.sides.extend_from_within(first + begin..first + count);
+        answer.sides.extend_from_within(first..first + end);
     }
     let before = answer.sides[first + begin].vertex;
-    let after = answer.sides[first + (begin + length) % count].vertex;
+    let after = answer.sides[first + if end == count { 0 } else { end }].vertex;
     // Lines pass the vertices of earlier edges first.
     answer.sides.push(Side { vertex: after, corner: [after, apex] });
     answer.sides.push(Side { vertex: apex, corner: [before, apex] });
