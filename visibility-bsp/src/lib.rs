@@ -10,8 +10,8 @@
 //! | Culls by the view volume, sorts front to back | [`BspOrderCuller`] | triangles | conservative |
 //! | Tests boxes, for a traversal of your own | [`OcclusionTree`] | meshes | conservative |
 //!
-//! The picture `docs/guide/town-occlusion-tree.png` in the repository shows what an occlusion tree leaves of a
-//! town.
+//! The picture `docs/guide/town-occlusion-tree.png` in the repository shows what an occlusion tree leaves of
+//! a town.
 //!
 //! The first three cullers share [`Occluders`], large polygons made when a scene is loaded. `NaylorCuller`
 //! and `BspOrderCuller` share a [`SceneTree`]. `Occluders` and `SceneTree` have a `sync` method for scenes

@@ -8,7 +8,8 @@
 //!   from anywhere in a cell. The result, a [`Pvs`](visibility_core::pvs::Pvs), limits the walk or culls
 //!   without it ([`PvsCuller`](visibility_core::pvs::PvsCuller)).
 //!
-//! The picture `docs/guide/office-cells.png` in the repository shows a frame: three cells seen through a door.
+//! The picture `docs/guide/office-cells.png` in the repository shows a frame: three cells seen through a
+//! door.
 //!
 //! Cells and portals are made by [`from_geometry`] or read by [`prt`].
 //!

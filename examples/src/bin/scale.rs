@@ -82,7 +82,7 @@ fn simulate_all(arguments: &Arguments) -> Result<(), String> {
     if arguments.workers == 0 || arguments.cells == 0 || arguments.shards.contains(&0) {
         return Err("viewcells, workers and shards must be at least 1".to_owned());
     }
-    if positive.iter().any(|number| !(*number >= 0.0)) || arguments.fails == 0.0 {
+    if positive.iter().any(|number| number.is_nan() || *number < 0.0) || arguments.fails == 0.0 {
         return Err("times must not be negative, nor workers fail at once".to_owned());
     }
     let mean = times.iter().sum::<f64>() / times.len() as f64;
