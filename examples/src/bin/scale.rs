@@ -150,6 +150,7 @@ fn measured(text: &str) -> Result<Vec<f64>, String> {
 }
 
 /// What a simulated bake took.
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Found {
     /// Time until the last shard was done.
     seconds: f64,
@@ -182,9 +183,11 @@ struct Worker {
 struct Simulation<'a> {
     arguments: &'a Arguments,
     random: Random,
-    /// Seconds of work in each shard; 0 once it is done.
+    /// Seconds of work in each shard.
     work: Vec<f64>,
-    /// Number of workers that are at a shard.
+    done: Vec<bool>,
+    /// Number of workers that are thought to be at a shard: a failed worker counts until its failure is
+    /// noticed. A shard that is not done is in the queue exactly if this is 0.
     running: Vec<u32>,
     queue: VecDeque<usize>,
     workers: Vec<Worker>,
@@ -195,52 +198,61 @@ struct Simulation<'a> {
 }
 
 fn simulate(arguments: &Arguments, times: &[f64], size: usize) -> Found {
-    let mut random = Random(1);
-    let mut left = arguments.cells;
-    let mut work = Vec::new();
-    while left > 0 {
-        let count = size.min(left);
-        work.push((0..count).map(|_| times[random.below(times.len())]).sum());
-        left -= count;
-    }
-    let workers = (0..arguments.workers).map(|_| {
-        let slowness = if random.unit() < arguments.slow { arguments.slowness } else { 1.0 };
-        Worker { slowness, job: None, attempt: 0 }
-    });
-    let workers = workers.collect();
-    let mut simulation = Simulation {
-        arguments,
-        queue: (0..work.len()).collect(),
-        running: vec![0; work.len()],
-        work,
-        workers,
-        random,
-        idle: Vec::new(),
-        events: BinaryHeap::new(),
-        found: Found { seconds: 0.0, lost: 0, copies: 0 },
-    };
-    for worker in 0..arguments.workers {
-        simulation.assign(worker, 0);
-    }
+    let mut simulation = Simulation::new(arguments, times, size);
     simulation.run();
     simulation.found
 }
 
-fn micros(seconds: f64) -> u64 {
-    (seconds * 1e6) as u64
+/// Returns the time `seconds` after `now`, both in microseconds; at most `u64::MAX`, which is never reached.
+fn after(now: u64, seconds: f64) -> u64 {
+    now.saturating_add((seconds * 1e6) as u64)
 }
 
-impl Simulation<'_> {
+impl<'a> Simulation<'a> {
+    /// Fills shards with viewcells of times drawn from `times`, which must not be empty, and gives each
+    /// worker its first shard.
+    fn new(arguments: &'a Arguments, times: &[f64], size: usize) -> Self {
+        let mut random = Random(1);
+        let mut left = arguments.cells;
+        let mut work = Vec::new();
+        while left > 0 {
+            let count = size.min(left);
+            work.push((0..count).map(|_| times[random.below(times.len())]).sum());
+            left -= count;
+        }
+        let workers = (0..arguments.workers).map(|_| {
+            let slowness = if random.unit() < arguments.slow { arguments.slowness } else { 1.0 };
+            Worker { slowness, job: None, attempt: 0 }
+        });
+        let workers = workers.collect();
+        let mut simulation = Self {
+            arguments,
+            queue: (0..work.len()).collect(),
+            done: vec![false; work.len()],
+            running: vec![0; work.len()],
+            work,
+            workers,
+            random,
+            idle: Vec::new(),
+            events: BinaryHeap::new(),
+            found: Found { seconds: 0.0, lost: 0, copies: 0 },
+        };
+        for worker in 0..arguments.workers {
+            simulation.assign(worker, 0);
+        }
+        simulation
+    }
+
     fn run(&mut self) {
         let mut open = self.work.len();
-        let repair = micros(self.arguments.repair);
+        let repair = self.arguments.repair;
         while open > 0
             && let Some(Reverse((now, event))) = self.events.pop()
         {
             match event {
                 Event::Finished(worker, attempt) if self.workers[worker].attempt == attempt => {
                     let Some((shard, _)) = self.workers[worker].job.take() else { continue };
-                    (self.work[shard], self.running[shard]) = (0.0, 0);
+                    (self.done[shard], self.running[shard]) = (true, 0);
                     open -= 1;
                     self.found.seconds = now as f64 * 1e-6;
                     // A worker at a copy of the shard is told to stop.
@@ -254,17 +266,20 @@ impl Simulation<'_> {
                 Event::Failed(worker, attempt) if self.workers[worker].attempt == attempt => {
                     if let Some((shard, _)) = self.workers[worker].job.take() {
                         self.found.lost += 1;
-                        self.running[shard] -= 1;
-                        self.events.push(Reverse((now + repair, Event::Noticed(shard))));
+                        self.events.push(Reverse((after(now, repair), Event::Noticed(shard))));
                     }
                     self.workers[worker].attempt += 1;
-                    self.events.push(Reverse((now + 2 * repair, Event::Replaced(worker))));
+                    self.events.push(Reverse((after(now, 2.0 * repair), Event::Replaced(worker))));
                 }
                 // The attempt was stopped before.
                 Event::Finished(..) | Event::Failed(..) => {}
                 Event::Replaced(worker) => self.assign(worker, now),
                 Event::Noticed(shard) => {
-                    if self.work[shard] > 0.0 && self.running[shard] == 0 {
+                    if self.done[shard] {
+                        continue;
+                    }
+                    self.running[shard] -= 1;
+                    if self.running[shard] == 0 {
                         self.queue.push_front(shard);
                         if let Some(worker) = self.idle.pop() {
                             self.assign(worker, now);
@@ -290,9 +305,9 @@ impl Simulation<'_> {
         let Some(shard) = shard else { return self.idle.push(worker) };
         self.running[shard] += 1;
         let Worker { slowness, attempt, .. } = self.workers[worker];
-        let end = now + micros((self.arguments.start + self.work[shard]) * slowness);
+        let end = after(now, (self.arguments.start + self.work[shard]) * slowness);
         // Failures have no memory: the time to the next is exponential.
-        let failure = now + micros(-(1.0 - self.random.unit()).ln() * self.arguments.fails * HOUR);
+        let failure = after(now, -(1.0 - self.random.unit()).ln() * self.arguments.fails * HOUR);
         self.workers[worker].job = Some((shard, end));
         let (time, event) = if failure < end {
             (failure, Event::Failed(worker, attempt))
@@ -300,5 +315,67 @@ impl Simulation<'_> {
             (end, Event::Finished(worker, attempt))
         };
         self.events.push(Reverse((time, event)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TIMES: [f64; 3] = [0.0, 1.0, 3.0];
+
+    /// Returns 20 workers, some slow, for 2,000 viewcells.
+    fn arguments(fails: f64) -> Arguments {
+        Arguments {
+            report: PathBuf::new(),
+            cells: 2000,
+            workers: 20,
+            shards: Vec::new(),
+            start: 0.5,
+            slow: 0.2,
+            slowness: 4.0,
+            fails,
+            repair: 20.0,
+            price: 0.04,
+            bytes: 1000.0,
+            no_copies: false,
+        }
+    }
+
+    #[test]
+    fn one_worker_does_shard_after_shard() {
+        let arguments = Arguments { workers: 1, slow: 1.0, ..arguments(1e9) };
+        // 667 shards of three viewcells or two: each starts in 0.5 s, all four times as slow.
+        let found = simulate(&arguments, &[0.25], 3);
+        assert_eq!(found, Found { seconds: 4.0 * (667.0 * 0.5 + 2000.0 * 0.25), lost: 0, copies: 0 });
+    }
+
+    #[test]
+    fn the_same_input_gives_the_same_output() {
+        let found = simulate(&arguments(0.05), &TIMES, 5);
+        assert!(found.lost > 0 && found.copies > 0, "{found:?}");
+        assert_eq!(found, simulate(&arguments(0.05), &TIMES, 5));
+    }
+
+    #[test]
+    fn more_failures_never_make_it_quicker() {
+        // Five times as many: a few more may be luck, as they may take work from slow workers.
+        for size in [1, 5, 20, 100] {
+            let found = [1e9, 0.5, 0.1, 0.02].map(|hours| simulate(&arguments(hours), &TIMES, size));
+            assert_eq!(found[0].lost, 0);
+            let worse = |pair: &[Found]| pair[0].lost < pair[1].lost && pair[0].seconds <= pair[1].seconds;
+            assert!(found.windows(2).all(worse), "{size}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn every_shard_is_done_at_the_end() {
+        // Workers fail after a few shards, and two copies of a shard are often lost at once.
+        for cells in 1..500 {
+            let arguments = Arguments { cells, workers: 4, slow: 0.5, ..arguments(0.003) };
+            let mut simulation = Simulation::new(&arguments, &TIMES, 1);
+            simulation.run();
+            assert!(simulation.done.iter().all(|done| *done), "{cells} shards");
+        }
     }
 }
