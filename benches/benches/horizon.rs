@@ -1,7 +1,8 @@
-//! Benchmark of horizons beside the z-buffer on built-in cities, and of zones among discs.
+//! Benchmark of horizons beside the z-buffer on built-in cities, and of zones among discs, from scratch and
+//! kept.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use visibility_2d::discs::{BeamScratch, Disc, DiscBeams, DiscView, DiscZone, Discs};
+use visibility_2d::discs::{BeamScratch, Disc, DiscBeams, DiscView, DiscZone, Discs, KineticZone};
 use visibility_benches::workload::Random;
 use visibility_core::{Pipeline, VisibleSet};
 use visibility_examples::built_in;
@@ -51,6 +52,36 @@ fn forest(radius: f64) -> Vec<Disc> {
     discs
 }
 
+/// Radius in metres of a circle of 1,024 steps of 5 cm.
+const CIRCLE: f64 = 0.05 * 1024.0 / std::f64::consts::TAU;
+
+/// Returns the eye at a step of a walk around the circle.
+fn circle(step: u32) -> [f64; 2] {
+    let (sin, cos) = (f64::from(step) * std::f64::consts::TAU / 1024.0).sin_cos();
+    [2000.0 + CIRCLE * cos, 2000.0 + CIRCLE * sin]
+}
+
+/// Prints the mean work of the first 64 moves around the circle.
+fn count_work(kept: &mut KineticZone, radius: f64, reach: f64) {
+    let (mut seen, mut segments, mut steps, mut ended, mut rebuilt) = (0, 0, 0, 0, 0);
+    kept.move_to(circle(0));
+    for step in 1..=64 {
+        seen += kept.move_to(circle(step)).len();
+        let work = kept.work();
+        (segments, steps, ended) = (segments + work.segments, steps + work.steps, ended + work.ended);
+        rebuilt += usize::from(work.rebuilt);
+    }
+    let mean = |count: usize| count as f64 / 64.0;
+    println!(
+        "radius {radius}, classes of {reach} m: {:.1} discs, {:.1} segments, {:.2} steps, {:.2} ended a \
+         move; {rebuilt} rebuilt",
+        mean(seen),
+        mean(segments),
+        mean(steps),
+        mean(ended)
+    );
+}
+
 /// Measures a full turn from successive eyes of a walk among discs, by radius in metres, the same for a ball
 /// of eyes, and making the set.
 fn zones(c: &mut Criterion) {
@@ -88,5 +119,38 @@ fn zones(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, walks, zones);
+/// Measures moves of an eye around a circle among the discs that leave the circle free, by radius in metres:
+/// the kept zone by the reach of its classes, beside the zone from scratch.
+fn moves(c: &mut Criterion) {
+    let mut group = c.benchmark_group("moves of 5 cm among discs");
+    group.sample_size(10);
+    for radius in [1.5, 0.6, 0.3, 0.05] {
+        let mut discs = forest(radius);
+        discs.retain(|disc| {
+            let [x, y] = disc.center.map(|x| x - 2000.0);
+            (x.hypot(y) - CIRCLE).abs() > radius + 0.1
+        });
+        let made = Discs::new(&discs).expect("finite discs");
+        let (mut zone, mut seen) = (DiscZone::new(), Vec::new());
+        let mut eyes = (0..1024).map(circle).cycle();
+        group.bench_function(BenchmarkId::new("from scratch", radius), |b| {
+            b.iter(|| {
+                let eye = eyes.next().expect("a cycle");
+                zone.look(&made, &DiscView::new(eye), &mut seen);
+                seen.len()
+            });
+        });
+        for reach in [0.2, 1.0, 4.0] {
+            let mut kept = KineticZone::new(&made, reach);
+            let name = format!("kept, classes of {reach} m");
+            group.bench_function(BenchmarkId::new(name, radius), |b| {
+                b.iter(|| kept.move_to(eyes.next().expect("a cycle")).len());
+            });
+            count_work(&mut kept, radius, reach);
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, walks, zones, moves);
 criterion_main!(benches);

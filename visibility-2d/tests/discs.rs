@@ -3,7 +3,7 @@
 #![allow(missing_docs)]
 
 use std::collections::BTreeSet;
-use visibility_2d::discs::{BeamScratch, Disc, DiscBeams, DiscError, DiscView, DiscZone, Discs};
+use visibility_2d::discs::{BeamScratch, Disc, DiscBeams, DiscError, DiscView, DiscZone, Discs, KineticZone};
 use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 
@@ -187,16 +187,97 @@ fn beams_report_what_is_seen_and_little_else() {
     assert!(exact > 5_000 && reported < exact * 3 / 2, "{reported} reported, {exact} seen");
 }
 
+/// Walks among random discs, by steps of random length. Each frame of the kept zone is the zone from scratch
+/// and holds all discs that the oracle sees.
+fn walk(worlds: usize, frames: usize) {
+    let mut random = Random(10);
+    let (mut zone, mut exact) = (DiscZone::new(), Vec::new());
+    let (mut steps, mut ended, mut rebuilt, mut quiet) = (0, 0, 0, 0);
+    for world in 0..worlds {
+        let count = 1 + random.below(150);
+        let discs = forest(&mut random, count, world % 10 == 9);
+        let made = Discs::new(&discs).unwrap();
+        let mut kept = KineticZone::new(&made, random.fine_range(0.1, 4.0));
+        let mut eye = [random.fine_range(-2.0, 14.0), random.fine_range(-2.0, 14.0)];
+        let (mut turn, step) = (random.fine_range(0.0, 7.0), random.fine_range(0.001, 0.2));
+        for frame in 0..frames {
+            turn += random.fine_range(-0.3, 0.3);
+            eye = [eye[0] + step * turn.cos(), eye[1] + step * turn.sin()];
+            if !(-4.0..18.0).contains(&eye[0]) || !(-4.0..18.0).contains(&eye[1]) {
+                // A jump.
+                eye = [random.fine_range(0.0, 12.0), random.fine_range(0.0, 12.0)];
+            }
+            let seen = kept.move_to(eye);
+            let set: BTreeSet<u32> = seen.iter().copied().collect();
+            assert_eq!(set.len(), seen.len(), "each disc once");
+            zone.look(&made, &DiscView::new(eye), &mut exact);
+            assert_eq!(set, exact.iter().copied().collect(), "world {world}, frame {frame}, eye {eye:?}");
+            if frame % 8 == 0 {
+                let wide = oracle(&discs, eye, 1e-9);
+                assert!(wide.is_subset(&set), "world {world}: {:?} not reported", wide.difference(&set));
+            }
+            let work = kept.work();
+            (steps, ended) = (steps + work.steps, ended + work.ended);
+            rebuilt += usize::from(work.rebuilt);
+            quiet += usize::from(work.ended == 0 && !work.rebuilt);
+        }
+    }
+    println!("{steps} steps, {ended} classes ended, {rebuilt} rebuilt, {quiet} quiet of {}", worlds * frames);
+    assert!(steps > 100 * worlds && 10 * quiet > worlds * frames && 2 * rebuilt < worlds * frames);
+}
+
+#[test]
+fn the_kept_zone_is_the_exact_zone_along_walks() {
+    walk(80, 120);
+}
+
+#[test]
+#[ignore = "half a million frames"]
+fn the_kept_zone_is_the_exact_zone_along_walks_long() {
+    walk(1_000, 500);
+}
+
+#[test]
+fn the_kept_zone_of_odd_input_is_that_from_scratch() {
+    let at = |x: f64, radius: f64| Disc { center: [x, 0.0], radius };
+    let (mut zone, mut exact) = (DiscZone::new(), Vec::new());
+    let touching = [at(5.0, 1.0), at(7.0, 1.0), at(0.0, 0.5)];
+    let point = [at(5.0, 1.0), at(-3.0, 0.0)];
+    let grid: Vec<Disc> = (0..81)
+        .map(|i| [f64::from(i % 9), f64::from(i / 9)])
+        .map(|center| Disc { center, radius: 0.25 })
+        .collect();
+    let far = [at(1e50, 1e49), at(-1e50, 1.0), at(1e-30, 1e-31)];
+    for discs in [&touching[..], &point, &grid, &far, &[]] {
+        let made = Discs::new(discs).unwrap();
+        for reach in [f64::NAN, -1.0, 0.0, 1e-300, 1.0, f64::INFINITY] {
+            let mut kept = KineticZone::new(&made, reach);
+            let walk = (0..60).map(|k| [0.125 * f64::from(k) - 2.0, 0.5]);
+            let through = (0..60).map(|k| [0.125 * f64::from(k) - 2.0, 0.0]);
+            let odd = [[f64::NAN, 0.0], [f64::INFINITY, 1.0], [1e200, 0.0], [1e50, 0.0], [0.0, 0.0]];
+            for eye in walk.chain(through).chain(odd) {
+                let mut seen = kept.move_to(eye).to_vec();
+                zone.look(&made, &DiscView::new(eye), &mut exact);
+                seen.sort_unstable();
+                exact.sort_unstable();
+                assert_eq!(seen, exact, "{reach} {eye:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn warm_looks_allocate_nothing() {
     let discs = forest(&mut Random(7), 400, false);
     let (made, beams) = (Discs::new(&discs).unwrap(), DiscBeams::new(&discs).unwrap());
     let (mut zone, mut scratch, mut seen) = (DiscZone::new(), BeamScratch::new(), Vec::new());
+    let mut kept = KineticZone::new(&made, 1.0);
     let mut looks = || {
         let before = ALLOCATIONS.get();
         for eye in (0..50).map(|k| [0.4 * f64::from(k), 5.0]) {
             zone.look(&made, &DiscView::new(eye), &mut seen);
             beams.look(eye, &mut scratch, &mut seen);
+            kept.move_to(eye);
         }
         ALLOCATIONS.get() - before
     };

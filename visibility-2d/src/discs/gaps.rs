@@ -125,7 +125,7 @@ fn sector_of(number: f64) -> usize {
 }
 
 /// Removes what is between `first` and `last` from an ascending list of disjoint intervals.
-fn cut_list(gaps: &mut Vec<(f64, f64)>, first: f64, last: f64) {
+pub(super) fn cut_list(gaps: &mut Vec<(f64, f64)>, first: f64, last: f64) {
     let begin = gaps.partition_point(|gap| gap.1 <= first);
     let end = begin + gaps[begin..].partition_point(|gap| gap.0 < last);
     if begin == end {

@@ -9,16 +9,18 @@
 //! points are not.
 //!
 //! ("Visible Zone Maintenance for Real-Time Occlusion Culling", 2002, on the same scenes: 835,089 trees, of
-//! which 46 are drawn. That work keeps the zone between frames; here each frame finds it from scratch, in
-//! microseconds.)
+//! which 46 are drawn. That work keeps the zone between frames, as [`KineticZone`] does. [`DiscZone`] finds
+//! it from scratch in each frame, in microseconds.)
 //!
 //! - [`Discs`] is the set, made once; [`DiscZone`] looks around in it: [`look`](DiscZone::look) finds the
 //!   discs seen from a point, or from all points of a small ball.
+//! - [`KineticZone`] keeps the discs seen as an eye moves.
 //! - [`DiscBeams`] finds a superset of the discs seen, faster, by a triangulation of the centres.
 //! - [`Discs::first_hits`] follows one ray to the first k discs.
 
 mod beams;
 mod gaps;
+mod kinetic;
 mod ray;
 #[cfg(test)]
 mod tests;
@@ -26,6 +28,7 @@ mod tree;
 mod zone;
 
 pub use beams::{BeamScratch, DiscBeams};
+pub use kinetic::{KineticZone, ZoneWork};
 pub use ray::RayDisc;
 pub use tree::{Disc, DiscError, Discs};
 pub use zone::{DiscView, DiscZone};

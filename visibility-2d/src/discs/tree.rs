@@ -144,6 +144,8 @@ pub struct Discs {
     pub(crate) indices: Vec<u32>,
     /// For each of `discs`, the radius within which it is disjoint from all others: what it hides with.
     pub(crate) solid_radii: Vec<f64>,
+    /// Whether no disc touches another or has radius 0.
+    pub(crate) are_disjoint: bool,
     /// Nodes by level, leaves first. Empty without discs.
     pub(crate) levels: Vec<Vec<Node>>,
 }
@@ -177,8 +179,13 @@ impl Discs {
                 levels.push(above);
             }
         }
-        let mut made = Self { discs, indices, solid_radii: Vec::new(), levels };
+        let mut made = Self { discs, indices, solid_radii: Vec::new(), are_disjoint: false, levels };
         made.solid_radii = (0..made.len()).map(|index| made.solid_radius(index)).collect();
+        made.are_disjoint = made
+            .discs
+            .iter()
+            .zip(&made.solid_radii)
+            .all(|(disc, &solid)| solid > 0.0 && solid == disc.radius);
         Ok(made)
     }
 

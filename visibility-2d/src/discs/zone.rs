@@ -18,7 +18,7 @@ const SOLID: u32 = 30;
 const RECTANGLE_ERROR: f64 = 16.0 * f64::EPSILON;
 
 /// Error of the tangents of a disc beyond which the eye counts as on its circle.
-const WIDEST_ERROR: f64 = 0.1;
+pub(super) const WIDEST_ERROR: f64 = 0.1;
 
 /// An eye among discs: where it is, and how far and in which directions it looks.
 ///
@@ -54,6 +54,11 @@ impl DiscView {
         };
         let directions = (is_known(right) && is_known(left)).then(|| (number(right), number(left)));
         Self { directions, ..self }
+    }
+
+    /// Restricts the view to the directions between two direction numbers.
+    pub(super) fn with_directions(self, first: f64, last: f64) -> Self {
+        Self { directions: Some((first, last)), ..self }
     }
 
     /// Restricts the view to discs that begin within `range` metres. NaN and negative numbers count as 0.

@@ -1,0 +1,538 @@
+//! The visible zone, kept as an eye moves: the tangent segments at the eye, each with its equivalence class.
+//!
+//! ("Visible Zone Maintenance for Real-Time Occlusion Culling", 2002.) A tangent segment begins at the eye,
+//! touches one disc, its pivot, and ends at the disc that it meets first beyond, its front, or never. Its
+//! class are all segments that come from it by rolling along the pivot without touching another disc. While
+//! the eye moves so that each of its tangent segments stays in its class, the same discs are seen. The class
+//! ends where the segment touches a second disc, on one of two fixed lines, the bitangents of pivot and that
+//! disc. So a class is held by two tests, linear in the position of the eye, and only these are made in a
+//! frame in which nothing changes.
+//!
+//! The paper keeps tangent segments of hidden discs too and brings them up to date by recursion when a
+//! segment of the eye needs them. This module keeps the segments of the eye only. Where classes end, it looks
+//! again, from scratch, between the nearest segments on both sides whose classes hold, and derives the
+//! classes of new segments by a search of the tree of [`Discs`] along the segment.
+//!
+//! # Why the discs between two held segments are the same
+//! Between two neighbouring segments at the eye one disc is seen, or none. Another disc could come in only
+//! across one of the segments, which would touch it then, or at the eye, which would come out of it; an eye
+//! that near to a disc ends the classes of that disc's own segments before. The regions of eyes in which a
+//! class is held are convex, so both hold on the whole way between two frames.
+
+use super::gaps::cut_list;
+use super::tree::{Disc, Discs, FAN};
+use super::zone::{DiscView, DiscZone, WIDEST_ERROR};
+use crate::directions::disc_span;
+use crate::median_order::LEAF;
+use alloc::vec::Vec;
+use smallvec::SmallVec;
+use visibility_core::geometry::sqrt;
+
+/// Index of no disc.
+const NONE: u32 = u32::MAX;
+
+/// Relative distance of the eye to a bitangent within which the class counts as ended. Greater than the
+/// rounding of bitangents, which is some `1e-12` for discs that are apart by more than [`LEAST_SINE`] tells.
+const MARGIN: f64 = 1e-9;
+
+/// Sine of the angle between a bitangent and the line of centres below which rounding of it is too great.
+const LEAST_SINE: f64 = 1e-4;
+
+/// What the last move of a [`KineticZone`] did.
+///
+/// ```
+/// assert_eq!(visibility_2d::discs::ZoneWork::default().steps, 0);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct ZoneWork {
+    /// Tangent segments at the eye after the move.
+    pub segments: usize,
+    /// Elementary steps at the eye: tangent segments whose pivot or front was not that of a segment before.
+    pub steps: usize,
+    /// Tangent segments whose classes had ended or reached the limit of their derivation.
+    pub ended: usize,
+    /// Whether all segments were made anew: at first, for eyes that touch a disc or go far, and where
+    /// rounding cannot tell.
+    pub rebuilt: bool,
+}
+
+/// Half-plane of eyes: those with `normal . (eye - anchor) + offset > 0`.
+#[derive(Clone, Copy, Debug, Default)]
+struct HalfPlane {
+    normal: [f64; 2],
+    offset: f64,
+}
+
+/// Class of a tangent segment, as the eyes that are surely in it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Class {
+    anchor: [f64; 2],
+    /// Squared distance from the anchor up to which the class is known. Negative: nowhere.
+    reach_squared: f64,
+    bounds: [HalfPlane; 2],
+}
+
+impl Class {
+    const ENDED: Self = Self {
+        anchor: [0.0; 2],
+        reach_squared: -1.0,
+        bounds: [HalfPlane { normal: [0.0; 2], offset: 0.0 }; 2],
+    };
+
+    fn holds(&self, eye: [f64; 2]) -> bool {
+        let [x, y] = minus(eye, self.anchor);
+        x * x + y * y <= self.reach_squared
+            && self.bounds.iter().all(|b| b.normal[0] * x + b.normal[1] * y + b.offset > 0.0)
+    }
+}
+
+/// Directions in which the same disc is seen, and the tangent segment at their clockwise end.
+#[derive(Clone, Copy, Debug)]
+struct Arc {
+    /// Disc seen, or [`NONE`].
+    disc: u32,
+    pivot: u32,
+    front: u32,
+    /// Whether the pivot is counter-clockwise of the segment: its first tangent.
+    is_first: bool,
+    class: Class,
+}
+
+/// Keeps the discs that a moving eye sees.
+///
+/// # Exactness
+/// The discs reported are those that [`DiscZone::look`] reports for the same eye, in another order. Nothing
+/// visible is left out: where rounding cannot tell a class, the zone is looked at from scratch. Discs that
+/// overlap or touch, or have radius 0, have no such classes, so among them each move is a look from scratch.
+///
+/// ```
+/// use visibility_2d::discs::{Disc, Discs, KineticZone};
+/// let disc = |x: f64, y: f64| Disc { center: [x, y], radius: 1.0 };
+/// let discs = Discs::new(&[disc(5.0, 0.0), disc(10.0, 0.5), disc(0.0, 7.0)])?;
+/// let mut zone = KineticZone::new(&discs, 2.0);
+/// assert_eq!(zone.move_to([0.0, 0.0]).len(), 2);
+/// assert_eq!(zone.move_to([0.1, 0.0]).len(), 2);
+/// assert!(!zone.work().rebuilt && zone.work().steps == 0);
+/// # Ok::<(), visibility_2d::discs::DiscError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct KineticZone<'a> {
+    discs: &'a Discs,
+    reach: f64,
+    /// Place in `discs.discs` of each disc by the index that users know.
+    places: Vec<u32>,
+    zone: DiscZone,
+    /// Counter-clockwise. Empty: to be rebuilt.
+    arcs: Vec<Arc>,
+    next_arcs: Vec<Arc>,
+    is_held: Vec<bool>,
+    painter: Painter,
+    looked: Vec<u32>,
+    seen: Vec<u32>,
+    /// Last move that reported each disc.
+    marks: Vec<u32>,
+    mark: u32,
+    work: ZoneWork,
+}
+
+/// Orders discs that come front to back by direction.
+#[derive(Clone, Debug, Default)]
+struct Painter {
+    /// Open directions, ascending.
+    open: Vec<(f64, f64)>,
+    /// Begin of the directions in which each disc is seen, and the disc.
+    runs: Vec<(f64, u32)>,
+}
+
+impl Painter {
+    fn begin(&mut self, first: f64, last: f64) {
+        self.runs.clear();
+        self.open.clear();
+        self.open.push((first, last));
+    }
+
+    /// Gives the open directions of a span to a disc. Returns whether there are any.
+    fn paint(&mut self, first: f64, last: f64, disc: u32) -> bool {
+        let wrapped = [(first, last + 4.0), (first - 4.0, last), (first + 4.0, last + 8.0)];
+        let plain = [(first, last), (first + 4.0, last + 4.0)];
+        let spans = if first > last { &wrapped[..] } else { &plain[..] };
+        let before = self.runs.len();
+        for &(first, last) in spans {
+            let begin = self.open.partition_point(|gap| gap.1 <= first);
+            let end = begin + self.open[begin..].partition_point(|gap| gap.0 < last);
+            if begin == end {
+                continue;
+            }
+            self.runs.extend(self.open[begin..end].iter().map(|gap| (gap.0.max(first), disc)));
+            cut_list(&mut self.open, first, last);
+        }
+        self.runs.len() > before
+    }
+
+    /// Gives what is still open to no disc, and orders all by direction.
+    fn finish(&mut self) {
+        self.runs.extend(self.open.iter().map(|gap| (gap.0, NONE)));
+        self.runs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        self.runs.dedup_by_key(|run| run.1);
+    }
+}
+
+fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+fn left_of([x, y]: [f64; 2]) -> [f64; 2] {
+    [-y, x]
+}
+
+impl<'a> KineticZone<'a> {
+    /// Makes a zone without an eye. Classes are derived for eyes up to `reach` metres away: some tens of
+    /// steps of the eye. A greater reach makes their derivation slower. NaN and negative numbers count as 0,
+    /// which makes each move a look from scratch.
+    pub fn new(discs: &'a Discs, reach: f64) -> Self {
+        let mut places = alloc::vec![0; discs.len()];
+        for (place, &index) in (0..).zip(&discs.indices) {
+            places[index as usize] = place;
+        }
+        Self {
+            discs,
+            reach: reach.max(0.0),
+            places,
+            zone: DiscZone::new(),
+            arcs: Vec::new(),
+            next_arcs: Vec::new(),
+            is_held: Vec::new(),
+            painter: Painter::default(),
+            looked: Vec::new(),
+            seen: Vec::new(),
+            marks: alloc::vec![0; discs.len()],
+            mark: 0,
+            work: ZoneWork::default(),
+        }
+    }
+
+    /// Returns what the last move did.
+    pub fn work(&self) -> ZoneWork {
+        self.work
+    }
+
+    /// Moves the eye along a straight way and returns the discs that it sees there, each once, as their
+    /// indices in the order that [`Discs::new`] was given them. All discs if the eye is not finite.
+    pub fn move_to(&mut self, eye: [f64; 2]) -> &[u32] {
+        self.is_held.clear();
+        self.is_held.extend(self.arcs.iter().map(|arc| arc.class.holds(eye)));
+        let held = self.is_held.iter().filter(|&&held| held).count();
+        let ended = self.arcs.len() - held;
+        self.work = ZoneWork { ended, segments: self.arcs.len(), ..ZoneWork::default() };
+        if held < 2 || ended > held || (ended > 0 && self.mend(eye).is_none()) {
+            self.rebuild(eye);
+        } else if ended > 0 {
+            core::mem::swap(&mut self.arcs, &mut self.next_arcs);
+            self.list();
+        }
+        self.work.segments = self.arcs.len();
+        &self.seen
+    }
+
+    /// Replaces `seen` with the discs of the arcs.
+    fn list(&mut self) {
+        self.seen.clear();
+        self.mark = self.mark.wrapping_add(1);
+        if self.mark == 0 {
+            self.marks.fill(0);
+            self.mark = 1;
+        }
+        for arc in &self.arcs {
+            if arc.disc != NONE
+                && core::mem::replace(&mut self.marks[arc.disc as usize], self.mark) != self.mark
+            {
+                self.seen.push(self.discs.indices[arc.disc as usize]);
+            }
+        }
+    }
+
+    /// Looks around from scratch. Without segments if rounding cannot tell them.
+    fn rebuild(&mut self, eye: [f64; 2]) {
+        self.work.rebuilt = true;
+        self.arcs.clear();
+        self.zone.look(self.discs, &DiscView::new(eye), &mut self.looked);
+        self.seen.clear();
+        self.seen.extend_from_slice(&self.looked);
+        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= 1e60) {
+            return;
+        }
+        if self.paint(eye, (0.0, 4.0), &[]).is_none() {
+            return;
+        }
+        // The directions around 0 are one run.
+        let runs = &mut self.painter.runs;
+        if runs.len() > 1 && runs[0].1 == runs[runs.len() - 1].1 {
+            runs.pop();
+        }
+        let count = self.painter.runs.len();
+        for at in 0..if count > 1 { count } else { 0 } {
+            let [before, disc] = [(at + count - 1) % count, at].map(|k| self.painter.runs[k].1);
+            let arc = self.arc(eye, before, disc);
+            self.arcs.push(arc);
+        }
+    }
+
+    /// Paints the discs of the last look. `None` if one touches the eye or is seen in no direction that
+    /// rounding tells, unless it is one of `beside`.
+    fn paint(&mut self, eye: [f64; 2], between: (f64, f64), beside: &[u32]) -> Option<()> {
+        self.painter.begin(between.0, between.1);
+        for &index in &self.looked {
+            let place = self.places[index as usize];
+            let (first, last) = span(&self.discs.discs[place as usize], eye)?;
+            if !self.painter.paint(first, last, place) && !beside.contains(&place) {
+                return None;
+            }
+        }
+        self.painter.finish();
+        Some(())
+    }
+
+    /// Makes `next_arcs` of the arcs, those beside ended classes anew. `None` if the zone must be rebuilt.
+    fn mend(&mut self, eye: [f64; 2]) -> Option<()> {
+        self.next_arcs.clear();
+        let count = self.arcs.len();
+        let start = self.is_held.iter().position(|&held| held)?;
+        let mut at = start;
+        while at < start + count {
+            let end = (at + 1..=start + count).find(|k| self.is_held[k % count])?;
+            let [begin, old_last, stop] = [at, end - 1, end].map(|k| self.arcs[k % count]);
+            self.next_arcs.push(begin);
+            if end > at + 1 {
+                let (first, last) = (self.number(begin, eye)?, self.number(stop, eye)?);
+                let view = DiscView::new(eye).with_directions(first, last);
+                self.zone.look(self.discs, &view, &mut self.looked);
+                let beside = [begin.pivot, begin.front, stop.pivot, stop.front];
+                self.paint(eye, (first, if first < last { last } else { last + 4.0 }), &beside)?;
+                let runs = &self.painter.runs;
+                // What is seen beside held segments is what was seen there before.
+                if runs.first()?.1 != begin.disc || runs.last()?.1 != old_last.disc {
+                    return None;
+                }
+                for k in 1..runs.len() {
+                    let arc = self.arc(eye, self.painter.runs[k - 1].1, self.painter.runs[k].1);
+                    let is_same = |old: &Arc| {
+                        (old.pivot, old.front, old.is_first) == (arc.pivot, arc.front, arc.is_first)
+                    };
+                    let is_old = (at + 1..end).any(|k| is_same(&self.arcs[k % count]));
+                    self.work.steps += usize::from(!is_old);
+                    self.next_arcs.push(arc);
+                }
+            }
+            at = end;
+        }
+        Some(())
+    }
+
+    /// Returns the direction number of an arc's tangent segment.
+    fn number(&self, arc: Arc, eye: [f64; 2]) -> Option<f64> {
+        let (first, last) = span(&self.discs.discs[arc.pivot as usize], eye)?;
+        Some(if arc.is_first { first } else { last })
+    }
+
+    /// Makes the arc in which `disc` is seen, next to the one of `before`. Either may be [`NONE`], not both.
+    fn arc(&self, eye: [f64; 2], before: u32, disc: u32) -> Arc {
+        let power = |index: u32| {
+            let Some(disc) = self.discs.discs.get(index as usize) else { return f64::INFINITY };
+            let away = minus(disc.center, eye);
+            dot(away, away) - disc.radius * disc.radius
+        };
+        let is_first = power(disc) < power(before);
+        let (pivot, front) = if is_first { (disc, before) } else { (before, disc) };
+        let class = self.class(eye, pivot, front, is_first).unwrap_or(Class::ENDED);
+        Arc { disc, pivot, front, is_first, class }
+    }
+
+    /// Derives the class of a tangent segment. `None` if rounding cannot tell it.
+    fn class(&self, eye: [f64; 2], pivot: u32, front: u32, is_first: bool) -> Option<Class> {
+        let mut search = Search::new(self.discs, eye, pivot, front, is_first, self.reach)?;
+        let mut stack: SmallVec<[(usize, usize); 64]> = SmallVec::new();
+        stack.push((self.discs.levels.len() - 1, 0));
+        if front != NONE {
+            search.limit_by(front)?;
+        }
+        while let Some((level, index)) = stack.pop() {
+            if level > 0 {
+                let below = &self.discs.levels[level - 1];
+                for (child, node) in (index * FAN..).zip(below.iter().skip(index * FAN).take(FAN)) {
+                    if search.may_touch(node.around(eye)) {
+                        stack.push((level - 1, child));
+                    }
+                }
+                continue;
+            }
+            for at in index * LEAF..self.discs.len().min(index * LEAF + LEAF) {
+                let Disc { center: [x, y], radius } = self.discs.discs[at];
+                let (x, y) = (x - eye[0], y - eye[1]);
+                let is_other = at as u32 != pivot && at as u32 != front;
+                if is_other && search.may_touch([x - radius, y - radius, x + radius, y + radius]) {
+                    search.limit_by(at as u32)?;
+                }
+            }
+        }
+        search.finish()
+    }
+}
+
+/// Returns the direction numbers of a disc's tangents. `None` for an eye that touches the disc.
+fn span(disc: &Disc, eye: [f64; 2]) -> Option<(f64, f64)> {
+    let [x, y] = minus(disc.center, eye);
+    let power = x * x + y * y - disc.radius * disc.radius;
+    let (first, last, error) = (power > 0.0).then(|| disc_span(x, y, disc.radius, power))?;
+    (error <= WIDEST_ERROR).then_some((first, last))
+}
+
+/// A bound on the class: a direction of the rolling segment, and the sine of the angle from that at the eye.
+#[derive(Clone, Copy, Debug)]
+struct Bound {
+    along: [f64; 2],
+    sine: f64,
+}
+
+/// Search for the bitangents that bound the class of a tangent segment.
+struct Search<'a> {
+    discs: &'a [Disc],
+    eye: [f64; 2],
+    pivot: Disc,
+    front: Option<Disc>,
+    /// Signed distance of the pivot's centre to the left of the segment: plus or minus its radius.
+    aside: f64,
+    /// Unit direction of the segment, and its length up to the pivot.
+    along: [f64; 2],
+    length: f64,
+    reach: f64,
+    /// Farthest that the front may be met.
+    farthest: f64,
+    /// Clockwise and counter-clockwise bounds.
+    bounds: [Bound; 2],
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        discs: &'a Discs,
+        eye: [f64; 2],
+        pivot: u32,
+        front: u32,
+        is_first: bool,
+        reach: f64,
+    ) -> Option<Self> {
+        let discs = &discs.discs[..];
+        let pivot = *discs.get(pivot as usize)?;
+        let front = discs.get(front as usize).copied();
+        let [x, y] = minus(pivot.center, eye);
+        let squared = x * x + y * y;
+        let length = sqrt(squared - pivot.radius * pivot.radius);
+        let aside = if is_first { pivot.radius } else { -pivot.radius };
+        let along = [(x * length + y * aside) / squared, (y * length - x * aside) / squared];
+        // Eyes of the class are outside of the pivot, before the point where the segment touches it.
+        let reach = reach.min(0.5 * (sqrt(squared) - pivot.radius));
+        let sine = (1.5 * reach / length).min(0.5);
+        let cosine = sqrt(1.0 - sine * sine);
+        let bounds = [-sine, sine].map(|sine| {
+            let along = [along[0] * cosine - along[1] * sine, along[1] * cosine + along[0] * sine];
+            Bound { along, sine }
+        });
+        let farthest = front.map_or(f64::INFINITY, |front| {
+            let away = minus(front.center, eye);
+            sqrt(dot(away, away)) + 2.0 * reach
+        });
+        let is_good = reach > 0.0 && sine > 0.0;
+        is_good.then_some(Self { discs, eye, pivot, front, aside, along, length, reach, farthest, bounds })
+    }
+
+    /// Returns whether a rectangle relative to the eye may meet a segment between the bounds.
+    fn may_touch(&self, [x0, y0, x1, y1]: [f64; 4]) -> bool {
+        let [u, v] = self.along;
+        let (x, y) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
+        let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
+        // In the frame of the segment.
+        let (ahead, half_ahead) = (x * u + y * v, half_x * u.abs() + half_y * v.abs());
+        let (left, half_left) = (y * u - x * v, half_y * u.abs() + half_x * v.abs());
+        if ahead + half_ahead < -2.0 * self.reach || ahead - half_ahead > self.farthest {
+            return false;
+        }
+        // A segment at the angle d is at the height (x - length) tan d, and as it rolls, by up to
+        // r (1 / cos d - 1) <= r sin^2 d beside it, for sines up to a half.
+        let (mut low, mut high, mut roll) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
+        for Bound { sine, .. } in self.bounds {
+            let tangent = sine / sqrt(1.0 - sine * sine);
+            for x in [ahead - half_ahead, ahead + half_ahead] {
+                let height = (x - self.length) * tangent;
+                (low, high) = (low.min(height), high.max(height));
+            }
+            roll = roll.max(sine * sine);
+        }
+        let slack = self.pivot.radius * roll + MARGIN * (ahead.abs() + half_ahead + self.length + self.reach);
+        let misses = left - half_left > high + slack || left + half_left < low - slack;
+        !misses
+    }
+
+    /// Narrows the bounds to where the segment first touches a disc. `None` if rounding cannot tell that.
+    fn limit_by(&mut self, index: u32) -> Option<()> {
+        let disc = self.discs[index as usize];
+        let between = minus(disc.center, self.pivot.center);
+        let squared = dot(between, between);
+        let to_disc = minus(disc.center, self.eye);
+        // The segment's left normal n has n . between + aside = radius or -radius where it touches the disc.
+        for height in [disc.radius - self.aside, -disc.radius - self.aside] {
+            let root = sqrt(squared - height * height);
+            // Not less, so that NaN, of discs that overlap by rounding, is refused.
+            let is_known = root > LEAST_SINE * sqrt(squared);
+            if !is_known {
+                return None;
+            }
+            for root in [root, -root] {
+                let across = left_of(between);
+                let normal = [0, 1].map(|k| (height * between[k] + root * across[k]) / squared);
+                let along = [normal[1], -normal[0]];
+                if dot(along, self.along) <= 0.0 {
+                    continue;
+                }
+                // Touched behind the eye, or beyond the front.
+                let at = dot(to_disc, along);
+                let slack = MARGIN * (at.abs() + self.length);
+                let is_beyond =
+                    self.front.is_some_and(|front| at > dot(minus(front.center, self.eye), along) + slack);
+                if at < -self.reach - slack || is_beyond {
+                    continue;
+                }
+                let sine = cross(self.along, along);
+                let bound = &mut self.bounds[usize::from(sine > 0.0)];
+                if sine.abs() < bound.sine.abs() {
+                    *bound = Bound { along, sine };
+                }
+            }
+        }
+        Some(())
+    }
+
+    /// Returns the class between the bounds. `None` if the eye is at one of them.
+    fn finish(&self) -> Option<Class> {
+        let from_pivot = minus(self.eye, self.pivot.center);
+        let size = from_pivot[0].abs() + from_pivot[1].abs() + self.reach;
+        let mut bounds = [HalfPlane::default(); 2];
+        for (k, sign) in [(0, -1.0), (1, 1.0)] {
+            // An eye before the pivot is right of the clockwise bound, and left of the counter-clockwise one.
+            let normal = left_of(self.bounds[k].along).map(|x| sign * x);
+            let offset = dot(normal, from_pivot) + sign * self.aside - MARGIN * size;
+            let is_inside = offset > 0.0;
+            if !is_inside {
+                return None;
+            }
+            bounds[k] = HalfPlane { normal, offset };
+        }
+        Some(Class { anchor: self.eye, reach_squared: self.reach * self.reach, bounds })
+    }
+}
