@@ -11,7 +11,7 @@ use crate::proof::Proof;
 use crate::rays::Random;
 use crate::search::{Answer, Budget, Search, Segment};
 use crate::settings::Settings;
-use crate::sight::{CellBox, Target};
+use crate::sight::{CellBox, Half, Target};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 use alloc::{vec, vec::Vec};
@@ -325,8 +325,8 @@ fn point_inside(cell: &CellBox, t: &[DVec3; 3]) -> Option<DVec3> {
     }
     let mut polygon = Polygon::new(t);
     for axis in 0..3 {
-        polygon = polygon.clip(DVec3::AXES[axis], -cell.min[axis])?;
-        polygon = polygon.clip(-DVec3::AXES[axis], cell.max[axis])?;
+        polygon = polygon.clip(&Half { normal: DVec3::AXES[axis], offset: -cell.min[axis] })?;
+        polygon = polygon.clip(&Half { normal: -DVec3::AXES[axis], offset: cell.max[axis] })?;
     }
     let center = polygon.center();
     inside(&center).then_some(center)

@@ -5,7 +5,7 @@
 //! point q of a convex polygon Q it is therefore a weighted mean, with positive weights, of its values at the
 //! pairs of corners: if these have one sign, all lines pass the edge on one side.
 
-use crate::polygon::Polygon;
+use crate::sight::{Half, Sight};
 use visibility_core::glam::DVec3;
 
 /// Unit round-off of `f64`, 2^-53.
@@ -96,24 +96,47 @@ pub(crate) fn sign((value, error): (f64, f64)) -> i32 {
     i32::from(value > error) - i32::from(value < -error)
 }
 
-/// Returns whether the side of an edge is exactly 0 for all lines to a corner of Q, by what the corner is of
-/// the target triangle. `zero` has the bits of the corner's barycentric coordinates that are exactly 0.
-#[inline]
-pub(crate) fn is_zero([a, b]: [u8; 2], zero: u8) -> bool {
-    let at = |tag: u8| tag < 3 && zero == 0b111 ^ (1 << tag);
-    zero != 0 && (at(a) || at(b) || (a < 3 && b < 3 && a != b && zero & (1 << (3 - a - b)) != 0))
+/// Where the side of an edge is exactly 0: a line to a corner of Q that is a mixture of ends of the edge, and
+/// a line between points of a plane perpendicular to an axis that also holds the edge: P's plane, where Q or
+/// an occluder is cut by it, or Q's.
+pub(crate) struct Zeros {
+    tags: [u8; 2],
+    in_p: bool,
+    in_q: bool,
 }
 
-/// Returns the set of signs that the side of an edge has over the pairs of corners of `p` and `q`. Exact
-/// zeros are left out: they lie on the boundary of Q, and with one sign at the other corners the side has
-/// that sign for all points q inside. Stops once no single sign is possible.
+impl Zeros {
+    #[inline]
+    pub(crate) fn new(sight: &Sight, edge: &Edge) -> Self {
+        let [a, b] = edge.ends;
+        let in_plane = |plane: &Half| plane.holds(a) && plane.holds(b);
+        Self { tags: edge.tags, in_p: in_plane(&sight.before_p), in_q: in_plane(&sight.before_q) }
+    }
+
+    /// Returns whether the side is exactly 0 for the line from a corner of P to a corner of Q, of whose
+    /// barycentric coordinates those in the bits of `zero` are exactly 0.
+    #[inline]
+    pub(crate) fn hold(&self, sight: &Sight, p: DVec3, q: DVec3, zero: u8) -> bool {
+        let [a, b] = self.tags;
+        let at = |tag: u8| tag < 3 && zero == 0b111 ^ (1 << tag);
+        let both = |plane: &Half| plane.holds(p) && plane.holds(q);
+        (zero != 0 && (at(a) || at(b) || (a < 3 && b < 3 && a != b && zero & (1 << (3 - a - b)) != 0)))
+            || (self.in_p && both(&sight.before_p))
+            || (self.in_q && both(&sight.before_q))
+    }
+}
+
+/// Returns the set of signs that the side of an edge has over the pairs of corners of P and Q. Exact zeros
+/// are left out: they lie on the boundary of P or Q, and with one sign at the other corners the side has that
+/// sign for all points inside. Stops once no single sign is possible.
 #[inline]
-pub(crate) fn signs(p: &Polygon, q: &Polygon, edge: &Edge, delta: f64) -> u8 {
+pub(crate) fn signs(sight: &Sight, edge: &Edge, delta: f64) -> u8 {
     let mut found = 0;
-    for &from in p.corners() {
+    let zeros = Zeros::new(sight, edge);
+    for &from in sight.p.corners() {
         let side = SideFrom::new(from, edge.ends[0], edge.ends[1], delta);
-        for (&to, &zero) in q.corners().iter().zip(&q.zero) {
-            if is_zero(edge.tags, zero) {
+        for (&to, &zero) in sight.q.corners().iter().zip(&sight.q.zero) {
+            if zeros.hold(sight, from, to, zero) {
                 continue;
             }
             found |= match sign(side.to(to)) {

@@ -1,6 +1,7 @@
 //! Small convex polygons: where lines of sight begin (a part of a face of the viewcell) and where they end (a
 //! part of a face of the target).
 
+use crate::sight::Half;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of corners.
@@ -76,10 +77,10 @@ impl Polygon {
         fits
     }
 
-    /// Returns the part where `normal . x + offset >= 0`, or all of the polygon if the part has too many
-    /// corners. `None` if the part has no area: if no corner is in front of the plane.
-    pub(crate) fn clip(&self, normal: DVec3, offset: f64) -> Option<Self> {
-        let height = |i: usize| normal.dot(self.v[i % self.n]) + offset;
+    /// Returns the part in a half-space, or all of the polygon if the part has too many corners. `None` if the
+    /// part has no area: if no corner is in front of the plane.
+    pub(crate) fn clip(&self, half: &Half) -> Option<Self> {
+        let height = |i: usize| half.height(self.v[i % self.n]);
         let mut out = Self::new(&[]);
         let mut inside = false;
         for i in 0..self.n {
@@ -90,7 +91,7 @@ impl Polygon {
             }
             if (here > 0.0 && next < 0.0) || (here < 0.0 && next > 0.0) {
                 let j = (i + 1) % self.n;
-                let cut = self.v[i] + (self.v[j] - self.v[i]) * (here / (here - next));
+                let cut = half.crossing(self.v[i], self.v[j], [here, next]);
                 if !out.push(cut, self.zero[i] & self.zero[j]) {
                     return Some(*self);
                 }
@@ -160,9 +161,10 @@ mod tests {
                 assert!(halves.iter().all(|half| area(half) > 0.2 * area(&polygon)), "{n}");
                 assert!((area(&halves[0]) + area(&halves[1]) - area(&polygon)).abs() < 1e-12);
             }
-            let [a, b] = [DVec3::X, -DVec3::X].map(|normal| polygon.clip(normal, 0.1).unwrap());
+            let [a, b] =
+                [DVec3::X, -DVec3::X].map(|normal| polygon.clip(&Half { normal, offset: 0.1 }).unwrap());
             assert!(a.normal().z + b.normal().z > polygon.normal().z);
-            assert_eq!(polygon.clip(DVec3::Z, -2.0), None);
+            assert_eq!(polygon.clip(&Half { normal: DVec3::Z, offset: -2.0 }), None);
         }
     }
 }

@@ -6,11 +6,11 @@
 //! programs tell which of those have no segments.
 
 use crate::corner_proof;
-use crate::line_side::{Edge, NEGATIVE, NO_CORNER, POSITIVE, Row, is_zero, side, sign, signs};
+use crate::line_side::{Edge, NEGATIVE, NO_CORNER, POSITIVE, Row, Zeros, side, sign, signs};
 use crate::matrix_game::Value;
 use crate::proof::{LoopEdge, Step};
 use crate::search::{Answer, Search, Segment};
-use crate::sight::Sight;
+use crate::sight::{Half, Sight};
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 
@@ -184,9 +184,10 @@ impl Search<'_> {
         self.game.start(p.len() * q.len());
         for row in rows {
             let Row { edge, side: s } = row;
+            let zeros = &Zeros::new(sight, edge);
             self.game.row(p.iter().flat_map(|&from| {
                 q.iter().zip(&sight.q.zero).map(move |(&to, &zero)| {
-                    if is_zero(edge.tags, zero) {
+                    if zeros.hold(sight, from, to, zero) {
                         return (0.0, 0.0);
                     }
                     let (value, error) = side(from, to, edge.ends[0], edge.ends[1], delta);
@@ -287,13 +288,12 @@ impl Search<'_> {
         // plane, such as the back of a card, or the target box's own front, blocks nothing. Heights are
         // wrong by less than delta, for which the check allows, so that 4 delta are surely before the plane.
         // Corners of the target triangle are in its plane; a loop of these alone bounds nothing before it.
-        ring = cut(ring, |corner| sight.before_p.height(corner.0));
-        ring = cut(ring, |&(x, tag)| match tag {
-            NO_CORNER => sight.before_q.height(x) - self.pad(),
-            _ => 0.0,
-        });
+        let before_q = sight.before_q.padded(-self.pad());
+        ring = cut(ring, &sight.before_p, |half, corner| half.height(corner.0));
+        ring = cut(ring, &before_q, |half, &(x, tag)| if tag == NO_CORNER { half.height(x) } else { 0.0 });
         drop_straight(&mut ring);
-        if ring.len() < 3 || ring.iter().all(|corner| corner.1 != NO_CORNER) {
+        let is_before = |&(x, tag): &RingCorner| tag == NO_CORNER && sight.before_q.height(x) >= self.pad();
+        if ring.len() < 3 || !ring.iter().any(is_before) {
             return None;
         }
         let mut found = Loop { piece, side: 1.0, divides: Vec::with_capacity(ring.len()), ring };
@@ -312,7 +312,7 @@ impl Search<'_> {
             _ => return None,
         };
         for k in 0..found.ring.len() {
-            let occurring = signs(&sight.p, &sight.q, &found.edge(k), self.delta);
+            let occurring = signs(sight, &found.edge(k), self.delta);
             found.divides.push(occurring != 0 && occurring != sides);
         }
         Some(found)
@@ -333,8 +333,8 @@ fn grown(ring: &[RingCorner], grow: f64) -> Vec<RingCorner> {
 }
 
 /// Returns the part of a ring where a height, affine in the position, is not negative.
-fn cut(ring: Vec<RingCorner>, height: impl Fn(&RingCorner) -> f64) -> Vec<RingCorner> {
-    let heights: Box<[f64]> = ring.iter().map(height).collect();
+fn cut(ring: Vec<RingCorner>, half: &Half, height: impl Fn(&Half, &RingCorner) -> f64) -> Vec<RingCorner> {
+    let heights: Box<[f64]> = ring.iter().map(|corner| height(half, corner)).collect();
     if heights.iter().all(|h| *h >= 0.0) {
         return ring;
     }
@@ -347,7 +347,7 @@ fn cut(ring: Vec<RingCorner>, height: impl Fn(&RingCorner) -> f64) -> Vec<RingCo
         }
         if (here > 0.0 && there < 0.0) || (here < 0.0 && there > 0.0) {
             let (a, b) = (ring[k].0, ring[next].0);
-            out.push((a + (b - a) * (here / (here - there)), NO_CORNER));
+            out.push((half.crossing(a, b, [here, there]), NO_CORNER));
         }
     }
     out

@@ -37,12 +37,15 @@ impl Check<'_> {
         });
         let reach = 3.0 * self.clearance + 2.0 * self.delta;
         let is_near = |x: DVec3| corners.iter().any(|t| distance(x, t) <= reach);
+        // By one coordinate, which is not rounded.
+        let in_front = |x: DVec3| sight.before_q.axis().is_some() && sight.before_q.height(x) >= 0.0;
         let in_slab = |(x, tag): Corner| {
             sight.before_p.height(x) >= -4.0 * self.delta
-                && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta)
+                && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta || in_front(x))
         };
         // What is coplanar with Q blocks nothing.
-        let leaves_plane = ring.iter().any(|corner| corner.1.is_none());
+        let leaves_plane =
+            ring.iter().any(|(x, tag)| tag.is_none() && sight.before_q.height(*x) > 3.0 * self.delta);
         let tags_hold = |(x, tag): Corner| {
             tag.is_none_or(|k| {
                 let vertex = self.target_vertices.get(k);

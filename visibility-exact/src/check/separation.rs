@@ -9,7 +9,8 @@ use visibility_core::glam::DVec3;
 
 impl Check<'_> {
     /// Returns the sides of an edge, with errors, at the pairs of corners. A side is exactly 0 where the
-    /// corner of Q is a mixture of ends of the edge.
+    /// corner of Q is a mixture of ends of the edge, and where all four points have one coordinate in common,
+    /// that of the plane of P or Q.
     pub(super) fn sides<'b>(
         &'b self,
         sight: &'b Sight,
@@ -21,7 +22,11 @@ impl Check<'_> {
             sight.q.corners().iter().zip(&sight.q.zero).map(move |(&q, &zero)| {
                 let support = 0b111 ^ zero;
                 let is_mixture = zero != 0 && support & !ends == 0;
-                if is_mixture { (0.0, 0.0) } else { side(p, q, a, b, self.delta) }
+                let is_flat = [&sight.before_p, &sight.before_q].into_iter().any(|plane| {
+                    let axis = plane.axis();
+                    axis.is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k])
+                });
+                if is_mixture || is_flat { (0.0, 0.0) } else { side(p, q, a, b, self.delta) }
             })
         })
     }
