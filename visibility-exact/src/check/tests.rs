@@ -3,7 +3,7 @@
 use super::context::{Check, Divider};
 use super::exact_side::side;
 use super::surface::crosses;
-use crate::line_side::{Crossing, segment_triangle};
+use crate::line_side::{Crossing, Edge, NEGATIVE, POSITIVE, segment_triangle, signs};
 use crate::polygon::Polygon;
 use crate::proof::{LoopEdge, Proof, Step};
 use crate::search::{Answer, Budget, Search};
@@ -103,6 +103,39 @@ fn proofs_with_a_changed_step_are_refused() {
         }
     }
     assert!(kinds[0] > 0 && kinds[1] > 0, "{kinds:?}");
+}
+
+/// An edge in the plane of P, where Q ends: lines that start before it and behind it are on both sides, and
+/// where all start before it, those to the end of Q do not matter. Likewise an edge in the plane of Q.
+#[test]
+fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
+    let (triangles, _) = hidden();
+    let quad = |corners: [[f64; 3]; 4]| Polygon::new(&corners.map(DVec3::from_array));
+    let floor = quad([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]]);
+    let wall = quad([[10.0, 0.0, 0.0], [10.0, 4.0, 0.0], [10.0, 4.0, 3.0], [10.0, 0.0, 3.0]]);
+    let above = Half { normal: DVec3::Z, offset: 0.0 };
+    let before = Half { normal: -DVec3::X, offset: 10.0 };
+    let from_floor = Sight { p: floor, q: wall, before_p: above, before_q: before };
+    let from_wall = Sight { p: wall, q: floor, before_p: before, before_q: above };
+    let steps = Vec::new();
+    let check = Check {
+        triangles: &triangles,
+        clearance: 0.0,
+        delta: 1e-12,
+        target_vertices: vec![],
+        steps: steps.iter(),
+    };
+    for sight in [from_floor, from_wall] {
+        for (x, is_divided) in [(2.0, true), (6.0, false)] {
+            let ends = [DVec3::new(x, -5.0, 0.0), DVec3::new(x, 9.0, 0.0)];
+            let found = signs(&sight, &Edge::new(ends[0], ends[1]), check.delta);
+            assert_eq!(found == POSITIVE || found == NEGATIVE, !is_divided, "{x}: {found}");
+            assert_ne!(found, 0);
+            let edge = ends.map(|end| (end, None));
+            let on_a_side = [1.0, -1.0].map(|side| check.is_on_side(&sight, &edge, side));
+            assert_eq!(on_a_side.contains(&true), !is_divided, "{x}: {on_a_side:?}");
+        }
+    }
 }
 
 fn moved(v: DVec3, delta: f64, random: &mut Random) -> DVec3 {
