@@ -6,12 +6,13 @@
 //! early.
 
 use crate::chain_scratch::ChainScratch;
+use crate::half::Half;
 use crate::polygon::Polygon;
 use crate::proof::Proof;
 use crate::rays::Random;
 use crate::search::{Answer, Budget, Search, Segment};
 use crate::settings::Settings;
-use crate::sight::{CellBox, Half, Target};
+use crate::sight::{CellBox, Target};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 use alloc::{vec, vec::Vec};

@@ -12,12 +12,14 @@
 //! chain.
 
 use crate::chain_scratch::{ChainScratch, KNOWN, MISSED, ODD, Obstacle};
-use crate::line_side::{Crossing, Edge, NEGATIVE, NO_CORNER, POSITIVE, segment_triangle, signs};
+use crate::half::Half;
+use crate::line_side::{Crossing, Edge, NO_CORNER, segment_triangle};
 use crate::polygon::Polygon;
 use crate::proof::Step;
 use crate::search::{Search, Segment};
 use crate::shaft::Shaft;
-use crate::sight::{Half, Sight};
+use crate::side_signs::{NEGATIVE, POSITIVE, signs};
+use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 

@@ -107,9 +107,9 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::half::Half;
     use crate::line_side::Edge;
     use crate::polygon::Polygon;
-    use crate::sight::Half;
     use visibility_testing::Random;
 
     /// Three edges through one point, and lines through the point: on no side of any edge. Positions are

@@ -5,7 +5,6 @@
 //! point q of a convex polygon Q it is therefore a weighted mean, with positive weights, of its values at the
 //! pairs of corners: if these have one sign, all lines pass the edge on one side.
 
-use crate::sight::{Half, Sight};
 use visibility_core::glam::DVec3;
 
 /// Unit round-off of `f64`, 2^-53.
@@ -13,13 +12,6 @@ pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
 /// Corner of an edge that is no corner of the target triangle.
 pub(crate) const NO_CORNER: u8 = 3;
-
-/// Signs that occur at pairs of corners, as bits of a set.
-pub(crate) const POSITIVE: u8 = 1;
-/// See [`POSITIVE`].
-pub(crate) const NEGATIVE: u8 = 2;
-/// A value that rounding leaves undecided. See [`POSITIVE`].
-pub(crate) const UNSURE: u8 = 4;
 
 /// An edge in scene coordinates. `tags` tell for each end which corner of the target triangle it is: 0, 1 or
 /// 2, or [`NO_CORNER`].
@@ -44,7 +36,7 @@ pub(crate) struct Row {
 }
 
 /// Side function of one edge, prepared for one point p of the lines of sight.
-struct SideFrom {
+pub(crate) struct SideFrom {
     p: DVec3,
     normal: DVec3,
     bound: DVec3,
@@ -63,7 +55,7 @@ struct SideFrom {
 /// The coordinates are f32 and cells of their magnitude, so no product overflows or underflows.
 impl SideFrom {
     #[inline]
-    fn new(p: DVec3, a: DVec3, b: DVec3, delta: f64) -> Self {
+    pub(crate) fn new(p: DVec3, a: DVec3, b: DVec3, delta: f64) -> Self {
         let (u, w) = (a - p, b - p);
         let (x, y) = (u.abs(), w.abs());
         let normal = u.cross(w);
@@ -76,7 +68,7 @@ impl SideFrom {
 
     /// Returns the side of the line to q, and the bound on its error.
     #[inline]
-    fn to(&self, q: DVec3) -> (f64, f64) {
+    pub(crate) fn to(&self, q: DVec3) -> (f64, f64) {
         let r = q - self.p;
         (r.dot(self.normal), r.abs().dot(self.bound) + self.slack)
     }
@@ -94,62 +86,6 @@ pub(crate) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, 
 #[inline]
 pub(crate) fn sign((value, error): (f64, f64)) -> i32 {
     i32::from(value > error) - i32::from(value < -error)
-}
-
-/// Where the side of an edge is exactly 0: a line to a corner of Q that is a mixture of ends of the edge, and
-/// a line between points of a plane perpendicular to an axis that also holds the edge: P's plane, where Q or
-/// an occluder is cut by it, or Q's.
-pub(crate) struct Zeros {
-    tags: [u8; 2],
-    in_p: bool,
-    in_q: bool,
-}
-
-impl Zeros {
-    #[inline]
-    pub(crate) fn new(sight: &Sight, edge: &Edge) -> Self {
-        let [a, b] = edge.ends;
-        let in_plane = |plane: &Half| plane.holds(a) && plane.holds(b);
-        Self { tags: edge.tags, in_p: in_plane(&sight.before_p), in_q: in_plane(&sight.before_q) }
-    }
-
-    /// Returns whether the side is exactly 0 for the line from a corner of P to a corner of Q, of whose
-    /// barycentric coordinates those in the bits of `zero` are exactly 0.
-    #[inline]
-    pub(crate) fn hold(&self, sight: &Sight, p: DVec3, q: DVec3, zero: u8) -> bool {
-        let [a, b] = self.tags;
-        let at = |tag: u8| tag < 3 && zero == 0b111 ^ (1 << tag);
-        let both = |plane: &Half| plane.holds(p) && plane.holds(q);
-        (zero != 0 && (at(a) || at(b) || (a < 3 && b < 3 && a != b && zero & (1 << (3 - a - b)) != 0)))
-            || (self.in_p && both(&sight.before_p))
-            || (self.in_q && both(&sight.before_q))
-    }
-}
-
-/// Returns the set of signs that the side of an edge has over the pairs of corners of P and Q. Exact zeros
-/// are left out: they lie on the boundary of P or Q, and with one sign at the other corners the side has that
-/// sign for all points inside. Stops once no single sign is possible.
-#[inline]
-pub(crate) fn signs(sight: &Sight, edge: &Edge, delta: f64) -> u8 {
-    let mut found = 0;
-    let zeros = Zeros::new(sight, edge);
-    for &from in sight.p.corners() {
-        let side = SideFrom::new(from, edge.ends[0], edge.ends[1], delta);
-        for (&to, &zero) in sight.q.corners().iter().zip(&sight.q.zero) {
-            if zeros.hold(sight, from, to, zero) {
-                continue;
-            }
-            found |= match sign(side.to(to)) {
-                1 => POSITIVE,
-                -1 => NEGATIVE,
-                _ => UNSURE,
-            };
-            if found >= UNSURE || found == POSITIVE | NEGATIVE {
-                return found;
-            }
-        }
-    }
-    found
 }
 
 /// How a segment and a triangle lie.

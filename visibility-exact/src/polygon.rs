@@ -1,7 +1,7 @@
 //! Small convex polygons: where lines of sight begin (a part of a face of the viewcell) and where they end (a
 //! part of a face of the target).
 
-use crate::sight::Half;
+use crate::half::Half;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of corners.
@@ -77,8 +77,8 @@ impl Polygon {
         fits
     }
 
-    /// Returns the part in a half-space, or all of the polygon if the part has too many corners. `None` if the
-    /// part has no area: if no corner is in front of the plane.
+    /// Returns the part in a half-space, or all of the polygon if the part has too many corners. `None` if
+    /// the part has no area: if no corner is in front of the plane.
     pub(crate) fn clip(&self, half: &Half) -> Option<Self> {
         let height = |i: usize| half.height(self.v[i % self.n]);
         let mut out = Self::new(&[]);

@@ -6,11 +6,13 @@
 //! programs tell which of those have no segments.
 
 use crate::corner_proof;
-use crate::line_side::{Edge, NEGATIVE, NO_CORNER, POSITIVE, Row, Zeros, side, sign, signs};
+use crate::half::Half;
+use crate::line_side::{Edge, NO_CORNER, Row, side, sign};
 use crate::matrix_game::Value;
 use crate::proof::{LoopEdge, Step};
 use crate::search::{Answer, Search, Segment};
-use crate::sight::{Half, Sight};
+use crate::side_signs::{NEGATIVE, POSITIVE, Zeros, signs};
+use crate::sight::Sight;
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 

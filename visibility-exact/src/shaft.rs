@@ -67,8 +67,9 @@ impl Shaft {
 
 #[cfg(test)]
 mod tests {
+    use crate::half::Half;
     use crate::search::Search;
-    use crate::sight::{CellBox, Half, Sight, Target};
+    use crate::sight::{CellBox, Sight, Target};
     use crate::triangles::SceneTriangles;
     use crate::{
         chain::apart, line_side::Edge, line_side::NO_CORNER, polygon::Polygon, search::Budget, shaft::Shaft,

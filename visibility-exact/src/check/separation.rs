@@ -2,8 +2,9 @@
 
 use super::context::{Check, Corner};
 use super::exact_side::{D, dot, side};
+use crate::half::Half;
 use crate::polygon::Polygon;
-use crate::sight::{Half, Sight};
+use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 

@@ -3,11 +3,13 @@
 use super::context::{Check, Divider};
 use super::exact_side::side;
 use super::surface::crosses;
-use crate::line_side::{Crossing, Edge, NEGATIVE, POSITIVE, segment_triangle, signs};
+use crate::half::Half;
+use crate::line_side::{Crossing, Edge, segment_triangle};
 use crate::polygon::Polygon;
 use crate::proof::{LoopEdge, Proof, Step};
 use crate::search::{Answer, Budget, Search};
-use crate::sight::{CellBox, Half, Sight, Target};
+use crate::side_signs::{NEGATIVE, POSITIVE, signs};
+use crate::sight::{CellBox, Sight, Target};
 use crate::triangles::SceneTriangles;
 use std::{vec, vec::Vec};
 use visibility_core::glam::{DVec3, Vec3};

@@ -1,0 +1,47 @@
+//! Half-spaces, exact where their planes are perpendicular to an axis.
+
+use visibility_core::glam::DVec3;
+
+/// A half-space: the points x with `normal . x + offset >= 0`, in front of its plane. The normal is a unit
+/// vector.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Half {
+    pub(crate) normal: DVec3,
+    pub(crate) offset: f64,
+}
+
+impl Half {
+    #[inline]
+    pub(crate) fn height(&self, x: DVec3) -> f64 {
+        self.normal.dot(x) + self.offset
+    }
+
+    /// Returns the axis that the plane is perpendicular to, if there is one. Points lie on such a plane, or
+    /// at either side, by one coordinate, without rounding.
+    #[inline]
+    pub(crate) fn axis(&self) -> Option<usize> {
+        (0..3).find(|&k| self.normal[k].abs() == 1.0)
+    }
+
+    /// Returns whether a point lies on the plane exactly. False for planes that are not perpendicular to an
+    /// axis.
+    #[inline]
+    pub(crate) fn holds(&self, x: DVec3) -> bool {
+        self.axis().is_some_and(|k| x[k] == -self.offset * self.normal[k])
+    }
+
+    /// Returns where a side from `a` to `b`, at the given heights over the plane, crosses the plane: on it
+    /// exactly, if it is perpendicular to an axis.
+    pub(crate) fn crossing(&self, a: DVec3, b: DVec3, heights: [f64; 2]) -> DVec3 {
+        let mut x = a + (b - a) * (heights[0] / (heights[0] - heights[1]));
+        if let Some(k) = self.axis() {
+            x[k] = -self.offset * self.normal[k];
+        }
+        x
+    }
+
+    /// Returns the half-space with `pad` more, unless heights over its plane are exact.
+    pub(crate) fn padded(&self, pad: f64) -> Self {
+        Self { offset: if self.axis().is_some() { self.offset } else { self.offset + pad }, ..*self }
+    }
+}

@@ -1,0 +1,69 @@
+//! The sides on which the lines between two polygons pass an edge, and where a side is exactly 0.
+
+use crate::half::Half;
+use crate::line_side::{Edge, SideFrom, sign};
+use crate::sight::Sight;
+use visibility_core::glam::DVec3;
+
+/// Signs that occur at pairs of corners, as bits of a set.
+pub(crate) const POSITIVE: u8 = 1;
+/// See [`POSITIVE`].
+pub(crate) const NEGATIVE: u8 = 2;
+/// A value that rounding leaves undecided. See [`POSITIVE`].
+pub(crate) const UNSURE: u8 = 4;
+
+/// Where the side of an edge is exactly 0: a line to a corner of Q that is a mixture of ends of the edge, and
+/// a line between points of a plane perpendicular to an axis that also holds the edge: P's plane, where Q or
+/// an occluder is cut by it, or Q's.
+pub(crate) struct Zeros {
+    tags: [u8; 2],
+    in_p: bool,
+    in_q: bool,
+}
+
+impl Zeros {
+    #[inline]
+    pub(crate) fn new(sight: &Sight, edge: &Edge) -> Self {
+        let [a, b] = edge.ends;
+        let in_plane = |plane: &Half| plane.holds(a) && plane.holds(b);
+        Self { tags: edge.tags, in_p: in_plane(&sight.before_p), in_q: in_plane(&sight.before_q) }
+    }
+
+    /// Returns whether the side is exactly 0 for the line from a corner of P to a corner of Q, of whose
+    /// barycentric coordinates those in the bits of `zero` are exactly 0.
+    #[inline]
+    pub(crate) fn hold(&self, sight: &Sight, p: DVec3, q: DVec3, zero: u8) -> bool {
+        let [a, b] = self.tags;
+        let at = |tag: u8| tag < 3 && zero == 0b111 ^ (1 << tag);
+        let both = |plane: &Half| plane.holds(p) && plane.holds(q);
+        (zero != 0 && (at(a) || at(b) || (a < 3 && b < 3 && a != b && zero & (1 << (3 - a - b)) != 0)))
+            || (self.in_p && both(&sight.before_p))
+            || (self.in_q && both(&sight.before_q))
+    }
+}
+
+/// Returns the set of signs that the side of an edge has over the pairs of corners of P and Q. Exact zeros
+/// are left out: they lie on the boundary of P or Q, and with one sign at the other corners the side has that
+/// sign for all points inside. Stops once no single sign is possible.
+#[inline]
+pub(crate) fn signs(sight: &Sight, edge: &Edge, delta: f64) -> u8 {
+    let mut found = 0;
+    let zeros = Zeros::new(sight, edge);
+    for &from in sight.p.corners() {
+        let side = SideFrom::new(from, edge.ends[0], edge.ends[1], delta);
+        for (&to, &zero) in sight.q.corners().iter().zip(&sight.q.zero) {
+            if zeros.hold(sight, from, to, zero) {
+                continue;
+            }
+            found |= match sign(side.to(to)) {
+                1 => POSITIVE,
+                -1 => NEGATIVE,
+                _ => UNSURE,
+            };
+            if found >= UNSURE || found == POSITIVE | NEGATIVE {
+                return found;
+            }
+        }
+    }
+    found
+}
