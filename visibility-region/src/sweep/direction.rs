@@ -171,6 +171,25 @@ impl Direction {
         })
     }
 
+    /// Tests whether a box may meet a segment from the viewcell to another box, between the cell's front and
+    /// the nearest side of that other box. True more often.
+    pub(crate) fn is_between(&self, b: &LocalBox, other: &LocalBox) -> bool {
+        let (near, far) = (b.lo.z.max(0.0), b.hi.z.min(other.lo.z));
+        // The ends of the projection are convex in the plane's distance, so they are greatest at an end.
+        let (first, last) = (self.occludee(near, other), self.occludee(far, other));
+        near <= far
+            && (0..2).all(|lat| {
+                let (low, high) = (first[lat][0].min(last[lat][0]), first[lat][1].max(last[lat][1]));
+                b.lo[lat] <= high + self.guard() && b.hi[lat] >= low - self.guard()
+            })
+    }
+
+    /// Returns the least width, along the lateral axis `lat`, of the projection of an occludee that is at
+    /// least `z` away onto the plane at `d`: that of a point.
+    pub(crate) fn least_width(&self, d: f64, z: f64, lat: usize) -> f64 {
+        2.0 * self.half[lat] * (1.0 - d / z)
+    }
+
     /// Returns, along the lateral axis `lat`, a range on the plane at `d` outside of which no point is in all
     /// views of a box between the depths `near > 0` and `far <= d`. Empty ranges have their ends swapped.
     pub(crate) fn common_view(&self, d: f64, b: &LocalBox, [near, far]: [f64; 2], lat: usize) -> [f64; 2] {

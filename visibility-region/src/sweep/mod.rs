@@ -6,6 +6,7 @@ mod culler;
 pub(crate) mod direction;
 mod facing;
 mod hull;
+mod nearest;
 mod occludees;
 mod occluder;
 mod occluder_raster;

@@ -15,7 +15,7 @@
 
 use super::direction::CellBox;
 use super::facing::facing;
-use super::surfaces::{Back, Surfaces};
+use super::surfaces::{Back, Surfaces, find};
 use crate::bits::Bits;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
@@ -33,12 +33,18 @@ const MOST_ON_SEGMENT: usize = 32;
 /// The pieces of one viewcell.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
-    /// For each triangle of the surfaces, 1 if its front faces the whole cell, -1 if its back occludes and
-    /// does, otherwise 0. 0 for the triangles of objects that do not occlude in this call.
+    /// For each triangle of a cluster whose pieces are found, 1 if its front faces the whole cell, -1 if its
+    /// back occludes and does, otherwise 0. 0 for the triangles of objects that do not occlude in this
+    /// call.
     facing: Vec<i8>,
     parent: Vec<u32>,
     /// Number of triangles of the piece that each triangle represents.
     count: Vec<u32>,
+    /// Scratch: number of the piece that each triangle represents.
+    number: Vec<u32>,
+    /// Clusters whose pieces are found, and the pieces of each.
+    found: Bits,
+    ranges: Vec<[u32; 2]>,
     /// Segments of the contour, each with a triangle on it, before they are sorted by piece.
     bounding: Vec<(u32, u32)>,
     triangles: Vec<u32>,
@@ -59,35 +65,65 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Finds the pieces of the surfaces of occluding objects. First come those of single parts of meshes,
-    /// then those that join several.
-    pub(crate) fn find(&mut self, surfaces: &Surfaces, occluding: &Bits, cell: &CellBox) {
+    /// Forgets the pieces of the viewcell before.
+    pub(crate) fn begin(&mut self, surfaces: &Surfaces) {
         self.triangles.clear();
         self.contours.clear();
         self.pieces.clear();
-        self.facing.clear();
-        self.facing.extend(surfaces.triangles.iter().map(|surface| {
-            if !occluding.contains(surfaces.part(surface).owner as usize) {
-                return 0;
-            }
-            let facing = cell.facing(surface.corners.map(|p| p.as_dvec3()));
-            if surface.back == Back::Transparent { facing.max(0) } else { facing }
-        }));
-        let direction = cell.direction(0);
-        for (surface, facing) in surfaces.triangles.iter().zip(&mut self.facing) {
-            if surface.back == Back::OfSolid && *facing < 0 {
-                let bounds = direction.local_box(&surfaces.part(surface).bounds);
-                *facing = -i8::from(direction.is_outside(&bounds, 4.0 * direction.error));
-            }
-        }
-        for joins in [false, true] {
-            self.pair(surfaces, joins);
-            self.collect(surfaces, joins);
-        }
+        self.found.reset(surfaces.cluster_count());
+        self.ranges.resize(surfaces.cluster_count(), [0; 2]);
+        let count = surfaces.triangles.len();
+        self.facing.resize(count, 0);
+        self.parent.resize(count, 0);
+        self.count.resize(count, 0);
+        self.number.resize(count, 0);
     }
 
-    pub(crate) fn all(&self) -> &[Piece] {
-        &self.pieces
+    /// Finds the pieces of a cluster's occluding objects, unless they are found already. First come those of
+    /// single parts of meshes, then those that join several. Returns their indices.
+    pub(crate) fn find(
+        &mut self,
+        surfaces: &Surfaces,
+        cluster: usize,
+        occluding: &Bits,
+        cell: &CellBox,
+    ) -> core::ops::Range<u32> {
+        if self.found.insert(cluster) {
+            let first = self.pieces.len() as u32;
+            let direction = cell.direction(0);
+            for &triangle in surfaces.triangles_of(cluster) {
+                let surface = &surfaces.triangles[triangle as usize];
+                let part = surfaces.part(surface);
+                let facing = match occluding.contains(part.owner as usize) {
+                    true => cell.facing(surface.corners.map(|p| p.as_dvec3())),
+                    false => 0,
+                };
+                self.facing[triangle as usize] = match surface.back {
+                    Back::Transparent => facing.max(0),
+                    Back::OfSolid if facing < 0 => {
+                        let bounds = direction.local_box(&part.bounds);
+                        -i8::from(direction.is_outside(&bounds, 4.0 * direction.error))
+                    }
+                    _ => facing,
+                };
+            }
+            for joins in [false, true] {
+                self.pair(surfaces, cluster, joins);
+                self.collect(surfaces, cluster, joins);
+            }
+            self.ranges[cluster] = [first, self.pieces.len() as u32];
+        }
+        self.ranges[cluster][0]..self.ranges[cluster][1]
+    }
+
+    /// Returns the number of pieces found so far.
+    #[cfg(test)]
+    pub(crate) fn len(&self) -> usize {
+        self.pieces.len()
+    }
+
+    pub(crate) fn get(&self, piece: u32) -> &Piece {
+        &self.pieces[piece as usize]
     }
 
     /// Returns the triangles of a piece.
@@ -101,17 +137,17 @@ impl Pieces {
     }
 
     /// Pairs the drawn triangles on each segment; across parts of meshes if `joins`.
-    fn pair(&mut self, surfaces: &Surfaces, joins: bool) {
-        self.parent.clear();
-        self.parent.extend(0..surfaces.triangles.len() as u32);
-        self.count.clear();
-        self.count.resize(surfaces.triangles.len(), 1);
+    fn pair(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
+        for &triangle in surfaces.triangles_of(cluster) {
+            self.parent[triangle as usize] = triangle;
+            self.count[triangle as usize] = 1;
+        }
         self.bounding.clear();
         let part = |triangle: u32| surfaces.triangles[triangle as usize].part;
-        for segment in 0..surfaces.segments.len() {
+        for &segment in surfaces.segments_of(cluster) {
             self.plus.clear();
             self.minus.clear();
-            for &side in surfaces.sides(segment) {
+            for &side in surfaces.sides(segment as usize) {
                 let (triangle, forward) = (side / 2, side % 2 == 1);
                 match self.facing[triangle as usize] {
                     0 => {}
@@ -121,7 +157,7 @@ impl Pieces {
             }
             if self.plus.len().max(self.minus.len()) > MOST_ON_SEGMENT {
                 let all = self.plus.iter().chain(&self.minus);
-                self.bounding.extend(all.map(|&triangle| (triangle, segment as u32)));
+                self.bounding.extend(all.map(|&triangle| (triangle, segment)));
                 continue;
             }
             while let Some(first) = self.plus.pop() {
@@ -137,13 +173,13 @@ impl Pieces {
                     Some(at) => {
                         let other = self.minus.swap_remove(at);
                         if !unite(&mut self.parent, &mut self.count, first, other) {
-                            self.bounding.extend([(first, segment as u32), (other, segment as u32)]);
+                            self.bounding.extend([(first, segment), (other, segment)]);
                         }
                     }
-                    None => self.bounding.push((first, segment as u32)),
+                    None => self.bounding.push((first, segment)),
                 }
             }
-            self.bounding.extend(self.minus.iter().map(|&triangle| (triangle, segment as u32)));
+            self.bounding.extend(self.minus.iter().map(|&triangle| (triangle, segment)));
         }
     }
 
@@ -159,15 +195,16 @@ impl Pieces {
     }
 
     /// Lists the pieces that [`pair`](Self::pair) found; only those of several parts if `joins`.
-    fn collect(&mut self, surfaces: &Surfaces, joins: bool) {
-        let (facing, parent) = (&self.facing, &mut self.parent);
+    fn collect(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
+        let (facing, parent, number) = (&self.facing, &mut self.parent, &mut self.number);
+        let triangles = surfaces.triangles_of(cluster);
+        let drawn = || triangles.iter().copied().filter(|&triangle| facing[triangle as usize] != 0);
         let first_piece = self.pieces.len();
         // The representative of a piece is its first triangle, so it comes before the others.
-        let mut number = alloc::vec![u32::MAX; facing.len()];
-        for triangle in 0..facing.len() as u32 {
-            if facing[triangle as usize] == 0 {
-                continue;
-            }
+        for &triangle in triangles {
+            number[triangle as usize] = u32::MAX;
+        }
+        for triangle in drawn() {
             let root = find(parent, triangle);
             let surface = &surfaces.triangles[triangle as usize];
             if root == triangle {
@@ -193,8 +230,11 @@ impl Pieces {
                 }
             }
             pieces.truncate(kept);
-            for number in number.iter_mut().filter(|number| **number != u32::MAX) {
-                *number = renumber[*number as usize - first_piece];
+            for triangle in drawn() {
+                let number = &mut number[triangle as usize];
+                if *number != u32::MAX {
+                    *number = renumber[*number as usize - first_piece];
+                }
             }
         }
         for &(triangle, _) in &self.bounding {
@@ -210,7 +250,7 @@ impl Pieces {
         }
         self.triangles.resize(triangle as usize, 0);
         self.contours.resize(segment as usize, 0);
-        for triangle in (0..facing.len() as u32).filter(|&triangle| facing[triangle as usize] != 0) {
+        for triangle in drawn() {
             if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
                 self.triangles[piece.triangles[1] as usize] = triangle;
                 piece.triangles[1] += 1;
@@ -240,14 +280,6 @@ fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
     count[root as usize] = sum;
     parent[other as usize] = root;
     true
-}
-
-fn find(parent: &mut [u32], mut at: u32) -> u32 {
-    while parent[at as usize] != at {
-        parent[at as usize] = parent[parent[at as usize] as usize];
-        at = parent[at as usize];
-    }
-    at
 }
 
 impl CellBox {
@@ -290,9 +322,10 @@ mod tests {
         let bounds = scene.culled_bounds().unwrap();
         let cell = CellBox::new(&CellExtent::new(&cell, DVec3::ZERO).unwrap(), &bounds, DVec3::AXES).unwrap();
         let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
-        pieces.find(&surfaces, &Bits::occluding(&scene, &VisibleSet::new()), &cell);
+        pieces.begin(&surfaces);
+        pieces.find(&surfaces, 0, &Bits::occluding(&scene, &VisibleSet::new()), &cell);
         pieces
-            .all()
+            .pieces
             .iter()
             .map(|piece| [pieces.triangles(piece).len(), pieces.contour(piece).len()])
             .collect()

@@ -9,17 +9,13 @@
 use super::direction::{Direction, LocalBox};
 use super::occludees::Item;
 use super::occluder::Occluder;
-use super::pieces::Pieces;
 use super::ray_map::SIDE;
-use super::surfaces::Surfaces;
-use crate::bits::Bits;
 use crate::extent::quantile;
 use alloc::vec::Vec;
-use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
-use visibility_core::{Aabb, Scene};
+use core::ops::Range;
 
 /// Number of planes right behind occluders.
-const BEHIND: usize = 24;
+pub(crate) const BEHIND: usize = 24;
 /// Least ratio of the distances of planes that are not behind occluders, and greatest number of these planes.
 /// Where objects are at very different distances, the planes are farther apart.
 const GROWTH: f64 = 1.3;
@@ -76,7 +72,7 @@ impl Cone {
     }
 
     /// Tests whether a box may meet the cone between `near` and `deepest`.
-    fn meets(&self, direction: &Direction, b: &LocalBox) -> bool {
+    pub(crate) fn meets(&self, direction: &Direction, b: &LocalBox) -> bool {
         b.hi.z > self.near
             && b.lo.z < self.deepest
             && (0..2).all(|lat| {
@@ -106,6 +102,22 @@ impl Cone {
             })
             .product()
     }
+
+    /// Returns an occluder with its share of the cone. `None` if it cannot cover a pixel.
+    pub(crate) fn candidate<'a>(
+        &self,
+        direction: &Direction,
+        occluder: Occluder<'a>,
+        joins: bool,
+    ) -> Option<Candidate<'a>> {
+        let share = self.share(direction, &occluder.bounds);
+        // A piece of several objects is long, and planes right behind its parts serve it better.
+        (share > 0.0 && occluder.is_precise(direction)).then_some(Candidate {
+            occluder,
+            share: if joins { 0.0 } else { share },
+            joins,
+        })
+    }
 }
 
 /// An occluder with the share of the cone that it covers.
@@ -117,70 +129,20 @@ pub(crate) struct Candidate<'a> {
     pub(crate) joins: bool,
 }
 
-/// The occluders of one viewcell: pieces of surfaces, and meshes that are not among the surfaces.
-#[derive(Clone, Copy)]
-pub(crate) struct Occluders<'a> {
-    pub(crate) scene: &'a Scene,
-    /// Objects that may occlude in this call.
-    pub(crate) occluding: &'a Bits,
-    pub(crate) surfaces: &'a Surfaces,
-    pub(crate) pieces: &'a Pieces,
-}
-
-/// Collects the occluders that may cover something of the cone, nearest first.
-pub(crate) fn occluders<'a>(
-    Occluders { scene, occluding, surfaces, pieces }: Occluders<'a>,
+/// Chooses the distances of the projection planes within `range`, ascending, all before `cone.deepest`. Of
+/// the planes right behind occluders, the best of all ranges are chosen: `behind_left` is the number of those
+/// that earlier ranges have left over.
+pub(crate) fn distances(
     direction: &Direction,
     cone: &Cone,
-    stack: &mut Vec<Option<usize>>,
-) -> Vec<Candidate<'a>> {
-    let mut all = Vec::new();
-    let mut push = |occluder: Occluder<'a>, joins| {
-        let share = cone.share(direction, &occluder.bounds);
-        if share > 0.0 && occluder.is_precise(direction) {
-            // A piece of several objects is long, and planes right behind its parts serve it better.
-            all.push(Candidate { occluder, share: if joins { 0.0 } else { share }, joins });
-        }
-    };
-    for piece in pieces.all() {
-        if cone.meets(direction, &direction.local_box(&piece.bounds)) {
-            push(Occluder::piece(direction, surfaces, pieces, piece), piece.joins);
-        }
-    }
-    stack.push(None);
-    while let Some(node) = stack.pop() {
-        SceneHierarchy.for_each_child(scene, node, &mut |child, bounds: Aabb| {
-            if !cone.meets(direction, &direction.local_box(&bounds)) {
-                return;
-            }
-            match child {
-                Child::Node(node) => stack.push(Some(node)),
-                Child::Object(id) => {
-                    if surfaces.objects.contains(id.index()) || !occluding.contains(id.index()) {
-                        return;
-                    }
-                    let Some((mesh, transform)) = scene.occluder(id) else { return };
-                    let parts =
-                        if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
-                    for part in parts {
-                        if let Some(occluder) = Occluder::new(direction, part, transform) {
-                            push(occluder, false);
-                        }
-                    }
-                }
-            }
-        });
-    }
-    all.sort_by(|a, b| a.occluder.bounds.lo.z.total_cmp(&b.occluder.bounds.lo.z));
-    all
-}
-
-/// Chooses the distances of the projection planes, ascending, all before `cone.deepest`.
-pub(crate) fn distances(direction: &Direction, cone: &Cone, occluders: &[Candidate<'_>]) -> Vec<f64> {
+    occluders: &[Candidate<'_>],
+    range: &Range<f64>,
+    behind_left: &mut usize,
+) -> Vec<f64> {
     let mut behind: Vec<(f64, f64)> = occluders
         .iter()
         .map(|c| (c.occluder.bounds.hi.z + direction.guard(), c.share))
-        .filter(|(d, share)| *share > 0.0 && *d > cone.first && *d < cone.deepest)
+        .filter(|(d, share)| *share > 0.0 && *d > cone.first && *d < cone.deepest && range.contains(d))
         .collect();
     behind.sort_by(|a, b| a.0.total_cmp(&b.0));
     // Of planes that nearly coincide the last is behind the occluders of all.
@@ -192,14 +154,15 @@ pub(crate) fn distances(direction: &Direction, cone: &Cone, occluders: &[Candida
         same
     });
     behind.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.total_cmp(&b.0)));
-    behind.truncate(BEHIND);
+    behind.truncate(*behind_left);
+    *behind_left -= behind.len();
     let mut all: Vec<f64> = behind.into_iter().map(|(d, _)| d).collect();
     let mut growth = GROWTH;
     while (0..GROWING).fold(cone.first, |d, _| d * growth) < cone.deepest {
         growth *= 1.05;
     }
     let growing = core::iter::successors(Some(cone.first), |d| Some(d * growth));
-    all.extend(growing.take(GROWING).take_while(|d| *d < cone.deepest));
+    all.extend(growing.take(GROWING).take_while(|d| *d < cone.deepest).filter(|d| range.contains(d)));
     all.sort_by(f64::total_cmp);
     all
 }

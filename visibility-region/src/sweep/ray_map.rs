@@ -66,11 +66,22 @@ impl RayMap {
         })
     }
 
-    /// Tests whether any pixel of the words that hold pixels of `rect` is set: true more often than of the
-    /// rectangle itself.
-    pub(crate) fn any_near(&self, rect: PixelRect) -> bool {
-        let [a, b] = rect.x.map(|x| x / 64);
-        self.rows[rect.y[0]..=rect.y[1]].iter().any(|row| row[a..=b].iter().any(|&word| word != 0))
+    /// Tests whether a rectangle within `rect` of at least `least` columns and rows may be all set. True more
+    /// often. Where `least` is more than half of `rect`, all such rectangles have the middle in common.
+    pub(crate) fn may_hold(&self, rect: PixelRect, least: [usize; 2]) -> bool {
+        let middle = |[first, last]: [usize; 2], least: usize| {
+            let middle = [(last + 1).saturating_sub(least).max(first), (first + least - 1).min(last)];
+            (middle[0] <= middle[1]).then_some(middle)
+        };
+        let columns = middle(rect.x, least[0]);
+        let row = |y: usize| match columns {
+            Some(x) => self.all_set(PixelRect { x, y: [y; 2] }),
+            None => self.rows[y][rect.x[0] / 64..=rect.x[1] / 64].iter().any(|&word| word != 0),
+        };
+        match middle(rect.y, least[1]) {
+            Some([first, last]) => (first..=last).all(row),
+            None => (rect.y[0]..=rect.y[1]).any(row),
+        }
     }
 
     /// Tests whether any pixel is set.
@@ -220,16 +231,26 @@ mod tests {
             let (columns, rows) = (ranges(4), ranges(3));
             let mut eroded = map.clone();
             eroded.erode(&columns, &rows, &mut RayMap::new());
-            let mut kept = 0;
+            let (mut kept, mut refused) = (0, 0);
             for y in (0..SIDE).step_by(3) {
                 for (x, column) in columns.iter().enumerate() {
                     let rect = PixelRect { x: column.map(usize::from), y: rows[y].map(usize::from) };
                     let all = (rect.y[0]..=rect.y[1]).all(|y| (rect.x[0]..=rect.x[1]).all(|x| map.get(x, y)));
                     assert_eq!(eroded.get(x, y), all, "{x} {y}");
                     assert_eq!(map.all_set(rect), all);
+                    let [width, height] = [rect.x, rect.y].map(|[first, last]| last - first + 1);
+                    // The rectangle within one that is wider by up to its own width, and higher.
+                    let wider = [rect.x[0].saturating_sub(width / 2), (rect.x[1] + width / 2).min(SIDE - 1)];
+                    let higher = [rect.y[0].saturating_sub(height), (rect.y[1] + height).min(SIDE - 1)];
+                    for around in [rect, PixelRect { x: wider, ..rect }, PixelRect { x: wider, y: higher }] {
+                        let may_hold = map.may_hold(around, [width, height]);
+                        assert!(may_hold || !all, "{around:?} around {rect:?}");
+                        refused += usize::from(!may_hold);
+                    }
                     kept += usize::from(all);
                 }
             }
+            assert!(refused > 1000, "{density} {refused}");
             assert!(density == 2 || kept > 100, "{density} {kept}");
         }
     }

@@ -24,6 +24,45 @@ pub(crate) struct Surfaces {
     /// Indices of the objects whose triangles are here.
     pub(crate) objects: Bits,
     parts: Vec<Part>,
+    /// Cluster of each object by index: objects whose triangles meet along segments, directly or by others,
+    /// are one cluster. `u32::MAX` for objects without triangles here.
+    cluster_of: Vec<u32>,
+    /// Triangles and segments of each cluster.
+    cluster_triangles: Groups,
+    cluster_segments: Groups,
+}
+
+/// Numbers in groups: those of group `g` are `members[starts[g]..starts[g + 1]]`, ascending.
+#[derive(Debug, Default)]
+struct Groups {
+    starts: Vec<u32>,
+    members: Vec<u32>,
+}
+
+impl Groups {
+    /// Sorts the numbers from 0 on by group; `group_of` names the group of each.
+    fn new(groups: usize, group_of: impl Iterator<Item = u32> + Clone) -> Self {
+        let mut starts = alloc::vec![0u32; groups + 1];
+        let mut count = 0;
+        for group in group_of.clone() {
+            starts[group as usize + 1] += 1;
+            count += 1;
+        }
+        for group in 0..groups {
+            starts[group + 1] += starts[group];
+        }
+        let mut next = starts.clone();
+        let mut members = alloc::vec![0; count];
+        for (number, group) in (0..).zip(group_of) {
+            members[next[group as usize] as usize] = number;
+            next[group as usize] += 1;
+        }
+        Self { starts, members }
+    }
+
+    fn get(&self, group: usize) -> &[u32] {
+        &self.members[self.starts[group] as usize..self.starts[group + 1] as usize]
+    }
 }
 
 /// What the back of a triangle does.
@@ -71,6 +110,15 @@ struct LineSide {
 /// ends. This bounds memory where many long sides and many short ones lie on one line.
 const MOST_SEGMENTS: usize = 16;
 
+/// Returns the representative of the set that `at` is in.
+pub(super) fn find(parent: &mut [u32], mut at: u32) -> u32 {
+    while parent[at as usize] != at {
+        parent[at as usize] = parent[parent[at as usize] as usize];
+        at = parent[at as usize];
+    }
+    at
+}
+
 impl Surfaces {
     /// Collects the surfaces of a scene. Takes O(n log n) time for n triangles.
     pub(crate) fn new(scene: &Scene) -> Self {
@@ -99,7 +147,57 @@ impl Surfaces {
             }
         }
         all.find_segments();
+        all.find_clusters(scene.index_limit());
         all
+    }
+
+    /// Returns the cluster that an object belongs to. `None` for an object without triangles here.
+    pub(crate) fn cluster_of(&self, object: usize) -> Option<usize> {
+        self.cluster_of.get(object).filter(|&&cluster| cluster != u32::MAX).map(|&cluster| cluster as usize)
+    }
+
+    /// Returns the number of clusters.
+    pub(crate) fn cluster_count(&self) -> usize {
+        self.cluster_triangles.starts.len().saturating_sub(1)
+    }
+
+    /// Returns the triangles of a cluster.
+    pub(crate) fn triangles_of(&self, cluster: usize) -> &[u32] {
+        self.cluster_triangles.get(cluster)
+    }
+
+    /// Returns the segments of a cluster.
+    pub(crate) fn segments_of(&self, cluster: usize) -> &[u32] {
+        self.cluster_segments.get(cluster)
+    }
+
+    fn find_clusters(&mut self, index_limit: usize) {
+        let owner = |triangle: u32| self.part(&self.triangles[triangle as usize]).owner;
+        let mut parent: Vec<u32> = (0..index_limit as u32).collect();
+        for segment in 0..self.segments.len() {
+            let sides = self.sides(segment);
+            for pair in sides.windows(2) {
+                let [a, b] = [pair[0], pair[1]].map(|side| find(&mut parent, owner(side / 2)));
+                // The first object of a cluster represents it.
+                parent[a.max(b) as usize] = a.min(b);
+            }
+        }
+        let mut cluster_of = alloc::vec![u32::MAX; index_limit];
+        let mut count = 0;
+        for object in (0..index_limit).filter(|&object| self.objects.contains(object)) {
+            let root = find(&mut parent, object as u32) as usize;
+            if root == object {
+                cluster_of[object] = count;
+                count += 1;
+            } else {
+                cluster_of[object] = cluster_of[root];
+            }
+        }
+        let cluster = |triangle: u32| cluster_of[owner(triangle) as usize];
+        let triangles = Groups::new(count as usize, (0..self.triangles.len() as u32).map(cluster));
+        let of_segment = |segment: usize| cluster(self.sides(segment)[0] / 2);
+        let segments = Groups::new(count as usize, (0..self.segments.len()).map(of_segment));
+        (self.cluster_of, self.cluster_triangles, self.cluster_segments) = (cluster_of, triangles, segments);
     }
 
     /// Returns the part that a triangle is of.

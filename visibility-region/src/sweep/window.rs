@@ -238,6 +238,16 @@ impl Window {
         Some(PixelRect { x: along(x, 0)?, y: along(y, 1)? })
     }
 
+    /// Returns the least number of pixels along each lateral axis that the projection of an occludee at least
+    /// `z` away meets. At least 1.
+    pub(crate) fn least_pixels(&self, direction: &Direction, z: f64) -> [usize; 2] {
+        [0, 1].map(|lat| match self.rims[lat] {
+            // Ranges are cut off at the rim.
+            Some(_) => 1,
+            None => ((direction.least_width(self.d, z, lat) * self.scale[lat]) as usize).max(1),
+        })
+    }
+
     /// Returns a rectangle on the plane that is certainly within some pixels: its ends along x and y.
     pub(crate) fn inside(&self, rect: PixelRect) -> [[f64; 2]; 2] {
         let along = |[first, last]: [usize; 2], lat: usize| {

@@ -1,0 +1,228 @@
+//! Occluders of one direction, nearest first and in portions, so that a sweep that hides all at the next
+//! corner never touches the rest of a city.
+
+use super::direction::{CellBox, Direction, LocalBox};
+use super::occludees::Item;
+use super::occluder::Occluder;
+use super::pieces::Pieces;
+use super::planes::{Candidate, Cone};
+use super::surfaces::Surfaces;
+use crate::bits::Bits;
+use crate::solids;
+use alloc::collections::BinaryHeap;
+use alloc::vec::Vec;
+use core::cmp::Ordering;
+use core::ops::Range;
+use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
+use visibility_core::{ObjectId, Scene};
+
+/// Number of occluding objects of the first portion. Each further portion has twice as many as the one
+/// before. The planes right behind occluders are chosen portion by portion, so a smaller number is faster,
+/// and takes planes that are not the best.
+const FIRST_PORTION: usize = 4096;
+
+/// Greatest number of occludees that occluders are compared with, one by one, before they are collected.
+const FEW: usize = 128;
+
+/// What may occlude in one call.
+#[derive(Clone, Copy)]
+pub(crate) struct Occluders<'a> {
+    pub(crate) scene: &'a Scene,
+    /// Objects that may occlude.
+    pub(crate) occluding: &'a Bits,
+    pub(crate) surfaces: &'a Surfaces,
+}
+
+/// A node or an object of the scene's hierarchy, ordered by depth: the nearest is the greatest.
+#[derive(Debug)]
+struct Entry {
+    child: Child,
+    bounds: LocalBox,
+}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.bounds.lo.z.total_cmp(&self.bounds.lo.z)
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Entry {}
+
+/// Where an occluder is found again.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    /// A piece, by index.
+    Piece(u32),
+    /// A part of the mesh of an object.
+    Part(ObjectId, usize),
+}
+
+/// The occluders of one direction that have been collected, and what is left of the hierarchy.
+#[derive(Debug)]
+pub(crate) struct Nearest {
+    queue: BinaryHeap<Entry>,
+    /// Clusters of surfaces that have been collected.
+    listed: Bits,
+    /// Depths of the collected occluders and where they are found. The first `settled` are complete and in
+    /// their final order.
+    sources: Vec<(f64, Source)>,
+    settled: usize,
+    portion: usize,
+    /// Depths between which the last portion is complete.
+    complete: Range<f64>,
+}
+
+impl Nearest {
+    pub(crate) fn new(all: &Occluders<'_>, direction: &Direction, cone: &Cone) -> Self {
+        let mut new = Self {
+            queue: BinaryHeap::new(),
+            listed: Bits::new(all.surfaces.cluster_count()),
+            sources: Vec::new(),
+            settled: 0,
+            portion: FIRST_PORTION,
+            complete: 0.0..0.0,
+        };
+        new.push_children(all, direction, cone, None);
+        new
+    }
+
+    /// Collects the next portion, without the occluders that no ray to `asked` meets, if there are such.
+    /// Returns the depths of the planes that the portion serves, `None` after the last.
+    pub(crate) fn advance(
+        &mut self,
+        all: &Occluders<'_>,
+        pieces: &mut Pieces,
+        cell: &CellBox,
+        direction: &Direction,
+        cone: &Cone,
+        asked: Option<&[Item]>,
+    ) -> Option<Range<f64>> {
+        let before = self.complete.end;
+        if before == f64::INFINITY {
+            return None;
+        }
+        let asked = asked.filter(|items| before > 0.0 && items.len() <= FEW);
+        let (mut count, mut end) = (0, f64::INFINITY);
+        while let Some(entry) = self.queue.pop() {
+            if count >= self.portion && entry.bounds.lo.z > before.max(cone.near) {
+                end = entry.bounds.lo.z;
+                self.queue.push(entry);
+                break;
+            }
+            if asked.is_some_and(|items| {
+                !items.iter().any(|item| direction.is_between(&entry.bounds, &item.bounds))
+            }) {
+                continue;
+            }
+            match entry.child {
+                Child::Node(node) => self.push_children(all, direction, cone, Some(node)),
+                Child::Object(id) => {
+                    count += usize::from(all.occluding.contains(id.index()));
+                    self.collect(all, pieces, cell, direction, cone, id);
+                }
+            }
+        }
+        self.sources[self.settled..].sort_by(|a, b| a.0.total_cmp(&b.0));
+        self.settled += self.sources[self.settled..].partition_point(|source| source.0 < end);
+        self.portion *= 2;
+        self.complete = before..end;
+        Some(self.complete.clone())
+    }
+
+    /// Returns the occluders collected so far that begin before the end of the last portion. Those of earlier
+    /// portions keep their indices.
+    pub(crate) fn occluders<'a>(
+        &self,
+        all: &Occluders<'a>,
+        pieces: &'a Pieces,
+        direction: &Direction,
+        cone: &Cone,
+    ) -> Vec<Candidate<'a>> {
+        let sources = self.sources[..self.settled].iter();
+        sources.filter_map(|source| candidate(all, pieces, direction, cone, source.1)).collect()
+    }
+
+    fn push_children(
+        &mut self,
+        all: &Occluders<'_>,
+        direction: &Direction,
+        cone: &Cone,
+        node: Option<usize>,
+    ) {
+        SceneHierarchy.for_each_child(all.scene, node, &mut |child, bounds| {
+            let bounds = direction.local_box(&bounds);
+            if cone.meets(direction, &bounds) {
+                self.queue.push(Entry { child, bounds });
+            }
+        });
+    }
+
+    /// Collects the occluders of an object, and of the cluster that it belongs to.
+    fn collect(
+        &mut self,
+        all: &Occluders<'_>,
+        pieces: &mut Pieces,
+        cell: &CellBox,
+        direction: &Direction,
+        cone: &Cone,
+        id: ObjectId,
+    ) {
+        if !all.occluding.contains(id.index()) {
+            return;
+        }
+        let mut push = |pieces: &Pieces, source| {
+            if let Some(candidate) = candidate(all, pieces, direction, cone, source) {
+                self.sources.push((candidate.occluder.bounds.lo.z, source));
+            }
+        };
+        if let Some(cluster) = all.surfaces.cluster_of(id.index()) {
+            if !self.listed.insert(cluster) {
+                return;
+            }
+            for piece in pieces.find(all.surfaces, cluster, all.occluding, cell) {
+                push(pieces, Source::Piece(piece));
+            }
+            return;
+        }
+        let Some((mesh, _)) = all.scene.occluder(id) else { return };
+        for part in 0..solids::pieces(mesh).len() {
+            push(pieces, Source::Part(id, part));
+        }
+    }
+}
+
+/// Places an occluder. `None` if it cannot cover a pixel of the cone.
+fn candidate<'a>(
+    all: &Occluders<'a>,
+    pieces: &'a Pieces,
+    direction: &Direction,
+    cone: &Cone,
+    source: Source,
+) -> Option<Candidate<'a>> {
+    match source {
+        Source::Piece(piece) => {
+            let piece = pieces.get(piece);
+            if !cone.meets(direction, &direction.local_box(&piece.bounds)) {
+                return None;
+            }
+            cone.candidate(direction, Occluder::piece(direction, all.surfaces, pieces, piece), piece.joins)
+        }
+        Source::Part(id, part) => {
+            let (mesh, transform) = all.scene.occluder(id)?;
+            let part = solids::pieces(mesh).get(part)?;
+            cone.candidate(direction, Occluder::new(direction, part, transform)?, false)
+        }
+    }
+}
