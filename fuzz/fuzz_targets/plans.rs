@@ -1,0 +1,75 @@
+//! Fuzz target: arbitrary numbers as walls and eyes of a plan, and as discs and eyes among them. Lines of sight
+//! are symmetric, the discs kept as an eye moves are those seen from scratch, and beams do not panic.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
+use visibility_2d::discs::{BeamScratch, Disc, DiscBeams, DiscView, DiscZone, Discs, KineticZone};
+
+/// Most numbers that are read. More only takes time.
+const MOST_NUMBERS: usize = 400;
+
+/// Reads numbers: eighths from -16 to 15.75, so that many coincide, or eight bytes of arbitrary bits.
+fn numbers(mut bytes: &[u8]) -> Vec<f64> {
+    let mut numbers = Vec::new();
+    while let (Some((&first, rest)), true) = (bytes.split_first(), numbers.len() < MOST_NUMBERS) {
+        bytes = rest;
+        match (first, bytes.split_first_chunk()) {
+            (255, Some((&bits, rest))) => {
+                bytes = rest;
+                numbers.push(f64::from_le_bytes(bits));
+            }
+            _ => numbers.push((f64::from(first) - 128.0) / 8.0),
+        }
+    }
+    numbers
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some((&which, bytes)) = bytes.split_first() else { return };
+    let numbers = numbers(bytes);
+    let Some((eyes, rest)) = numbers.split_at_checked(8) else { return };
+    let eyes: Vec<[f64; 2]> = eyes.chunks_exact(2).map(|eye| [eye[0], eye[1]]).collect();
+    if which % 2 == 0 { walls(&eyes, rest) } else { discs(&eyes, rest) }
+});
+
+/// Looks at walls of four numbers each.
+fn walls(eyes: &[[f64; 2]], numbers: &[f64]) {
+    let walls: Vec<Wall> =
+        numbers.chunks_exact(4).map(|wall| Wall::new([wall[0], wall[1]], [wall[2], wall[3]])).collect();
+    let Ok(plan) = Plan::new(&walls) else { return };
+    let (mut answer, mut region) = (Visibility::new(), RegionVisibility::new());
+    for &eye in eyes {
+        let is_seen = plan.look(&PlanView::new(eye), &mut answer).is_ok();
+        assert!(!is_seen || answer.area() >= 0.0);
+        for &other in eyes {
+            assert_eq!(plan.sees(eye, other).ok(), plan.sees(other, eye).ok(), "{eye:?} {other:?}");
+        }
+    }
+    let _ = plan.look_from_region(&eyes[..3], &mut region);
+}
+
+/// Looks at discs of three numbers each, along the eyes.
+fn discs(eyes: &[[f64; 2]], numbers: &[f64]) {
+    let discs: Vec<Disc> =
+        numbers.chunks_exact(3).map(|disc| Disc { center: [disc[0], disc[1]], radius: disc[2] }).collect();
+    let Ok(made) = Discs::new(&discs) else { return };
+    let beams = DiscBeams::new(&discs).ok();
+    let (mut zone, mut seen, mut kept) = (DiscZone::new(), Vec::new(), KineticZone::new(&made, 1.0));
+    let (mut scratch, mut wide) = (BeamScratch::new(), Vec::new());
+    for pair in eyes.windows(2) {
+        // Small steps between two eyes, so that classes are kept.
+        for step in 0..16 {
+            let eye = [0, 1].map(|k| pair[0][k] + (pair[1][k] - pair[0][k]) * f64::from(step) / 64.0);
+            zone.look(&made, &DiscView::new(eye), &mut seen);
+            seen.sort_unstable();
+            let mut moved = kept.move_to(eye).to_vec();
+            moved.sort_unstable();
+            assert!(seen.iter().all(|disc| moved.binary_search(disc).is_ok()), "{eye:?} {seen:?} {moved:?}");
+            if let Some(beams) = &beams {
+                beams.look(eye, &mut scratch, &mut wide);
+                assert!(wide.len() <= discs.len());
+            }
+        }
+    }
+}
