@@ -1,5 +1,5 @@
-//! Fuzz target: arbitrary numbers as walls and eyes of a plan, and as discs and eyes among them. Lines of sight
-//! are symmetric, the discs kept as an eye moves are those seen from scratch, and beams do not panic.
+//! Fuzz target: arbitrary numbers as walls and eyes of a plan, and as discs and eyes among them. Lines of
+//! sight are symmetric, the discs kept as an eye moves are those seen from scratch, and beams do not panic.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

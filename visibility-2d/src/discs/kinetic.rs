@@ -317,7 +317,7 @@ impl<'a> KineticZone<'a> {
                 let beside = [begin.pivot, begin.front, stop.pivot, stop.front];
                 self.paint(eye, (first, if first < last { last } else { last + 4.0 }), &beside)?;
                 let runs = &self.painter.runs;
-                // What is seen beside held segments is what was seen there before.
+                // The discs seen beside held segments are those seen there before.
                 if runs.first()?.1 != begin.disc || runs.last()?.1 != old_last.disc {
                     return None;
                 }
