@@ -1,0 +1,317 @@
+// Which objects can this camera see?
+//
+// Matrices have 16 numbers, column-major, and multiply column vectors: element [4 * column + row], as in WebGL,
+// three.js and gl-matrix. Axes, handedness and units are yours; where metres are written, any unit of length serves.
+//
+// A call that fails throws a `VisibilityError` and has changed nothing. Arrays that are passed are not kept.
+
+export type Triple = readonly [number, number, number] | ArrayLike<number>;
+/** A list of numbers: a typed array, or a plain one. */
+export type Numbers = ArrayLike<number>;
+/** Id of an object. `indexOf(id)` is small and dense, for arrays; a removed object's index comes back, its id never. */
+export type ObjectId = bigint;
+/** Id of an occluder mesh of a scene. */
+export type MeshId = bigint;
+
+/** Loads the library: without options, the module with SIMD instructions where the browser has them. */
+export function load(options?: {
+  /** Whether to take the module with 128-bit SIMD instructions. Both give the same answers. */
+  simd128?: boolean;
+  /** The module itself, where it cannot be fetched from beside `visibility.js`. It must fit `simd128`. */
+  wasm?: URL | BufferSource | WebAssembly.Module;
+}): Promise<Visibility>;
+
+/** Whether this browser runs WebAssembly with 128-bit SIMD instructions. */
+export function hasSimd128(): boolean;
+
+/** The index of an object. */
+export function indexOf(id: ObjectId): number;
+
+/** All layers: what objects and views have unless they are given others. */
+export const ALL_LAYERS: number;
+/** The id of no object in any scene. */
+export const NO_OBJECT: ObjectId;
+
+/** Depth convention of a clip matrix: which clip-space depths z are in view, relative to clip-space w. */
+export const Depth: {
+  /** z is -w at the near plane and w at the far plane: WebGL. */
+  readonly NegativeOneToOne: 0;
+  /** z is -w at the near plane; there is no far plane. */
+  readonly NegativeOneToOneInfinite: 1;
+  /** z is 0 at the near plane and w at the far plane: WebGPU. */
+  readonly ZeroToOne: 2;
+  /** z is 0 at the near plane; there is no far plane. */
+  readonly ZeroToOneInfinite: 3;
+  /** z is w at the near plane and 0 at the far plane. */
+  readonly Reversed: 4;
+  /** z is w at the near plane; there is no far plane. */
+  readonly ReversedInfinite: 5;
+};
+export type Depth = (typeof Depth)[keyof typeof Depth];
+
+/** Flags of objects; combine them with `|`. */
+export const Flag: {
+  /** Visible in every view of its layers, whatever the cullers find. */
+  readonly NeverCull: 1;
+  /** Opaque, and may hide others. Only an object with an occluder mesh hides anything. */
+  readonly Occluder: 2;
+};
+
+/** What was wrong: an argument, an unknown id, damaged content, something that has to be done first. */
+export type ErrorCode =
+  | "NULL"
+  | "ARGUMENT"
+  | "UNKNOWN_ID"
+  | "TOO_SHORT"
+  | "FORMAT"
+  | "STATE"
+  | "BUSY"
+  /** A fault inside the library: load it anew. */
+  | "PANIC";
+
+export class VisibilityError extends Error {
+  readonly code: ErrorCode;
+}
+
+export interface Box {
+  min: Triple;
+  max: Triple;
+}
+
+/** A convex volume: a box, without what planes cut off it. Of a plane [a, b, c, d], a x + b y + c z + d >= 0 is kept. */
+export interface Volume extends Box {
+  planes?: readonly Numbers[];
+}
+
+/** A convex polygon between two cells. Its vertices run counter-clockwise as seen from the second. */
+export interface Portal {
+  vertices: readonly Triple[];
+  cells: readonly [number, number];
+}
+
+/** Place and directions of a camera. */
+export interface Pose {
+  eye: Triple;
+  /** A point that the camera looks at. */
+  target: Triple;
+  /** A direction that is upwards in the picture. */
+  up: Triple;
+}
+
+/** Counters of the work of a frame. They depend neither on the machine nor on time. */
+export interface Stats {
+  nodes: number;
+  acceptedSubtrees: number;
+  tests: number;
+  occluders: number;
+  visible: number;
+}
+
+/** How a result differs from what a software renderer sees. */
+export interface Comparison {
+  reportedObjects: number;
+  /** Objects that show in a pixel and are missing from the result: 0 for a conservative pipeline. */
+  falseHiddenObjects: number;
+  /** Objects of the result that show in no pixel. */
+  falseVisibleObjects: number;
+  /** Pixels that are wrong if only the result is drawn. */
+  wrongPixels: number;
+}
+
+/** Something in the library's memory. It is freed when it is collected, or now by `destroy`. */
+interface Handle {
+  destroy(): void;
+}
+
+export interface Visibility {
+  /** Whether this is the module with SIMD instructions. */
+  readonly simd128: boolean;
+  /** The module's memory. */
+  readonly memory: WebAssembly.Memory;
+  createScene(): Scene;
+  createView(): View;
+  /** Creates a pipeline without stages, which reports every object on the view's layers. */
+  createPipeline(): Pipeline;
+  /** Creates a set for the results of one view; with `changes`, it also tells what appeared and vanished. */
+  createVisible(options?: { changes?: boolean }): Visible;
+  /** Creates a software renderer of so many pixels that judges results: for tests and tools, not for frames. */
+  createJudge(width: number, height: number): Judge;
+  /** Creates a graph of convex cells and of the portals between them. */
+  createGraph(cellCount: number, portals: readonly Portal[]): Graph;
+  /** Creates a graph from the text of a portal file of a map compiler: PRT1, PRT2 or PRT1-AM. */
+  readPrt(text: string): Graph;
+  /**
+   * Creates the cells of a building from a graph and the volumes of its cells. `tolerance` is the distance by which
+   * portals and volumes may be misplaced, 1e-6 by default. All portals are open.
+   */
+  createCells(graph: Graph, volumes: readonly Volume[], options?: { tolerance?: number }): Cells;
+  /** Loads a baked set from bytes that any tool of the family has stored. */
+  readPvs(bytes: Uint8Array): Pvs;
+  /** Creates a set of objects: row `i` has the targets, ascending and below `targetCount`, that viewcell `i` sees. */
+  createPvs(targetCount: number, rows: readonly Numbers[]): Pvs;
+  /**
+   * Prepares a set for the present state of a scene. `targets[i]` is a target of object `ids[i]`; an object may have
+   * several. Objects without a target, and objects that change later, are never hidden.
+   */
+  createScenePvs(
+    scene: Scene,
+    pvs: Pvs,
+    viewcells: readonly Volume[],
+    ids: ArrayLike<ObjectId>,
+    targets: Numbers,
+  ): ScenePvs;
+}
+
+/** The objects, their hierarchy and their occluder meshes. */
+export interface Scene extends Handle {
+  readonly count: number;
+  /** Upper bound, exclusive, on the index of every object so far. */
+  readonly indexLimit: number;
+  /** Moves the whole scene so that its origin is at a point of the world. */
+  setOrigin(origin: Triple): void;
+  /** Adds an object. One whose box is inverted, NaN or infinite is never culled. */
+  insert(object: { bounds: Box; layers?: number; cost?: number; flags?: number }): ObjectId;
+  /** Adds objects: 6 numbers of `bounds` each, least corner first, and one number, or one each, of all else. */
+  insertAll(objects: {
+    bounds: Numbers;
+    layers?: number | Numbers;
+    cost?: number | Numbers;
+    flags?: number | Numbers;
+  }): BigUint64Array;
+  remove(id: ObjectId): void;
+  /** Removes objects, or none of them if an id is unknown or listed twice. */
+  removeAll(ids: ArrayLike<ObjectId>): void;
+  contains(id: ObjectId): boolean;
+  bounds(id: ObjectId): { min: number[]; max: number[] };
+  /** Sets the box of an object that moved. It loses mesh, triangles and local bounds, which would stay behind. */
+  setBounds(id: ObjectId, box: Box): void;
+  /** Sets the boxes of objects, 6 numbers each: for what moves each frame. */
+  setAllBounds(ids: ArrayLike<ObjectId>, bounds: Numbers): void;
+  /** Sets the box of an object in its own coordinates; `setTransforms` then moves box and mesh together. */
+  setLocalBounds(id: ObjectId, box: Box): void;
+  /** Moves objects that have local bounds: 16 numbers each. */
+  setTransforms(ids: ArrayLike<ObjectId>, matrices: Numbers): void;
+  setLayers(id: ObjectId, layers: number): void;
+  setFlags(id: ObjectId, flags: number): void;
+  /** Sets the distances at which an object is drawn, for `addContribution`. */
+  setDrawRange(id: ObjectId, begin: number, end?: number): void;
+  /** Makes `parent` stand in for an object beyond the begin of the parent's draw range, for `addContribution`. */
+  setHlodParent(id: ObjectId, parent?: ObjectId): void;
+  /**
+   * Stores an occluder mesh for any number of objects: 3 numbers a vertex, 3 indices a triangle, counter-clockwise from
+   * the front. Each pixel that it covers must be covered by the object as drawn, or visible objects are hidden.
+   */
+  addMesh(mesh: { positions: Numbers; indices: Numbers; twoSided?: boolean }): MeshId;
+  addBoxMesh(box: Box): MeshId;
+  /** Gives an object an occluder mesh; `transform`, 16 numbers, places it in the scene. */
+  setMesh(id: ObjectId, mesh: MeshId, transform?: Numbers): void;
+  /** Gives an object triangles, 9 numbers each, for `prepareOccluders` and `Judge`. */
+  setTriangles(id: ObjectId, triangles: Numbers): void;
+  /** Makes occluder meshes from the triangles of objects with `Flag.Occluder` and no mesh; returns how many. */
+  prepareOccluders(): number;
+  /** Tightens the hierarchy where objects have moved; once per frame. Returns the number of nodes still waiting. */
+  maintain(budget?: number): number;
+  /** Builds the best hierarchy for the objects as they are: once after loading. */
+  rebuild(): void;
+}
+
+/** A camera and the layers that it shows. Created once, set each frame. */
+export interface View extends Handle {
+  /**
+   * Sets the matrix that the engine draws with, from the world to clip space. `origin` is the point of the world that
+   * the matrix is relative to, for engines that draw relative to the camera.
+   */
+  setMatrix(matrix: Numbers, depth: Depth, origin?: Triple): void;
+  /** Sets a camera without a matrix: vertical field of view in radians, width over height, distances of planes. */
+  setPerspective(camera: Pose & { fovY: number; aspect: number; near: number; far?: number }): void;
+  /** Sets a camera with parallel lines of sight. */
+  setOrthographic(camera: Pose & { width: number; height: number; near: number; far: number }): void;
+  setLayers(layers: number): void;
+  /** Restricts the view to one side of each plane, relative to the origin of the matrix. At most 10. */
+  setClipPlanes(planes: readonly Numbers[]): void;
+}
+
+/** The cullers of one view, in the order in which they were added, with their memory of earlier frames. */
+export interface Pipeline extends Handle {
+  /** Removes what is outside the view; the first stage. Conservative. */
+  addFrustum(): this;
+  /** Removes objects smaller than so many pixels, or out of their draw range. Approximate. */
+  addContribution(pictureHeight: number, leastPixels: number): this;
+  /** Removes what occluders hide, by a z-buffer of this size in pixels, 512 x 288 by default. Conservative. */
+  addZBuffer(width?: number, height?: number): this;
+  /** Removes what is not seen through the open portals of a building. Conservative. */
+  addPortals(cells: Cells): this;
+  /** Removes what a baked set excludes. Conservative if the set is. */
+  addPvs(pvs: ScenePvs): this;
+  /** Fills `visible` with the objects that the view may see; once per frame and view. */
+  cull(scene: Scene, view: View, visible: Visible): Stats;
+  /** Counters of one stage in the last frame. */
+  stageStats(stage: number): Stats;
+  /** What all stages together promise. */
+  readonly accuracy: "exact" | "conservative" | "aggressive" | "approximate";
+  /** Forgets earlier frames. Never needed for correct results. */
+  reset(): void;
+  /** Makes later frames keep culling for the view of the last one, so that one can look at what was culled. */
+  freeze(frozen?: boolean): void;
+  /** Starts or stops recording which stage removes which object. */
+  setExplaining(explaining: boolean): void;
+  /** Says why an object was, or was not, visible in the last frame, such as "removed by frustum". */
+  explain(id: ObjectId): string;
+  /** Says what the stages lack to cull a scene, a line each, such as "hzb: occluders without a mesh: 12". */
+  lacks(scene: Scene): string;
+}
+
+/** The objects that a view sees. */
+export interface Visible extends Handle {
+  readonly count: number;
+  /**
+   * Indices of the visible objects, in the library's memory: valid until `indices` is read again, and until the memory
+   * grows, which leaves an empty array. Read them at once, or copy them with `slice()`.
+   */
+  readonly indices: Uint32Array;
+  readonly ids: BigUint64Array;
+  /** One bit per index: bit `index % 32` of word `index / 32`. */
+  readonly bits: Uint32Array;
+  /** Objects that are visible and were not in the frame before; for sets created with `changes`. */
+  readonly newlyVisible: BigUint64Array;
+  readonly newlyHidden: BigUint64Array;
+  contains(scene: Scene, id: ObjectId): boolean;
+  /** Sorts the objects by ascending index. */
+  sortByIndex(scene: Scene): void;
+}
+
+export interface Judge extends Handle {
+  /** Draws all triangles of the scene for the view, and compares the result of a pipeline with what shows. */
+  compare(scene: Scene, view: View, visible: Visible): Comparison;
+}
+
+export interface Graph extends Handle {
+  readonly counts: { cells: number; portals: number };
+  /** Computes which cells may be seen from which, with all portals open: from milliseconds to minutes. */
+  bake(clearance?: number): Pvs;
+}
+
+/** The cells of a building with their doors, shared by the pipelines of all views. */
+export interface Cells extends Handle {
+  /** Limits what is seen from a cell to its row of a set whose targets are the cells of the graph. */
+  setPvs(pvs: Pvs): void;
+  /** Opens or closes a portal, like a door. */
+  setOpen(portal: number, open: boolean): void;
+  /** Sets in which directions an open portal can be seen through. */
+  setPassage(portal: number, directions: { forward: boolean; backward: boolean }): void;
+  /** Whether one cell may see another through the portals that are open now. */
+  canSee(from: number, to: number): boolean;
+}
+
+/** A potentially visible set: for each viewcell the targets, cells or objects, that may be seen from there. */
+export interface Pvs extends Handle {
+  readonly counts: { viewcells: number; targets: number };
+  /** The set as a file. */
+  readonly bytes: Uint8Array;
+  sees(viewcell: number, target: number): boolean;
+  /** One bit per target: bit `target % 32` of word `target / 32`. */
+  row(viewcell: number): Uint32Array;
+}
+
+/** A set prepared for a scene. */
+export interface ScenePvs extends Handle {}

@@ -1,0 +1,767 @@
+// Which objects can this camera see? The JavaScript interface of the `visibility` crates.
+//
+// Wraps the functions of `platforms/capi/include/visibility.h`, compiled to WebAssembly. `visibility.d.ts` describes
+// what is exported here. Layouts of structures are those of the header on wasm32; `src/lib.rs` asserts them.
+
+/** Depth conventions of clip matrices: `vis_depth` of the header. */
+export const Depth = Object.freeze({
+  NegativeOneToOne: 0,
+  NegativeOneToOneInfinite: 1,
+  ZeroToOne: 2,
+  ZeroToOneInfinite: 3,
+  Reversed: 4,
+  ReversedInfinite: 5,
+});
+
+/** Flags of objects; combine them with `|`. */
+export const Flag = Object.freeze({ NeverCull: 1, Occluder: 2 });
+
+/** All layers: what objects and views have unless they are given others. */
+export const ALL_LAYERS = 0xffffffff;
+
+/** The id of no object in any scene. */
+export const NO_OBJECT = 0xffffffffn;
+
+/** Names of `vis_status`, by number. */
+const CODES = ["OK", "NULL", "ARGUMENT", "UNKNOWN_ID", "TOO_SHORT", "FORMAT", "STATE", "BUSY", "PANIC"];
+/** Names of `vis_accuracy`, by number. */
+const ACCURACIES = ["exact", "conservative", "aggressive", "approximate"];
+const OBJECT_BYTES = 36;
+const BOX_BYTES = 24;
+const POSE_BYTES = 72;
+const VOLUME_BYTES = 56;
+const PORTAL_BYTES = 16;
+const STATS_BYTES = 40;
+const COMPARISON_BYTES = 16;
+
+/** An error of the library: `code` is what kind, `message` says what is wrong with what. */
+export class VisibilityError extends Error {
+  constructor(code, message) {
+    super(message);
+    this.name = "VisibilityError";
+    this.code = code;
+  }
+}
+
+function refuse(message) {
+  throw new VisibilityError("ARGUMENT", message);
+}
+
+/** The index of an object: small and dense, for arrays. The upper half of an id tells objects of one index apart. */
+export function indexOf(id) {
+  return Number(id & 0xffffffffn);
+}
+
+/** Whether this browser runs WebAssembly with 128-bit SIMD instructions. */
+export function hasSimd128() {
+  // A module of one function that makes a vector and takes bits of it.
+  const module = [
+    0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98, 11,
+  ];
+  return WebAssembly.validate(new Uint8Array(module));
+}
+
+/** Loads the library. See `visibility.d.ts`. */
+export async function load({ simd128 = hasSimd128(), wasm } = {}) {
+  // Bundlers look for `new URL` with a literal.
+  const plain = new URL("./visibility.wasm", import.meta.url);
+  const wide = new URL("./visibility-simd128.wasm", import.meta.url);
+  const { instance } = await instantiate(wasm ?? (simd128 ? wide : plain));
+  return new Visibility(new Wasm(instance.exports), simd128);
+}
+
+async function instantiate(source) {
+  if (source instanceof WebAssembly.Module) return { instance: await WebAssembly.instantiate(source, {}) };
+  if (!(source instanceof URL)) return WebAssembly.instantiate(source, {});
+  if (source.protocol === "file:") {
+    const { readFile } = await import("node:fs/promises");
+    return WebAssembly.instantiate(await readFile(source), {});
+  }
+  const response = await fetch(source);
+  if (!response.ok) throw new Error(`cannot fetch ${source}: status ${response.status}`);
+  return WebAssembly.instantiate(await response.arrayBuffer(), {});
+}
+
+/** The module's functions and its memory, with memory for the arguments of a call. */
+class Wasm {
+  constructor(exports) {
+    this.exports = exports;
+    /** Memory that the arguments of one call share: pointer, bytes, and how many of them are in use. */
+    this.block = 0;
+    this.blockBytes = 0;
+    this.used = 0;
+    /** Earlier blocks, too small, that arguments of the present call are in. */
+    this.full = [];
+    this.collected = new FinalizationRegistry((held) => this.release(held));
+  }
+
+  /** Runs a call: all that `body` borrows is given back at its end. */
+  call(body) {
+    try {
+      return body(this);
+    } catch (error) {
+      // A fault inside the library, which no argument causes.
+      if (!(error instanceof WebAssembly.RuntimeError)) throw error;
+      throw new VisibilityError("PANIC", `fault inside the library: ${error.message}`);
+    } finally {
+      for (const [pointer, bytes] of this.full.splice(0)) this.exports.vis_free(pointer, bytes);
+      this.used = 0;
+    }
+  }
+
+  /** Calls a function of the header, and throws if it returns an error. Invalidates views of memory. */
+  check(name, ...parameters) {
+    const status = this.exports[name](...parameters);
+    if (status === 0) return;
+    const bytes = this.bytes();
+    const start = this.exports.vis_last_error() >>> 0;
+    throw new VisibilityError(CODES[status], decode(bytes.subarray(start, bytes.indexOf(0, start))));
+  }
+
+  /** Frees what a handle holds: a value of the library's, and maybe a buffer of its own. */
+  release({ kind, pointer, buffer, bytes }) {
+    this.exports[`vis_${kind}_destroy`](pointer);
+    this.exports.vis_free(buffer, bytes);
+  }
+
+  /** Allocates memory that stays until it is freed. */
+  allocate(bytes) {
+    const pointer = this.exports.vis_alloc(bytes) >>> 0;
+    if (pointer === 0) throw new RangeError(`no memory for ${bytes} bytes`);
+    return pointer;
+  }
+
+  /** Returns a pointer to so many bytes for the present call, aligned to 8. Invalidates views of memory. */
+  borrow(bytes) {
+    const rounded = Math.max(8, Math.ceil(bytes / 8) * 8);
+    if (this.used + rounded > this.blockBytes) {
+      const next = Math.max(4096, 2 * this.blockBytes, rounded);
+      const pointer = this.allocate(next);
+      if (this.block !== 0) this.full.push([this.block, this.blockBytes]);
+      [this.block, this.blockBytes, this.used] = [pointer, next, 0];
+    }
+    this.used += rounded;
+    return this.block + this.used - rounded;
+  }
+
+  /** Copies numbers into memory for the present call, and returns the pointer. */
+  put(Type, numbers) {
+    const pointer = this.borrow(numbers.length * Type.BYTES_PER_ELEMENT);
+    new Type(this.exports.memory.buffer, pointer, numbers.length).set(numbers);
+    return pointer;
+  }
+
+  bytes() {
+    return new Uint8Array(this.exports.memory.buffer);
+  }
+
+  data() {
+    return new DataView(this.exports.memory.buffer);
+  }
+
+  u32(pointer) {
+    return this.data().getUint32(pointer, true);
+  }
+
+  /** Calls a function that writes a number of 32 bits at its last parameter, and returns the number. */
+  number(name, ...parameters) {
+    return this.call(() => {
+      const place = this.borrow(8);
+      this.check(name, ...parameters, place);
+      return this.u32(place);
+    });
+  }
+
+  /** Like `number`, for results that are true or false. */
+  truth(name, ...parameters) {
+    return this.call(() => {
+      const place = this.borrow(8);
+      this.check(name, ...parameters, place);
+      return this.bytes()[place] !== 0;
+    });
+  }
+
+  /** Like `number`, for ids. */
+  id(name, ...parameters) {
+    return this.call(() => {
+      const place = this.borrow(8);
+      this.check(name, ...parameters, place);
+      return this.data().getBigUint64(place, true);
+    });
+  }
+
+  /** Calls a function that writes a list to a buffer, capacity and count, and returns a copy of the list. */
+  list(Type, name, ...parameters) {
+    return this.call(() => {
+      const count = this.borrow(8);
+      this.check(name, ...parameters, 0, 0, count);
+      const length = this.u32(count);
+      const buffer = this.borrow(length * Type.BYTES_PER_ELEMENT);
+      this.check(name, ...parameters, buffer, length, count);
+      return new Type(this.exports.memory.buffer, buffer, length).slice();
+    });
+  }
+
+  /** Like `list`, for texts. */
+  text(name, ...parameters) {
+    return decode(this.list(Uint8Array, name, ...parameters).subarray(0, -1));
+  }
+
+  box(box) {
+    return this.put(Float32Array, [...triple(box.min, "min"), ...triple(box.max, "max")]);
+  }
+
+  pose({ eye, target, up }) {
+    return this.put(Float64Array, [...triple(eye, "eye"), ...triple(target, "target"), ...triple(up, "up")]);
+  }
+
+  /** Puts convex volumes and their planes: pointer and count of both. */
+  volumes(volumes) {
+    const pointer = this.borrow(volumes.length * VOLUME_BYTES);
+    const planes = volumes.flatMap((volume) => volume.planes ?? []);
+    const planePointer = this.put(Float64Array, flatten(planes, 4, "a plane"));
+    const data = this.data();
+    let first = 0;
+    volumes.forEach(({ min, max, planes = [] }, index) => {
+      const at = pointer + index * VOLUME_BYTES;
+      [...triple(min, "min"), ...triple(max, "max")].forEach((number, i) => data.setFloat64(at + 8 * i, number, true));
+      data.setUint32(at + 48, first, true);
+      data.setUint32(at + 52, planes.length, true);
+      first += planes.length;
+    });
+    return [pointer, volumes.length, planePointer, planes.length];
+  }
+}
+
+function decode(bytes) {
+  return new TextDecoder().decode(bytes);
+}
+
+function triple(numbers, name) {
+  if (numbers?.length !== 3) refuse(`\`${name}\` is not a list of 3 numbers`);
+  return numbers;
+}
+
+/** Puts lists of `each` numbers one after another. */
+function flatten(lists, each, what) {
+  return lists.flatMap((list) => (list.length === each ? [...list] : refuse(`${what} has ${each} numbers`)));
+}
+
+/** Returns how many elements of `each` numbers a flat array holds. */
+function elements(array, each, name) {
+  if (array.length % each !== 0) refuse(`the length of \`${name}\` is no multiple of ${each}`);
+  return array.length / each;
+}
+
+function sameLength(array, count, name) {
+  if (array.length !== count) refuse(`\`${name}\` has ${array.length} elements, not ${count}`);
+  return array;
+}
+
+/** Something of the library's that lives in the module's memory. */
+class Handle {
+  constructor(wasm, kind, pointer) {
+    this.wasm = wasm;
+    /** What is freed in the end. The pointer is null once it is, which the library refuses. */
+    this.held = { kind, pointer, buffer: 0, bytes: 0 };
+    wasm.collected.register(this, this.held, this);
+  }
+
+  static made(Type, wasm, kind, name, ...parameters) {
+    return new Type(wasm, kind, wasm.number(name, ...parameters));
+  }
+
+  get pointer() {
+    return this.held.pointer;
+  }
+
+  /** Frees its memory now instead of when it is collected. */
+  destroy() {
+    this.wasm.collected.unregister(this);
+    this.wasm.release(this.held);
+    Object.assign(this.held, { pointer: 0, buffer: 0, bytes: 0 });
+  }
+}
+
+/** The loaded library: makes everything else. */
+class Visibility {
+  #wasm;
+
+  constructor(wasm, simd128) {
+    this.#wasm = wasm;
+    this.simd128 = simd128;
+  }
+
+  /** The memory that views of visible objects are in. */
+  get memory() {
+    return this.#wasm.exports.memory;
+  }
+
+  createScene() {
+    return Handle.made(Scene, this.#wasm, "scene", "vis_scene_create");
+  }
+
+  createView() {
+    return Handle.made(View, this.#wasm, "view", "vis_view_create");
+  }
+
+  createPipeline() {
+    return Handle.made(Pipeline, this.#wasm, "pipeline", "vis_pipeline_create");
+  }
+
+  createVisible({ changes = false } = {}) {
+    return Handle.made(Visible, this.#wasm, "visible", "vis_visible_create", changes);
+  }
+
+  createJudge(width, height) {
+    return Handle.made(Judge, this.#wasm, "measure", "vis_measure_create", width, height);
+  }
+
+  createGraph(cellCount, portals) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const vertices = portals.flatMap((portal) => portal.vertices);
+      const points = wasm.put(Float64Array, flatten(vertices, 3, "a vertex"));
+      let first = 0;
+      const numbers = portals.flatMap(({ vertices: { length }, cells: [from, to] }) => {
+        first += length;
+        return [first - length, length, from, to];
+      });
+      const [pointer, place] = [wasm.put(Uint32Array, numbers), wasm.borrow(8)];
+      const count = (numbers.length * 4) / PORTAL_BYTES;
+      wasm.check("vis_graph_create", cellCount, pointer, count, points, vertices.length, place);
+      return new Graph(wasm, "graph", wasm.u32(place));
+    });
+  }
+
+  readPrt(text) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const bytes = new TextEncoder().encode(text);
+      const [pointer, place] = [wasm.put(Uint8Array, bytes), wasm.borrow(8)];
+      wasm.check("vis_graph_read_prt", pointer, bytes.length, place);
+      return new Graph(wasm, "graph", wasm.u32(place));
+    });
+  }
+
+  createCells(graph, volumes, { tolerance = 1e-6 } = {}) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const [parameters, place] = [wasm.volumes(volumes), wasm.borrow(8)];
+      wasm.check("vis_cells_create", graph.pointer, ...parameters, tolerance, place);
+      return new Cells(wasm, "cells", wasm.u32(place));
+    });
+  }
+
+  readPvs(bytes) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const [pointer, place] = [wasm.put(Uint8Array, bytes), wasm.borrow(8)];
+      wasm.check("vis_pvs_read", pointer, bytes.length, place);
+      return new Pvs(wasm, "pvs", wasm.u32(place));
+    });
+  }
+
+  createPvs(targetCount, rows) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      let end = 0;
+      const ends = rows.map((row) => (end += row.length));
+      const [endPointer, targets] = [wasm.put(Uint32Array, ends), wasm.put(Uint32Array, rows.flatMap((row) => [...row]))];
+      const place = wasm.borrow(8);
+      wasm.check("vis_pvs_create", targetCount, endPointer, rows.length, targets, end, place);
+      return new Pvs(wasm, "pvs", wasm.u32(place));
+    });
+  }
+
+  createScenePvs(scene, pvs, viewcells, ids, targets) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const volumes = wasm.volumes(viewcells);
+      const objects = wasm.put(BigUint64Array, ids);
+      const of = wasm.put(Uint32Array, sameLength(targets, ids.length, "targets"));
+      const place = wasm.borrow(8);
+      wasm.check("vis_scene_pvs_create", scene.pointer, pvs.pointer, ...volumes, objects, of, ids.length, place);
+      return new ScenePvs(wasm, "scene_pvs", wasm.u32(place));
+    });
+  }
+}
+
+class Scene extends Handle {
+  get count() {
+    return this.wasm.number("vis_scene_count", this.pointer);
+  }
+
+  get indexLimit() {
+    return this.wasm.number("vis_scene_index_limit", this.pointer);
+  }
+
+  setOrigin(origin) {
+    this.wasm.call((wasm) =>
+      wasm.check("vis_scene_set_origin", this.pointer, wasm.put(Float64Array, triple(origin, "origin"))),
+    );
+  }
+
+  insert({ bounds: { min, max }, ...rest }) {
+    return this.insertAll({ bounds: [...triple(min, "min"), ...triple(max, "max")], ...rest })[0];
+  }
+
+  insertAll({ bounds, layers = ALL_LAYERS, cost = 1, flags = 0 }) {
+    return this.wasm.call((wasm) => {
+      const count = elements(bounds, 6, "bounds");
+      const objects = wasm.borrow(count * OBJECT_BYTES);
+      const ids = wasm.borrow(count * 8);
+      const words = count * (OBJECT_BYTES / 4);
+      const floats = new Float32Array(wasm.exports.memory.buffer, objects, words);
+      const whole = new Uint32Array(wasm.exports.memory.buffer, objects, words);
+      const column = (values, name) => {
+        if (typeof values === "number") return () => values;
+        sameLength(values, count, name);
+        return (index) => values[index];
+      };
+      const columns = [column(layers, "layers"), column(cost, "cost"), column(flags, "flags")];
+      for (let i = 0; i < count; i++) {
+        for (let k = 0; k < 6; k++) floats[9 * i + k] = bounds[6 * i + k];
+        for (let k = 0; k < 3; k++) whole[9 * i + 6 + k] = columns[k](i);
+      }
+      wasm.check("vis_scene_insert_batch", this.pointer, objects, count, ids);
+      return new BigUint64Array(wasm.exports.memory.buffer, ids, count).slice();
+    });
+  }
+
+  remove(id) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_remove", this.pointer, id));
+  }
+
+  removeAll(ids) {
+    this.wasm.call((wasm) =>
+      wasm.check("vis_scene_remove_batch", this.pointer, wasm.put(BigUint64Array, ids), ids.length),
+    );
+  }
+
+  contains(id) {
+    return this.wasm.truth("vis_scene_contains", this.pointer, id);
+  }
+
+  bounds(id) {
+    return this.wasm.call((wasm) => {
+      const place = wasm.borrow(BOX_BYTES);
+      wasm.check("vis_scene_bounds", this.pointer, id, place);
+      const numbers = [...new Float32Array(wasm.exports.memory.buffer, place, 6)];
+      return { min: numbers.slice(0, 3), max: numbers.slice(3) };
+    });
+  }
+
+  setBounds(id, box) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_bounds", this.pointer, id, wasm.box(box)));
+  }
+
+  setAllBounds(ids, bounds) {
+    this.wasm.call((wasm) => {
+      const [of, boxes] = [wasm.put(BigUint64Array, ids), wasm.put(Float32Array, bounds)];
+      sameLength(bounds, 6 * ids.length, "bounds");
+      wasm.check("vis_scene_set_bounds_batch", this.pointer, of, boxes, ids.length);
+    });
+  }
+
+  setLocalBounds(id, box) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_local_bounds", this.pointer, id, wasm.box(box)));
+  }
+
+  setTransforms(ids, matrices) {
+    this.wasm.call((wasm) => {
+      const [of, all] = [wasm.put(BigUint64Array, ids), wasm.put(Float32Array, matrices)];
+      sameLength(matrices, 16 * ids.length, "matrices");
+      wasm.check("vis_scene_set_transforms_batch", this.pointer, of, all, ids.length);
+    });
+  }
+
+  setLayers(id, layers) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_layers", this.pointer, id, layers));
+  }
+
+  setFlags(id, flags) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_flags", this.pointer, id, flags));
+  }
+
+  setDrawRange(id, begin, end = Infinity) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_draw_range", this.pointer, id, begin, end));
+  }
+
+  setHlodParent(id, parent = NO_OBJECT) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_hlod_parent", this.pointer, id, parent));
+  }
+
+  addMesh({ positions, indices, twoSided = false }) {
+    return this.wasm.call((wasm) => {
+      const [vertices, triangles] = [elements(positions, 3, "positions"), elements(indices, 3, "indices")];
+      const [points, corners] = [wasm.put(Float32Array, positions), wasm.put(Uint32Array, indices)];
+      const place = wasm.borrow(8);
+      wasm.check("vis_scene_add_mesh", this.pointer, points, vertices, corners, triangles, twoSided, place);
+      return wasm.data().getBigUint64(place, true);
+    });
+  }
+
+  addBoxMesh(box) {
+    return this.wasm.call((wasm) => {
+      const [bounds, place] = [wasm.box(box), wasm.borrow(8)];
+      wasm.check("vis_scene_add_box_mesh", this.pointer, bounds, place);
+      return wasm.data().getBigUint64(place, true);
+    });
+  }
+
+  setMesh(id, mesh, transform) {
+    this.wasm.call((wasm) => {
+      const matrix = transform ? wasm.put(Float32Array, sameLength(transform, 16, "transform")) : 0;
+      wasm.check("vis_scene_set_mesh", this.pointer, id, mesh, matrix);
+    });
+  }
+
+  setTriangles(id, triangles) {
+    this.wasm.call((wasm) => {
+      const count = elements(triangles, 9, "triangles");
+      wasm.check("vis_scene_set_triangles", this.pointer, id, wasm.put(Float32Array, triangles), count);
+    });
+  }
+
+  prepareOccluders() {
+    return this.wasm.number("vis_scene_prepare_occluders", this.pointer);
+  }
+
+  maintain(budget = 256) {
+    return this.wasm.number("vis_scene_maintain", this.pointer, budget);
+  }
+
+  rebuild() {
+    this.wasm.call((wasm) => wasm.check("vis_scene_rebuild", this.pointer));
+  }
+}
+
+class View extends Handle {
+  setMatrix(matrix, depth, origin) {
+    this.wasm.call((wasm) => {
+      sameLength(matrix, 16, "matrix");
+      const [Type, suffix] = matrix instanceof Float32Array ? [Float32Array, ""] : [Float64Array, "_f64"];
+      const from = origin ? wasm.put(Float64Array, triple(origin, "origin")) : 0;
+      wasm.check(`vis_view_set_matrix${suffix}`, this.pointer, wasm.put(Type, matrix), depth, from);
+    });
+  }
+
+  setPerspective({ fovY, aspect, near, far = Infinity, ...pose }) {
+    this.wasm.call((wasm) =>
+      wasm.check("vis_view_set_perspective", this.pointer, wasm.pose(pose), fovY, aspect, near, far),
+    );
+  }
+
+  setOrthographic({ width, height, near, far, ...pose }) {
+    this.wasm.call((wasm) =>
+      wasm.check("vis_view_set_orthographic", this.pointer, wasm.pose(pose), width, height, near, far),
+    );
+  }
+
+  setLayers(layers) {
+    this.wasm.call((wasm) => wasm.check("vis_view_set_layers", this.pointer, layers));
+  }
+
+  setClipPlanes(planes) {
+    this.wasm.call((wasm) => {
+      const numbers = wasm.put(Float64Array, flatten(planes, 4, "a plane"));
+      wasm.check("vis_view_set_clip_planes", this.pointer, numbers, planes.length);
+    });
+  }
+}
+
+class Pipeline extends Handle {
+  /** Appends a stage, and returns the pipeline for the next. */
+  #add(stage, ...parameters) {
+    this.wasm.call((wasm) => wasm.check(`vis_pipeline_add_${stage}`, this.pointer, ...parameters));
+    return this;
+  }
+
+  addFrustum() {
+    return this.#add("frustum");
+  }
+
+  addContribution(pictureHeight, leastPixels) {
+    return this.#add("contribution", pictureHeight, leastPixels);
+  }
+
+  addZBuffer(width = 0, height = 0) {
+    return this.#add("z_buffer", width, height);
+  }
+
+  addPortals(cells) {
+    return this.#add("portals", cells.pointer);
+  }
+
+  addPvs(scenePvs) {
+    return this.#add("pvs", scenePvs.pointer);
+  }
+
+  cull(scene, view, visible) {
+    return this.wasm.call((wasm) => {
+      const place = wasm.borrow(STATS_BYTES);
+      wasm.check("vis_pipeline_cull", this.pointer, scene.pointer, view.pointer, visible.pointer, place);
+      return stats(wasm, place);
+    });
+  }
+
+  stageStats(stage) {
+    return this.wasm.call((wasm) => {
+      const place = wasm.borrow(STATS_BYTES);
+      wasm.check("vis_pipeline_stage_stats", this.pointer, stage, place);
+      return stats(wasm, place);
+    });
+  }
+
+  get accuracy() {
+    return ACCURACIES[this.wasm.number("vis_pipeline_accuracy", this.pointer)];
+  }
+
+  reset() {
+    this.wasm.call((wasm) => wasm.check("vis_pipeline_reset", this.pointer));
+  }
+
+  freeze(frozen = true) {
+    this.wasm.call((wasm) => wasm.check("vis_pipeline_freeze", this.pointer, frozen));
+  }
+
+  setExplaining(explaining) {
+    this.wasm.call((wasm) => wasm.check("vis_pipeline_set_explaining", this.pointer, explaining));
+  }
+
+  explain(id) {
+    return this.wasm.text("vis_pipeline_explain", this.pointer, id);
+  }
+
+  lacks(scene) {
+    return this.wasm.text("vis_pipeline_lacks", this.pointer, scene.pointer);
+  }
+}
+
+/** Reads a `vis_stats`, whose counts are far below 2^53. */
+function stats(wasm, place) {
+  const data = wasm.data();
+  const [nodes, acceptedSubtrees, tests, occluders, visible] = [0, 8, 16, 24, 32].map((offset) =>
+    Number(data.getBigUint64(place + offset, true)),
+  );
+  return { nodes, acceptedSubtrees, tests, occluders, visible };
+}
+
+class Visible extends Handle {
+  get count() {
+    return this.wasm.number("vis_visible_count", this.pointer);
+  }
+
+  get indices() {
+    const count = this.count;
+    return this.wasm.call((wasm) => {
+      // The indices are read where the library writes them: in a buffer that the set keeps.
+      const { held } = this;
+      if (held.bytes < 4 * count) {
+        wasm.exports.vis_free(held.buffer, held.bytes);
+        held.buffer = held.bytes = 0;
+        held.buffer = wasm.allocate(8 * count);
+        held.bytes = 8 * count;
+      }
+      if (count === 0) return new Uint32Array(0);
+      wasm.check("vis_visible_indices", this.pointer, held.buffer, held.bytes / 4, wasm.borrow(8));
+      return new Uint32Array(wasm.exports.memory.buffer, held.buffer, count);
+    });
+  }
+
+  get ids() {
+    return this.wasm.list(BigUint64Array, "vis_visible_ids", this.pointer);
+  }
+
+  get bits() {
+    return this.wasm.list(Uint32Array, "vis_visible_write_bits", this.pointer);
+  }
+
+  get newlyVisible() {
+    return this.wasm.list(BigUint64Array, "vis_visible_newly_visible", this.pointer);
+  }
+
+  get newlyHidden() {
+    return this.wasm.list(BigUint64Array, "vis_visible_newly_hidden", this.pointer);
+  }
+
+  contains(scene, id) {
+    return this.wasm.truth("vis_visible_contains", this.pointer, scene.pointer, id);
+  }
+
+  sortByIndex(scene) {
+    this.wasm.call((wasm) => wasm.check("vis_visible_sort_by_index", this.pointer, scene.pointer));
+  }
+}
+
+class Judge extends Handle {
+  compare(scene, view, visible) {
+    return this.wasm.call((wasm) => {
+      const place = wasm.borrow(COMPARISON_BYTES);
+      wasm.check("vis_measure_compare", this.pointer, scene.pointer, view.pointer, visible.pointer, place);
+      const [reportedObjects, falseHiddenObjects, falseVisibleObjects, wrongPixels] = new Uint32Array(
+        wasm.exports.memory.buffer,
+        place,
+        4,
+      );
+      return { reportedObjects, falseHiddenObjects, falseVisibleObjects, wrongPixels };
+    });
+  }
+}
+
+class Graph extends Handle {
+  get counts() {
+    return this.wasm.call((wasm) => {
+      const place = wasm.borrow(8);
+      wasm.check("vis_graph_counts", this.pointer, place, place + 4);
+      return { cells: wasm.u32(place), portals: wasm.u32(place + 4) };
+    });
+  }
+
+  bake(clearance = 0) {
+    return Handle.made(Pvs, this.wasm, "pvs", "vis_graph_bake", this.pointer, clearance);
+  }
+}
+
+class Cells extends Handle {
+  setPvs(pvs) {
+    this.wasm.call((wasm) => wasm.check("vis_cells_set_pvs", this.pointer, pvs.pointer));
+  }
+
+  setOpen(portal, open) {
+    this.wasm.call((wasm) => wasm.check("vis_cells_set_open", this.pointer, portal, open));
+  }
+
+  setPassage(portal, { forward, backward }) {
+    this.wasm.call((wasm) => wasm.check("vis_cells_set_passage", this.pointer, portal, forward, backward));
+  }
+
+  canSee(from, to) {
+    return this.wasm.truth("vis_cells_can_see", this.pointer, from, to);
+  }
+}
+
+class Pvs extends Handle {
+  get counts() {
+    return this.wasm.call((wasm) => {
+      const place = wasm.borrow(8);
+      wasm.check("vis_pvs_counts", this.pointer, place, place + 4);
+      return { viewcells: wasm.u32(place), targets: wasm.u32(place + 4) };
+    });
+  }
+
+  get bytes() {
+    return this.wasm.list(Uint8Array, "vis_pvs_write", this.pointer);
+  }
+
+  sees(viewcell, target) {
+    return this.wasm.truth("vis_pvs_sees", this.pointer, viewcell, target);
+  }
+
+  row(viewcell) {
+    return this.wasm.list(Uint32Array, "vis_pvs_write_row", this.pointer, viewcell);
+  }
+}
+
+class ScenePvs extends Handle {}

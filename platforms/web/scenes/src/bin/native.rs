@@ -1,0 +1,125 @@
+//! What the module for the web is compared with: the native library, without the C interface, on the same
+//! scenes.
+//!
+//! `native answers` prints a line for each scene, pipeline and frame of the scene's walks: the number of
+//! visible objects and the FNV-1a hash of their indices, ascending. `native times` prints microseconds a
+//! frame. Tests run the same in JavaScript: `tests/answers.js` and `tests/times.js`.
+
+use glam::{DVec3, Vec3};
+use std::time::Instant;
+use visibility_core::occlusion::Preparation;
+use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_hzb::{Hzb, HzbCuller};
+use visibility_measure::{Comparison, ItemBuffer};
+use visibility_portals::{PortalCuller, SceneCells};
+use visibility_web_scenes::{SceneSource, built_in, tolerance};
+
+/// Width over height of all pictures.
+const ASPECT: f64 = 16.0 / 9.0;
+/// Interval of the frames that are judged by an item buffer of 256 x 144 pixels.
+const JUDGED_EVERY: usize = 20;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    match std::env::args().nth(1).as_deref() {
+        Some("answers") => ["plpcity:2,2", "office:2,16", "london:12,12"].into_iter().try_for_each(answers),
+        Some("times") => times("london:28,28"),
+        _ => Err("say `answers` or `times`".into()),
+    }
+}
+
+/// Fills a scene as an engine would by the C interface.
+fn fill(source: &SceneSource) -> Result<Scene, Box<dyn std::error::Error>> {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
+        cost: object.triangles.len() as u32,
+        occluder: true,
+        ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
+    }));
+    for (id, object) in ids.into_iter().zip(&source.objects) {
+        scene.set_triangles(id, object.triangles.as_slice())?;
+    }
+    scene.prepare_occluders(&Preparation::default());
+    Ok(scene)
+}
+
+/// Returns the views at all keys of all walks.
+fn views(source: &SceneSource) -> Result<Vec<View>, Box<dyn std::error::Error>> {
+    let mut views = Vec::new();
+    for walk in &source.walks {
+        for key in &walk.keys {
+            let pose = Pose::look_at(key.eye, key.target, DVec3::Z);
+            let fov_y = f64::from(walk.fov_y_degrees).to_radians();
+            views.push(View::perspective(pose, fov_y, ASPECT, f64::from(source.near), f64::INFINITY)?);
+        }
+    }
+    Ok(views)
+}
+
+/// Makes the pipelines that a scene is culled with, by name.
+fn pipelines(source: &SceneSource) -> Result<Vec<(&'static str, Pipeline)>, Box<dyn std::error::Error>> {
+    let frustum = || Pipeline::new().with(FrustumCuller::new());
+    let mut pipelines =
+        vec![("frustum", frustum()), ("z-buffer", frustum().with(HzbCuller::new(Hzb::default())))];
+    if let Some(cells) = &source.cells {
+        let cells = cells.with_doorways.as_deref().unwrap_or(cells);
+        let tolerance = tolerance(&cells.viewcells);
+        let cells = SceneCells::new(cells.graph.clone(), cells.viewcells.clone(), tolerance)?;
+        pipelines.push(("portals", frustum().with(PortalCuller::new(cells))));
+    }
+    Ok(pipelines)
+}
+
+fn hash(numbers: impl IntoIterator<Item = u32>) -> u32 {
+    numbers
+        .into_iter()
+        .flat_map(u32::to_le_bytes)
+        .fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
+}
+
+fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
+    let source = built_in(name)?;
+    let coordinates = source.objects.iter().flat_map(|object| object.triangles.iter().flatten());
+    let bits = coordinates.flat_map(Vec3::to_array).map(f32::to_bits);
+    println!("{name} {} objects, triangles {:08x}", source.objects.len(), hash(bits));
+    let (scene, views) = (fill(&source)?, views(&source)?);
+    let mut judge = ItemBuffer::new(256, 144)?;
+    let mut visible = VisibleSet::new();
+    for (label, mut pipeline) in pipelines(&source)? {
+        for (frame, view) in views.iter().enumerate() {
+            pipeline.cull(&scene, view, &mut visible);
+            visible.sort_by_index(&scene);
+            let found = hash(visible.ids().iter().map(|id| id.index() as u32));
+            print!("{name} {label} {frame} {} {found:08x}", visible.ids().len());
+            if frame % JUDGED_EVERY == 0 {
+                let drawn = (0..).zip(source.objects.iter().map(|object| object.triangles.as_slice()));
+                let mut comparison = Comparison::default();
+                let reported =
+                    |_, key: u32| scene.id_at(key as usize).is_some_and(|id| visible.contains(&scene, id));
+                judge.draw(view, scene.origin(), drawn)?.compare(reported, &mut comparison);
+                let Comparison { false_hidden_objects, false_visible_objects, wrong_pixels, .. } = comparison;
+                print!(" {false_hidden_objects} {false_visible_objects} {wrong_pixels}");
+            }
+            println!();
+        }
+    }
+    Ok(())
+}
+
+fn times(name: &str) -> Result<(), Box<dyn std::error::Error>> {
+    let source = built_in(name)?;
+    let (scene, views) = (fill(&source)?, views(&source)?);
+    let mut visible = VisibleSet::new();
+    for (label, mut pipeline) in pipelines(&source)? {
+        // The least of several rounds: others use the machine, too.
+        let mut least = f64::INFINITY;
+        for _ in 0..20 {
+            let start = Instant::now();
+            views.iter().for_each(|view| {
+                pipeline.cull(&scene, view, &mut visible);
+            });
+            least = least.min(start.elapsed().as_secs_f64());
+        }
+        println!("{label} {:.1}", least * 1e6 / views.len() as f64);
+    }
+    Ok(())
+}

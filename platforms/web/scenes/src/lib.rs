@@ -1,0 +1,23 @@
+//! The built-in scenes as lists of numbers, for the page and for tests: a WebAssembly module of its own,
+//! which knows nothing of culling. The recipes are those of the example programs.
+//!
+//! `scenes_make` makes a scene; `scenes_numbers` and `scenes_length` then give its lists, which stay where
+//! they are until the next scene is made.
+
+// The example programs use more of these modules than the page does.
+#![allow(dead_code, unreachable_pub, unused_imports)]
+
+#[path = "../../../../examples/src/error.rs"]
+mod error;
+#[path = "../../../../examples/src/recipes/mod.rs"]
+mod recipes;
+#[path = "../../../../examples/src/source.rs"]
+mod source;
+#[path = "../../../../examples/src/walk.rs"]
+mod walk;
+
+mod lists;
+
+pub use lists::Lists;
+pub use recipes::built_in;
+pub use source::{SceneSource, tolerance};

@@ -1,0 +1,213 @@
+// Tests of the package: what it exports, what its calls answer, and how they fail. Each runs with both modules.
+
+import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
+import test from "node:test";
+import { ALL_LAYERS, Depth, Flag, NO_OBJECT, VisibilityError, hasSimd128, indexOf, load } from "../package/visibility.js";
+
+const WALL = { min: [4, -9, -9], max: [5, 9, 9] };
+const LAMP = { min: [7, -1, -1], max: [8, 1, 1] };
+const CAMERA = { eye: [0, 0, 0], target: [1, 0, 0], up: [0, 0, 1], fovY: 1, aspect: 1.5, near: 0.1 };
+/** The same camera's matrix: reversed depth, no far plane. Column-major. */
+const SCALE = 1 / Math.tan(0.5);
+const MATRIX = [0, 0, 0, 1, -SCALE / 1.5, 0, 0, 0, 0, SCALE, 0, 0, 0, 0, 0.1, 0];
+
+const refused = (code, message) => (error) => {
+  assert.ok(error instanceof VisibilityError, `${error}`);
+  assert.equal(error.code, code);
+  assert.match(error.message, message);
+  return true;
+};
+
+for (const simd128 of [false, true]) {
+  const say = (what) => `${simd128 ? "simd128" : "plain"}: ${what}`;
+  const visibility = await load({ simd128 });
+
+  /** A wall that hides a lamp. */
+  const street = () => {
+    const scene = visibility.createScene();
+    const [wall, lamp] = scene.insertAll({ bounds: [WALL, LAMP].flatMap(({ min, max }) => [...min, ...max]) });
+    scene.setFlags(wall, Flag.Occluder);
+    scene.setMesh(wall, scene.addBoxMesh(WALL));
+    const view = visibility.createView();
+    view.setPerspective(CAMERA);
+    return { scene, wall, lamp, view, visible: visibility.createVisible({ changes: true }) };
+  };
+
+  test(say("a wall hides a lamp until it opens"), () => {
+    const { scene, wall, lamp, view, visible } = street();
+    const pipeline = visibility.createPipeline().addFrustum().addZBuffer();
+    assert.equal(pipeline.accuracy, "conservative");
+    pipeline.setExplaining(true);
+    assert.equal(pipeline.cull(scene, view, visible).visible, 1);
+    assert.deepEqual([...visible.indices], [indexOf(wall)]);
+    assert.deepEqual([...visible.ids], [wall]);
+    assert.deepEqual([...visible.bits], [1]);
+    assert.equal(pipeline.explain(lamp), "removed by hzb");
+    assert.equal(pipeline.stageStats(1).occluders, 1);
+    assert.ok(visible.contains(scene, wall) && !visible.contains(scene, lamp));
+
+    scene.setFlags(wall, 0);
+    pipeline.cull(scene, view, visible);
+    visible.sortByIndex(scene);
+    assert.deepEqual([...visible.indices], [0, 1]);
+    assert.deepEqual([...visible.newlyVisible], [lamp]);
+    assert.deepEqual([...visible.newlyHidden], []);
+  });
+
+  test(say("matrices of both precisions, and parallel cameras"), () => {
+    const { scene, wall, lamp, view, visible } = street();
+    const pipeline = visibility.createPipeline().addFrustum().addZBuffer();
+    for (const matrix of [MATRIX, new Float32Array(MATRIX), new Float64Array(MATRIX)]) {
+      view.setMatrix(matrix, Depth.ReversedInfinite);
+      pipeline.cull(scene, view, visible);
+      assert.deepEqual([...visible.ids], [wall]);
+      // From behind the wall.
+      view.setMatrix(matrix, Depth.ReversedInfinite, [6, 0, 0]);
+      pipeline.cull(scene, view, visible);
+      assert.deepEqual([...visible.ids], [lamp]);
+    }
+    view.setOrthographic({ ...CAMERA, width: 4, height: 4, near: 0, far: 4.5 });
+    visibility.createPipeline().addFrustum().cull(scene, view, visible);
+    assert.deepEqual([...visible.ids], [wall]);
+    view.setPerspective(CAMERA);
+    view.setClipPlanes([[1, 0, 0, -6]]);
+    visibility.createPipeline().addFrustum().cull(scene, view, visible);
+    assert.deepEqual([...visible.ids], [lamp]);
+    view.setLayers(2);
+    scene.setLayers(lamp, 4);
+    pipeline.cull(scene, view, visible);
+    assert.equal(visible.count, 0);
+    assert.equal(visible.indices.length, 0);
+  });
+
+  test(say("objects are inserted, moved and removed"), () => {
+    const { scene, wall, lamp } = street();
+    assert.deepEqual([scene.count, scene.indexLimit], [2, 2]);
+    scene.setBounds(lamp, { min: [1, 2, 3], max: [4, 5, 6] });
+    assert.deepEqual(scene.bounds(lamp), { min: [1, 2, 3], max: [4, 5, 6] });
+    scene.setAllBounds([lamp], new Float32Array([0, 0, 0, 1, 1, 1]));
+    assert.deepEqual(scene.bounds(lamp).max, [1, 1, 1]);
+    scene.setLocalBounds(lamp, { min: [0, 0, 0], max: [1, 1, 1] });
+    scene.setTransforms([lamp], [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 10, 20, 30, 1]);
+    // The library rounds outwards.
+    const { min, max } = scene.bounds(lamp);
+    assert.deepEqual([min, max].map((corner) => corner.map(Math.round)), [[10, 20, 30], [11, 21, 31]]);
+    assert.equal(scene.maintain(), 0);
+    scene.rebuild();
+    scene.remove(wall);
+    assert.ok(!scene.contains(wall) && scene.contains(lamp));
+    const again = scene.insert({ bounds: WALL, layers: ALL_LAYERS, cost: 3 });
+    assert.ok(indexOf(again) === indexOf(wall) && again !== wall);
+    scene.setHlodParent(again, lamp);
+    scene.setHlodParent(again, NO_OBJECT);
+    scene.setDrawRange(again, 0, 100);
+    scene.removeAll([again, lamp]);
+    assert.equal(scene.count, 0);
+  });
+
+  test(say("the judge and meshes of triangles"), () => {
+    const { scene, wall, lamp, view, visible } = street();
+    const square = (x) => [x, -1, -1, x, 1, -1, x, 1, 1, x, -1, -1, x, 1, 1, x, -1, 1];
+    scene.setTriangles(wall, square(4));
+    scene.setTriangles(lamp, square(8));
+    visibility.createPipeline().addFrustum().addZBuffer().cull(scene, view, visible);
+    const comparison = visibility.createJudge(64, 48).compare(scene, view, visible);
+    assert.deepEqual(comparison, { reportedObjects: 1, falseHiddenObjects: 0, falseVisibleObjects: 0, wrongPixels: 0 });
+
+    scene.setBounds(wall, { min: [3, -1, -1], max: [3, 1, 1] });
+    const mesh = scene.addMesh({ positions: square(3).slice(0, 9), indices: [0, 1, 2], twoSided: true });
+    scene.setMesh(wall, mesh, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+    scene.setFlags(lamp, Flag.Occluder);
+    assert.equal(scene.prepareOccluders(), 1);
+    assert.match(visibility.createPipeline().addZBuffer().lacks(scene), /^$/);
+  });
+
+  test(say("rooms, doors and baked sets"), () => {
+    const rooms = [0, 4, 8].map((x) => ({ min: [x, 0, 0], max: [x + 4, 4, 3] }));
+    const door = (x) => [[x, 1, 0], [x, 2, 0], [x, 2, 2], [x, 1, 2]];
+    const graph = visibility.createGraph(3, [4, 8].map((x, i) => ({ vertices: door(x), cells: [i, i + 1] })));
+    assert.deepEqual(graph.counts, { cells: 3, portals: 2 });
+    const cells = visibility.createCells(graph, rooms);
+    const scene = visibility.createScene();
+    const ids = scene.insertAll({ bounds: rooms.flatMap(({ min: [x] }) => [x + 1, 1.2, 1, x + 2, 1.4, 1.5]) });
+    const [view, visible] = [visibility.createView(), visibility.createVisible()];
+    view.setPerspective({ ...CAMERA, eye: [0.5, 1.5, 1], target: [9, 1.5, 1] });
+    const pipeline = visibility.createPipeline().addFrustum().addPortals(cells);
+    const seen = (pipeline) => pipeline.cull(scene, view, visible).visible;
+    assert.equal(seen(pipeline), 3);
+    cells.setOpen(1, false);
+    assert.equal(seen(pipeline), 2);
+    assert.ok(cells.canSee(0, 1) && !cells.canSee(0, 2));
+    cells.setOpen(1, true);
+    cells.setPassage(0, { forward: false, backward: true });
+    assert.equal(seen(pipeline), 1);
+
+    const baked = graph.bake();
+    assert.deepEqual(baked.counts, { viewcells: 3, targets: 3 });
+    assert.ok(baked.sees(0, 2));
+    const set = visibility.createPvs(3, [[0], [0, 1], new Uint32Array([1, 2])]);
+    assert.deepEqual([...visibility.readPvs(set.bytes).row(2)], [6]);
+    const prepared = visibility.createScenePvs(scene, set, rooms, ids, [0, 1, 2]);
+    assert.equal(seen(visibility.createPipeline().addPvs(prepared)), 1);
+    cells.setPvs(baked);
+    assert.throws(() => cells.setOpen(7, true), refused("UNKNOWN_ID", /7/));
+  });
+
+  test(say("errors name what is wrong"), () => {
+    const { scene, wall, view, visible } = street();
+    assert.throws(() => view.setPerspective({ ...CAMERA, fovY: 7 }), refused("ARGUMENT", /fov_y cannot be 7/));
+    assert.throws(() => view.setMatrix(new Float32Array(16), Depth.Reversed), refused("ARGUMENT", /matrix/));
+    assert.throws(() => view.setMatrix([1, 2], Depth.Reversed), refused("ARGUMENT", /`matrix` has 2 elements, not 16/));
+    assert.throws(() => view.setMatrix(MATRIX, 17), refused("ARGUMENT", /17/));
+    assert.throws(() => scene.remove(77n), refused("UNKNOWN_ID", /77/));
+    assert.throws(() => scene.insertAll({ bounds: [1, 2, 3] }), refused("ARGUMENT", /multiple of 6/));
+    assert.throws(() => scene.insert({ bounds: WALL, flags: 64 }), refused("ARGUMENT", /0x40/));
+    assert.throws(() => scene.setBounds(wall, { min: [1], max: [2] }), refused("ARGUMENT", /`min`/));
+    assert.throws(() => visible.indices, refused("STATE", /./));
+    assert.throws(() => visibility.readPvs(new Uint8Array(9)), refused("FORMAT", /./));
+    assert.throws(() => visibility.readPrt("PRT9"), refused("FORMAT", /./));
+    assert.throws(() => visibility.createPipeline().addZBuffer(1, 1), refused("ARGUMENT", /./));
+    scene.destroy();
+    assert.throws(() => scene.count, refused("NULL", /scene/));
+    scene.destroy();
+  });
+
+  test(say("indices are read where they are, and memory does not grow with frames"), () => {
+    const scene = visibility.createScene();
+    const bounds = Array.from({ length: 5000 }, (_, i) => [5 + (i % 50), i / 5000, 0, 6 + (i % 50), 1, 1]).flat();
+    scene.insertAll({ bounds });
+    const [view, visible] = [visibility.createView(), visibility.createVisible()];
+    const pipeline = visibility.createPipeline().addFrustum();
+    view.setPerspective(CAMERA);
+    pipeline.cull(scene, view, visible);
+    assert.equal(visible.indices.length, 5000);
+    assert.equal(visible.indices.buffer, visibility.memory.buffer);
+    const { byteLength } = visibility.memory.buffer;
+    for (let frame = 0; frame < 2000; frame++) {
+      view.setPerspective({ ...CAMERA, target: [1, Math.sin(frame), 0] });
+      pipeline.cull(scene, view, visible);
+      assert.equal(visible.indices.length, visible.count);
+    }
+    assert.equal(visibility.memory.buffer.byteLength, byteLength);
+  });
+}
+
+test("the declaration names what there is", async () => {
+  assert.ok(hasSimd128());
+  const declaration = await readFile(new URL("../package/visibility.d.ts", import.meta.url), "utf8");
+  const source = await readFile(new URL("../package/visibility.js", import.meta.url), "utf8");
+  /** By class: its public methods and getters, in order. */
+  const members = (text, begin, member) => {
+    const classes = [...text.matchAll(begin)].map(({ 1: name, 2: body }) => [name, body]);
+    return Object.fromEntries(classes.map(([name, body]) => [name, new Set([...body.matchAll(member)].map((m) => m[1]))]));
+  };
+  const declared = members(declaration, /^export interface (\w+)[^{]*\{\n([\s\S]*?)^\}/gm, /^  (?:readonly )?(\w+)[(:]/gm);
+  const there = members(source, /^class (\w+)[^{]*\{\n([\s\S]*?)^\}/gm, /^  (?:get )?(\w+)\(.*\{$/gm);
+  for (const [name, made] of Object.entries(there)) {
+    if (["Wasm", "Handle"].includes(name)) continue;
+    made.delete("constructor");
+    if (name === "Visibility") made.add("simd128");
+    assert.deepEqual([...made].sort(), [...(declared[name] ?? [])].sort(), name);
+  }
+});
