@@ -76,7 +76,7 @@ impl Search<'_> {
         }
         let Some(line) = line else {
             // No point of the polytope of the program is a line, or none was found.
-            if let Some(edges) = corner_proof::find(sight, rows, self.delta) {
+            if let Some(edges) = corner_proof::find(sight, rows, self.side_error()) {
                 self.steps.push(Step::Corner { edges });
                 return Answer::Hidden;
             }
@@ -182,7 +182,7 @@ impl Search<'_> {
     /// Solves the program of the rows over the corners of P and Q.
     fn solve(&mut self, sight: &Sight, rows: &[Row]) -> Value {
         self.stats.programs += 1;
-        let (p, q, delta) = (sight.p.corners(), sight.q.corners(), self.delta);
+        let (p, q, delta) = (sight.p.corners(), sight.q.corners(), self.side_error());
         self.game.start(p.len() * q.len());
         for row in rows {
             let Row { edge, side: s } = row;
@@ -214,7 +214,7 @@ impl Search<'_> {
             return None;
         }
         let mut line = self.segment(from / total, to / total);
-        let delta = self.delta;
+        let delta = self.side_error();
         let satisfies = |line: Segment| {
             rows.iter().all(|row| {
                 let (value, error) = side(line.p, line.q, row.edge.ends[0], row.edge.ends[1], delta);
@@ -302,7 +302,7 @@ impl Search<'_> {
         let mut sides = 0;
         for k in 0..found.ring.len() {
             let [a, b] = found.edge(k).ends;
-            sides |= match sign(side(line.p, line.q, a, b, self.delta)) {
+            sides |= match sign(side(line.p, line.q, a, b, self.side_error())) {
                 1 => POSITIVE,
                 -1 => NEGATIVE,
                 _ => return None,
@@ -314,7 +314,7 @@ impl Search<'_> {
             _ => return None,
         };
         for k in 0..found.ring.len() {
-            let occurring = signs(sight, &found.edge(k), self.delta);
+            let occurring = signs(sight, &found.edge(k), self.side_error());
             found.divides.push(occurring != 0 && occurring != sides);
         }
         Some(found)
