@@ -43,8 +43,6 @@ impl Loop {
     }
 }
 
-/// Most halvings of a node that is divided by rows.
-const HALVINGS: u32 = 12;
 /// Most occluders on a line of which the loop is tried.
 const LOOPS: usize = 6;
 
@@ -143,7 +141,7 @@ impl Search<'_> {
 
     /// Halves P or Q of a node with rows: the way that leaves a half without lines, if there is one.
     fn halve_divided(&mut self, sight: &Sight, rows: &mut Vec<Row>, left: &mut u32, halvings: u32) -> Answer {
-        if halvings >= HALVINGS {
+        if halvings >= self.budget.halvings {
             return Answer::Undecided;
         }
         let p_is_larger = sight.p.size() >= sight.q.size();

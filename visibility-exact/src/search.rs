@@ -44,6 +44,8 @@ pub(crate) struct Budget {
     pub(crate) nodes: u32,
     /// Most nodes of each attempt to divide a node by occluder edges.
     pub(crate) divided: u32,
+    /// Most halvings on the way to one of these.
+    pub(crate) halvings: u32,
 }
 
 /// Depth of halvings below which a node stays undecided.
@@ -94,7 +96,7 @@ impl<'a> Search<'a> {
             delta: triangles.position_error(cell.magnitude() + 3.0 * clearance),
             skip: NONE,
             target_vertices: [NONE; 3],
-            budget: Budget { nodes: 0, divided: 0 },
+            budget: Budget { nodes: 0, divided: 0, halvings: 0 },
             used: 0,
             chain: chain.unwrap_or_else(|| ChainScratch::new(count, edges)),
             game: MatrixGame::default(),

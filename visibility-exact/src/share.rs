@@ -44,7 +44,7 @@ impl Search<'_> {
     /// Returns an upper bound on the unblocked share of the segments to a target, from 0 to 1. Stops once the
     /// bound is at most `enough`, or after `nodes` nodes.
     pub(crate) fn share(&mut self, target: Target, enough: f64, nodes: u32) -> f64 {
-        if !self.begin(target, Budget { nodes, divided: 0 }) {
+        if !self.begin(target, Budget { nodes, divided: 0, halvings: 0 }) {
             return 1.0;
         }
         // Without a pad: polygons in one plane, which see nothing of each other, must not count.

@@ -27,7 +27,7 @@ impl Check<'_> {
                     let axis = plane.axis();
                     axis.is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k])
                 });
-                if is_mixture || is_flat { (0.0, 0.0) } else { side(p, q, a, b, self.delta) }
+                if is_mixture || is_flat { (0.0, 0.0) } else { side(p, q, a, b, self.moved) }
             })
         })
     }

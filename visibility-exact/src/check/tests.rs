@@ -35,7 +35,10 @@ fn hidden() -> (SceneTriangles, Proof) {
     let cell = CellBox::new(&cell, DVec3::ZERO).unwrap();
     let target = Target::Triangle(0);
     let mut search = Search::new(&triangles, cell, 1e-4, None);
-    assert_eq!(search.solve_target(target, Budget { nodes: 20_000, divided: 200 }).0, Answer::Hidden);
+    assert_eq!(
+        search.solve_target(target, Budget { nodes: 20_000, divided: 200, halvings: 12 }).0,
+        Answer::Hidden
+    );
     let steps = core::mem::take(&mut search.steps);
     (triangles, Proof { cell, target, clearance: 1e-4, steps })
 }
@@ -124,6 +127,7 @@ fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
         triangles: &triangles,
         clearance: 0.0,
         delta: 1e-12,
+        moved: 1e-12,
         target_vertices: vec![],
         steps: steps.iter(),
     };
@@ -236,8 +240,14 @@ fn what_touches_by_less_than_the_error_is_not_apart() {
     let (triangles, proof) = hidden();
     let mut random = Random(9);
     let delta = 1e-9;
-    let check =
-        Check { triangles: &triangles, clearance: 0.0, delta, target_vertices: vec![], steps: [].iter() };
+    let check = Check {
+        triangles: &triangles,
+        clearance: 0.0,
+        delta,
+        moved: delta,
+        target_vertices: vec![],
+        steps: [].iter(),
+    };
     for round in 0..4000 {
         let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
         let (a, b) = (int(40), int(40) + DVec3::X * 100.0);
