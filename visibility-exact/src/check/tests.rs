@@ -282,3 +282,38 @@ fn what_touches_by_less_than_the_error_is_not_apart() {
     }
     assert!(proof.len() > 1);
 }
+
+/// Without a clearance a line that passes an edge within the error of positions is on neither side: what is
+/// proven in a scene of small numbers is not, and its proof is refused, if a far triangle makes them large.
+#[test]
+fn without_clearance_edges_within_the_error_of_positions_are_met() {
+    let scene = |far: f32| {
+        let mut scene = Scene::new();
+        let [a, b, c, d] = [(-8.0, -8.0), (1.0, -8.0), (1.0, 8.0), (-8.0, 8.0)];
+        let wall = [[a, b, c], [a, c, d]].map(|t| t.map(|(x, y)| Vec3::new(x, y, 5.0)));
+        let away = [[Vec3::splat(far), Vec3::splat(far) + Vec3::X, Vec3::splat(far) + Vec3::Y]];
+        for triangles in [wall.to_vec(), away.to_vec()] {
+            let id = scene.insert(Object {
+                occluder: true,
+                ..Object::new(Aabb::from_points(triangles.iter().flatten().copied()))
+            });
+            scene.set_triangles(id, triangles).unwrap();
+        }
+        SceneTriangles::new(&scene)
+    };
+    // Beside the wall's edge at 1 by less than the error of positions at a million, 1.5e-8.
+    let (min, max) = (DVec3::new(0.0, -1.0, 0.0), DVec3::new(1.0 - 5e-9, 1.0, 1.0));
+    let cell = CellBox { min, max };
+    let target = Target::Box { min: DVec3::new(0.0, -1.0, 9.0), max: DVec3::new(max.x, 1.0, 10.0) };
+    let solve = |triangles: &SceneTriangles| {
+        let mut search = Search::new(triangles, cell, 0.0, None);
+        let budget = Budget { nodes: 2000, divided: 200, halvings: 12 };
+        (search.solve_target(target, budget).0, Proof { cell, target, clearance: 0.0, steps: search.steps })
+    };
+    let [near, far] = [20.0, 1e6].map(scene);
+    let (answer, proof) = solve(&near);
+    assert_eq!(answer, Answer::Hidden);
+    proof.check(&near).unwrap();
+    assert!(proof.check(&far).is_err());
+    assert_ne!(solve(&far).0, Answer::Hidden);
+}
