@@ -32,6 +32,9 @@ pub mod regions {}
 #[doc = include_str!("../guide/c_library.md")]
 pub mod c_library {}
 
+#[doc = include_str!("../guide/bevy.md")]
+pub mod bevy {}
+
 #[doc = include_str!("../guide/accuracy.md")]
 pub mod accuracy {}
 

@@ -45,7 +45,7 @@
 //! assert!(visible.contains(&scene, ids[7]) && !visible.contains(&scene, ids[99]));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
-//! The [`guide`] goes on from here: [your first engine in 15 minutes](guide::first_engine) and ten more
+//! The [`guide`] goes on from here: [your first engine in 15 minutes](guide::first_engine) and eleven more
 //! chapters.
 #![no_std]
 

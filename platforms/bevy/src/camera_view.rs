@@ -1,0 +1,89 @@
+//! bevy's cameras, frusta and layers in the types of `visibility-core`.
+//!
+//! Vectors and matrices pass as arrays, so that bevy and core need not use the same version of glam.
+
+use bevy_camera::Projection;
+use bevy_camera::primitives::Frustum;
+use bevy_camera::visibility::RenderLayers;
+use bevy_math::Affine3A;
+use bevy_shape::ViewFrustum;
+use bevy_transform::components::GlobalTransform;
+use visibility_core::frustum::ConvexVolume;
+use visibility_core::geometry::Plane;
+use visibility_core::glam::{DMat3, DMat4, DVec3};
+use visibility_core::scene::ToAffine;
+use visibility_core::simd::Simd;
+use visibility_core::view::{Depth, ViewError, ViewPlane, Window};
+use visibility_core::{Aabb, Pose, View};
+
+/// The bit of a layer mask that stands for all layers from 31 on. Objects and views that share it must be
+/// compared by their [`RenderLayers`].
+pub(crate) const OTHER_LAYERS: u32 = 1 << 31;
+
+/// Returns the view of a camera. The matrix is relative to the camera's position, so that it loses nothing
+/// far from the origin.
+///
+/// # Errors
+/// Those of [`View::from_clip_from_world`], for a degenerate or non-finite camera.
+pub(crate) fn camera_view(projection: &Projection, transform: &GlobalTransform) -> Result<View, ViewError> {
+    let affine = transform.affine();
+    let view_from_world = DMat3::from_cols_array(&affine.matrix3.to_cols_array().map(f64::from)).inverse();
+    let clip_from_view = projection.get_clip_from_view().to_cols_array().map(f64::from);
+    let matrix = DMat4::from_cols_array(&clip_from_view) * DMat4::from_mat3(view_from_world);
+    let eye = DVec3::from_array(affine.translation.to_array().map(f64::from));
+    // What is wholly beyond the far plane of an orthographic camera is not drawn. bevy's perspective
+    // cameras have none.
+    let depth = match projection {
+        Projection::Orthographic(_) => Depth::Reversed,
+        Projection::Perspective(_) | Projection::Custom(_) => Depth::ReversedInfinite,
+    };
+    View::from_clip_from_world(matrix, depth)?.relative_to(eye)
+}
+
+/// Returns a view for cullers that look at its layers alone.
+pub(crate) fn any_view() -> View {
+    let window = Window::centered(1.0, 1.0);
+    let pose = Pose { eye: DVec3::ZERO, forward: DVec3::NEG_Z, up: DVec3::Y, right: DVec3::X };
+    View::orthographic(pose, window, 0.0, 1.0).expect("a plain view has no degenerate or infinite part")
+}
+
+/// Returns the half-spaces of a frustum as a volume, the near and far plane only as told. A plane that is not
+/// finite, as bevy has them for frusta without a far plane, is left out.
+pub(crate) fn volume(frustum: &Frustum, with_near: bool, with_far: bool) -> ConvexVolume {
+    let mut planes = [ViewPlane { plane: Plane::new(DVec3::ZERO, 0.0), error: 0.0 }; 6];
+    let mut count = 0;
+    for (i, half_space) in frustum.half_spaces.iter().enumerate() {
+        let [x, y, z, d] = half_space.normal_d().to_array().map(f64::from);
+        let is_wanted = match i {
+            ViewFrustum::NEAR_PLANE_IDX => with_near,
+            ViewFrustum::FAR_PLANE_IDX => with_far,
+            _ => true,
+        };
+        if is_wanted && half_space.normal_d().is_finite() {
+            planes[count].plane = Plane::new(DVec3::new(x, y, z), d);
+            count += 1;
+        }
+    }
+    ConvexVolume::new(Simd::best(), &planes[..count])
+}
+
+/// Returns the mask of an entity's or a view's layers: bits 0 to 30 for the layers of these numbers, and
+/// [`OTHER_LAYERS`]. Without the component, layer 0.
+pub(crate) fn layer_mask(layers: Option<&RenderLayers>) -> u32 {
+    let Some(layers) = layers else { return 1 };
+    let bits = layers.bits();
+    let first = bits.first().map_or(0, |&word| word);
+    let has_others = first >> 31 != 0 || bits.iter().skip(1).any(|&word| word != 0);
+    first as u32 & !OTHER_LAYERS | if has_others { OTHER_LAYERS } else { 0 }
+}
+
+/// Returns a local box of bevy as one of core.
+pub(crate) fn local_box(aabb: &bevy_camera::primitives::Aabb) -> Aabb {
+    Aabb::from_arrays(aabb.min().to_array(), aabb.max().to_array())
+}
+
+/// Returns the world box around a local box.
+#[inline]
+pub(crate) fn world_box(aabb: &bevy_camera::primitives::Aabb, transform: &Affine3A) -> Aabb {
+    local_box(aabb).transformed(&transform.to_cols_array().to_affine())
+}

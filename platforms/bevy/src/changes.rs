@@ -1,0 +1,237 @@
+//! Keeps the mirror in step with the entities, by bevy's change detection: work is done for what changed,
+//! beside a look at the change ticks of all entities.
+
+use crate::camera_view::world_box;
+use crate::mirror::{Described, Followed, VisibilityScene};
+use crate::occluder::{Occluder, can_occlude};
+use bevy_asset::{AssetEvent, AssetId, Assets};
+use bevy_camera::primitives::{Aabb as BevyAabb, Sphere};
+use bevy_camera::visibility::{
+    InheritedVisibility, NoCpuCulling, NoFrustumCulling, RenderLayers, ViewVisibility, VisibilityClass,
+    VisibilityRange,
+};
+use bevy_ecs::change_detection::{ContiguousRef, Tick};
+use bevy_ecs::lifecycle::RemovedComponents;
+use bevy_ecs::prelude::*;
+use bevy_ecs::system::SystemParam;
+use bevy_light::{DirectionalLight, NotShadowCaster};
+use bevy_mesh::morph::MeshMorphWeights;
+use bevy_mesh::skinning::SkinnedMesh;
+use bevy_mesh::{Mesh, Mesh3d};
+use bevy_transform::components::GlobalTransform;
+use std::collections::HashSet;
+use std::ops::Range;
+use visibility_core::{Aabb, ObjectId};
+
+/// Most nodes of the hierarchy that a frame tightens: about a microsecond each.
+const MAINTENANCE_BUDGET: usize = 64;
+/// Rows of a table whose change ticks are looked at together.
+const ROWS: usize = 128;
+
+/// Everything whose removal changes what the scene should say of an entity.
+#[derive(SystemParam)]
+pub(crate) struct Removals<'w, 's> {
+    /// One of these is gone: the entity too, perhaps.
+    required: (
+        RemovedComponents<'w, 's, InheritedVisibility>,
+        RemovedComponents<'w, 's, ViewVisibility>,
+        RemovedComponents<'w, 's, GlobalTransform>,
+    ),
+    optional: (
+        RemovedComponents<'w, 's, BevyAabb>,
+        RemovedComponents<'w, 's, Sphere>,
+        RemovedComponents<'w, 's, RenderLayers>,
+        RemovedComponents<'w, 's, VisibilityClass>,
+        RemovedComponents<'w, 's, Mesh3d>,
+        RemovedComponents<'w, 's, Occluder>,
+        RemovedComponents<'w, 's, NoFrustumCulling>,
+        RemovedComponents<'w, 's, VisibilityRange>,
+        RemovedComponents<'w, 's, SkinnedMesh>,
+        RemovedComponents<'w, 's, MeshMorphWeights>,
+        RemovedComponents<'w, 's, NotShadowCaster>,
+        RemovedComponents<'w, 's, DirectionalLight>,
+        RemovedComponents<'w, 's, NoCpuCulling>,
+    ),
+}
+
+impl Removals<'_, '_> {
+    fn for_each(&mut self, mut each: impl FnMut(Entity)) {
+        let (inherited, view, transform) = &mut self.required;
+        inherited.read().for_each(&mut each);
+        view.read().for_each(&mut each);
+        transform.read().for_each(&mut each);
+        let (a, b, c, d, e, f, g, h, i, j, k, l, m) = &mut self.optional;
+        a.read().for_each(&mut each);
+        b.read().for_each(&mut each);
+        c.read().for_each(&mut each);
+        d.read().for_each(&mut each);
+        e.read().for_each(&mut each);
+        f.read().for_each(&mut each);
+        g.read().for_each(&mut each);
+        h.read().for_each(&mut each);
+        i.read().for_each(&mut each);
+        j.read().for_each(&mut each);
+        k.read().for_each(&mut each);
+        l.read().for_each(&mut each);
+        m.read().for_each(&mut each);
+    }
+}
+
+/// Components that most entities lack, and whose arrival changes what the scene should say of an entity.
+type Arrived = Or<(
+    Added<NoCpuCulling>,
+    Added<NoFrustumCulling>,
+    Added<VisibilityRange>,
+    Added<NotShadowCaster>,
+    Added<DirectionalLight>,
+    Added<SkinnedMesh>,
+    Added<MeshMorphWeights>,
+    Changed<Occluder>,
+    Changed<Sphere>,
+)>;
+
+/// Components that most entities have: their ticks are read as slices.
+type Common<'a> = (
+    Entity,
+    Ref<'a, GlobalTransform>,
+    Ref<'a, InheritedVisibility>,
+    Ref<'a, ViewVisibility>,
+    Option<Ref<'a, BevyAabb>>,
+    Option<Ref<'a, RenderLayers>>,
+    Option<Ref<'a, VisibilityClass>>,
+    Has<Occluder>,
+);
+
+/// Lists that a sync fills and empties, kept for their memory.
+#[derive(Default)]
+pub(crate) struct Lists {
+    touched: Vec<Entity>,
+    moved: Vec<(ObjectId, Aabb)>,
+    moved_occluders: Vec<(ObjectId, [f32; 12])>,
+    changed_meshes: HashSet<AssetId<Mesh>>,
+}
+
+/// Brings the scene up to date with the entities.
+pub(crate) fn sync_scene(
+    mut mirror: ResMut<VisibilityScene>,
+    mut lists: Local<Lists>,
+    mut removals: Removals,
+    arrived: Query<Entity, Arrived>,
+    common: Query<Common, Followed>,
+    meshed_occluders: Query<Entity, (Changed<Mesh3d>, With<Occluder>)>,
+    mut mesh_events: MessageReader<AssetEvent<Mesh>>,
+    occluders: Query<(Entity, &Mesh3d), With<Occluder>>,
+    described: Query<Described, Followed>,
+    meshes: Res<Assets<Mesh>>,
+) {
+    let (mirror, lists) = (&mut *mirror, &mut *lists);
+    removals.for_each(|entity| lists.touched.push(entity));
+    lists.touched.extend(&arrived);
+    lists.touched.extend(&meshed_occluders);
+    for event in mesh_events.read() {
+        let (AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event
+        else {
+            continue;
+        };
+        mirror.forget_mesh(*id);
+        lists.changed_meshes.insert(*id);
+    }
+    if !lists.changed_meshes.is_empty() {
+        let changed = |mesh: &Mesh3d| lists.changed_meshes.contains(&mesh.id());
+        lists.touched.extend(occluders.iter().filter(|(_, mesh)| changed(mesh)).map(|(entity, _)| entity));
+        lists.changed_meshes.clear();
+    }
+    find_common_changes(mirror, &common, lists);
+    // Objects are in the scene and their boxes are local where they must be, so these are no errors.
+    let _ = mirror.scene.set_bounds_batch(&lists.moved);
+    let _ = mirror.scene.set_transforms_batch(&lists.moved_occluders);
+    lists.touched.sort_unstable();
+    lists.touched.dedup();
+    for entity in lists.touched.drain(..) {
+        match described.get(entity) {
+            Ok(item) => mirror.describe(item, &meshes),
+            Err(_) => mirror.remove(entity),
+        }
+    }
+    mirror.insert_fresh();
+    mirror.scene.maintain(MAINTENANCE_BUDGET);
+    lists.moved.clear();
+    lists.moved_occluders.clear();
+}
+
+/// The change ticks of a component's column, and what they are compared with.
+#[derive(Clone, Copy)]
+struct Ticks<'a> {
+    /// Empty if the table lacks the component.
+    ticks: &'a [Tick],
+    last_run: Tick,
+    this_run: Tick,
+}
+
+impl<'a> Ticks<'a> {
+    fn changed<T>(column: &ContiguousRef<'a, T>) -> Self {
+        let (last_run, this_run) = (column.last_run_tick(), column.this_run_tick());
+        Self { ticks: column.changed_ticks_slice(), last_run, this_run }
+    }
+
+    fn added<T>(column: &ContiguousRef<'a, T>) -> Self {
+        Self { ticks: column.added_ticks_slice(), ..Self::changed(column) }
+    }
+
+    /// Whether any of these rows is new since the last run. Compiles to vector instructions.
+    fn any(&self, rows: Range<usize>) -> bool {
+        let rows = self.ticks.get(rows).unwrap_or(&[]);
+        rows.iter().filter(|tick| tick.is_newer_than(self.last_run, self.this_run)).count() != 0
+    }
+
+    fn is_new(&self, row: usize) -> bool {
+        self.ticks.get(row).is_some_and(|tick| tick.is_newer_than(self.last_run, self.this_run))
+    }
+}
+
+/// Finds the entities of which a common component changed. Entities that only moved are listed with their
+/// new place, all others in `touched`.
+fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed>, lists: &mut Lists) {
+    // All of these components are stored in tables, so the query is always dense.
+    let Ok(tables) = common.contiguous_iter() else { return };
+    for (entities, transforms, inherited, results, aabbs, layers, classes, occludes) in tables {
+        let nothing = Ticks { ticks: &[], ..Ticks::changed(&transforms) };
+        let boxed = aabbs.as_ref().map_or(nothing, Ticks::changed);
+        let moves = Ticks::changed(&transforms);
+        let others = [
+            Ticks::changed(&inherited),
+            Ticks::added(&results),
+            layers.as_ref().map_or(nothing, Ticks::changed),
+            classes.as_ref().map_or(nothing, Ticks::changed),
+        ];
+        for start in (0..entities.len()).step_by(ROWS) {
+            let rows = start..entities.len().min(start + ROWS);
+            if others.iter().any(|ticks| ticks.any(rows.clone())) {
+                let changed = |&row: &usize| others.iter().any(|ticks| ticks.is_new(row));
+                lists.touched.extend(rows.clone().filter(changed).map(|row| entities[row]));
+            }
+            if !moves.any(rows.clone()) && !boxed.any(rows.clone()) {
+                continue;
+            }
+            for row in rows {
+                if !moves.is_new(row) && !boxed.is_new(row) {
+                    continue;
+                }
+                let (entity, affine) = (entities[row], transforms[row].affine());
+                let aabb = aabbs.as_ref().map(|aabbs| &aabbs[row]);
+                match mirror.object(entity).map(|id| (id, mirror.record(id), aabb)) {
+                    Some((id, record, Some(aabb))) if record.has_box && !occludes => {
+                        lists.moved.push((id, world_box(aabb, &affine)));
+                    }
+                    Some((id, record, _))
+                        if record.is_occluder && !boxed.is_new(row) && can_occlude(&affine) =>
+                    {
+                        lists.moved_occluders.push((id, affine.to_cols_array()));
+                    }
+                    // New to the scene, or another kind of object from now on.
+                    _ => lists.touched.push(entity),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! The scene of `visibility-core` that mirrors the entities of a bevy world.
+
+use crate::camera_view::{OTHER_LAYERS, layer_mask, local_box, world_box};
+use crate::occluder::{Occluder, can_occlude, occluder_of_mesh};
+use bevy_asset::{AssetId, Assets};
+use bevy_camera::primitives::{Aabb as BevyAabb, Sphere};
+use bevy_camera::visibility::{
+    InheritedVisibility, NoCpuCulling, NoFrustumCulling, RenderLayers, ViewVisibility, VisibilityClass,
+    VisibilityRange,
+};
+use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryData;
+use bevy_light::{DirectionalLight, NotShadowCaster};
+use bevy_math::Affine3A;
+use bevy_mesh::morph::MeshMorphWeights;
+use bevy_mesh::skinning::SkinnedMesh;
+use bevy_mesh::{Mesh, Mesh3d};
+use bevy_transform::components::GlobalTransform;
+use std::any::TypeId;
+use std::collections::HashMap;
+use std::sync::Arc;
+use visibility_core::glam::Vec3;
+use visibility_core::scene::{MeshId, ToAffine};
+use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
+
+/// What the scene follows of an entity.
+#[derive(QueryData)]
+pub(crate) struct Described {
+    entity: Entity,
+    inherited: &'static InheritedVisibility,
+    transform: &'static GlobalTransform,
+    aabb: Option<&'static BevyAabb>,
+    sphere: Option<&'static Sphere>,
+    layers: Option<&'static RenderLayers>,
+    classes: Option<&'static VisibilityClass>,
+    mesh: Option<&'static Mesh3d>,
+    occluder: Option<&'static Occluder>,
+    never_cull: Has<NoFrustumCulling>,
+    range: Has<VisibilityRange>,
+    skinned: Has<SkinnedMesh>,
+    morphed: Has<MeshMorphWeights>,
+    casts_no_shadow: Has<NotShadowCaster>,
+    directional_light: Has<DirectionalLight>,
+}
+
+/// The entities that the scene follows: those that bevy culls on the CPU.
+pub(crate) type Followed = (With<ViewVisibility>, Without<NoCpuCulling>);
+
+/// What culling needs of an entity beside what the scene holds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Record {
+    pub(crate) entity: Entity,
+    /// Index into `VisibilityScene::class_lists`.
+    pub(crate) classes: u16,
+    /// Has a `VisibilityRange`, which each view must ask about.
+    pub(crate) has_range: bool,
+    /// On a layer above 30, so that layer masks do not decide.
+    pub(crate) has_other_layers: bool,
+    pub(crate) casts_shadow: bool,
+    /// Placed by a transform of its own in the scene, as its occluder mesh is.
+    pub(crate) is_occluder: bool,
+    /// Bounds follow from the transform and the entity's `Aabb`.
+    pub(crate) has_box: bool,
+}
+
+impl Record {
+    const NONE: Self = Self {
+        entity: Entity::PLACEHOLDER,
+        classes: 0,
+        has_range: false,
+        has_other_layers: false,
+        casts_shadow: false,
+        is_occluder: false,
+        has_box: false,
+    };
+}
+
+/// The mirror of all entities that bevy culls on the CPU: a [`Scene`] whose objects are entities.
+///
+/// [`scene`](Self::scene) answers questions of the game too, by
+/// [`SceneQuery`](visibility_core::queries::SceneQuery): what is along a ray, in a sphere, nearest to a
+/// point.
+#[derive(Resource, Default)]
+pub struct VisibilityScene {
+    pub(crate) scene: Scene,
+    /// By entity index: the object of the entity with this index, or the placeholder.
+    objects: Vec<ObjectId>,
+    /// By object index.
+    records: Vec<Record>,
+    /// All visibility classes of the world.
+    classes: Vec<TypeId>,
+    /// The distinct lists of classes that entities have, as indices into `classes`.
+    class_lists: Vec<Vec<u16>>,
+    meshes: HashMap<AssetId<Mesh>, Option<MeshId>>,
+    custom_meshes: HashMap<usize, (Arc<OccluderMesh>, MeshId)>,
+    /// Occluders that are boxes, by the bits of their corners.
+    box_meshes: HashMap<[u32; 6], Option<MeshId>>,
+    /// Entities to be inserted together, and their boxes.
+    fresh: Vec<(Fresh, Object)>,
+}
+
+struct Fresh {
+    record: Record,
+    occluder: Option<PlacedOccluder>,
+}
+
+/// An occluder mesh, the local box of its entity and the entity's transform.
+#[derive(Clone, Copy)]
+struct PlacedOccluder {
+    mesh: MeshId,
+    local: Aabb,
+    transform: Affine3A,
+}
+
+impl VisibilityScene {
+    /// Returns the scene: the boxes, layers and occluders of all entities.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Returns the object of an entity, or `None` if the scene does not follow the entity: it was spawned
+    /// after the last [sync](crate::CullingSystems::Sync), lacks `GlobalTransform` or `Visibility`, or has
+    /// `NoCpuCulling`.
+    pub fn object(&self, entity: Entity) -> Option<ObjectId> {
+        let id = *self.objects.get(entity.index_u32() as usize)?;
+        (self.records.get(id.index())?.entity == entity).then_some(id)
+    }
+
+    /// Returns the entity of an object, or `None` for an object that is not in the scene.
+    pub fn entity(&self, id: ObjectId) -> Option<Entity> {
+        self.scene.contains(id).then(|| self.records[id.index()].entity)
+    }
+
+    /// Returns the record of an object that is in the scene.
+    #[inline]
+    pub(crate) fn record(&self, id: ObjectId) -> &Record {
+        &self.records[id.index()]
+    }
+
+    /// Returns whether the bounds of an object touch a sphere: true where rounding leaves that open.
+    pub(crate) fn is_touched(&self, id: ObjectId, sphere: &Sphere) -> bool {
+        let Ok(bounds) = self.scene.bounds(id) else { return false };
+        if !bounds.is_proper() {
+            return true;
+        }
+        let center = Vec3::from_array(sphere.center.to_array());
+        let nearest = center.clamp(bounds.min, bounds.max);
+        // Each coordinate of the difference errs by half an epsilon of itself, the square of its length by
+        // less than four, and the square of the radius by another.
+        let is_apart =
+            nearest.distance_squared(center) > sphere.radius * sphere.radius * (1.0 + 8.0 * f32::EPSILON);
+        !is_apart
+    }
+
+    /// Returns all visibility classes of the world. Records and lists refer to them by index.
+    pub(crate) fn classes(&self) -> &[TypeId] {
+        &self.classes
+    }
+
+    /// Returns the classes of a record, as indices of [`classes`](Self::classes).
+    #[inline]
+    pub(crate) fn classes_of(&self, record: &Record) -> &[u16] {
+        &self.class_lists[record.classes as usize]
+    }
+
+    /// Forgets an entity. Does nothing if the scene does not follow it.
+    pub(crate) fn remove(&mut self, entity: Entity) {
+        let Some(id) = self.object(entity) else { return };
+        // Known, so never an error.
+        let _ = self.scene.remove(id);
+        self.records[id.index()] = Record::NONE;
+        self.objects[entity.index_u32() as usize] = ObjectId::PLACEHOLDER;
+    }
+
+    /// Forgets the occluder that was made of a mesh asset, so that the next entity makes it anew.
+    pub(crate) fn forget_mesh(&mut self, asset: AssetId<Mesh>) {
+        self.meshes.remove(&asset);
+    }
+
+    /// Brings the object of an entity up to date with the entity. An entity that is new to the scene is
+    /// inserted by [`insert_fresh`](Self::insert_fresh).
+    pub(crate) fn describe(&mut self, item: DescribedItem, meshes: &Assets<Mesh>) {
+        let affine = item.transform.affine();
+        let layers = if item.inherited.get() { layer_mask(item.layers) } else { 0 };
+        let bounds = match (item.aabb, item.sphere) {
+            // Improper bounds: in view wherever that is, and found by every query.
+            _ if item.never_cull => Aabb::EMPTY,
+            (None, None) => Aabb::EMPTY,
+            (Some(aabb), _) => world_box(aabb, &affine),
+            // As bevy does, takes the sphere's centre as a point of the world.
+            (None, Some(sphere)) => Aabb::from_arrays(
+                (sphere.center - sphere.radius).to_array(),
+                (sphere.center + sphere.radius).to_array(),
+            ),
+        };
+        let occluder = self.occluder(&item, layers, &affine, meshes);
+        let object = Object { layers, occluder: occluder.is_some(), ..Object::new(bounds) };
+        let record = Record {
+            entity: item.entity,
+            classes: self.class_list(item.classes),
+            has_range: item.range,
+            has_other_layers: layers & OTHER_LAYERS != 0,
+            casts_shadow: item.mesh.is_some() && !item.casts_no_shadow && !item.directional_light,
+            is_occluder: occluder.is_some(),
+            has_box: item.aabb.is_some() && !item.never_cull,
+        };
+        match self.object(item.entity) {
+            Some(id) => self.update(id, record, &object, occluder),
+            None => self.fresh.push((Fresh { record, occluder }, object)),
+        }
+    }
+
+    fn update(&mut self, id: ObjectId, record: Record, object: &Object, occluder: Option<PlacedOccluder>) {
+        let scene = &mut self.scene;
+        let Ok(former) = scene.object(id) else { return };
+        self.records[id.index()] = record;
+        // `id` is in the scene and the transform is finite, so nothing below is an error.
+        if former.layers != object.layers {
+            let _ = scene.set_layers(id, object.layers);
+        }
+        if former.occluder != object.occluder {
+            let _ = scene.set_occluder(id, object.occluder);
+        }
+        match occluder {
+            Some(occluder) => place(scene, id, occluder),
+            None => {
+                let _ = scene.set_bounds(id, object.bounds);
+            }
+        }
+    }
+
+    /// Inserts the entities that [`describe`](Self::describe) found to be new, all at once.
+    pub(crate) fn insert_fresh(&mut self) {
+        let ids = self.scene.insert_batch(self.fresh.iter().map(|(_, object)| *object));
+        self.records.resize(self.scene.index_limit(), Record::NONE);
+        for (id, (Fresh { record, occluder }, _)) in ids.into_iter().zip(self.fresh.drain(..)) {
+            let index = record.entity.index_u32() as usize;
+            if self.objects.len() <= index {
+                self.objects.resize(index + 1, ObjectId::PLACEHOLDER);
+            }
+            self.objects[index] = id;
+            self.records[id.index()] = record;
+            if let Some(occluder) = occluder {
+                place(&mut self.scene, id, occluder);
+            }
+        }
+    }
+
+    /// Returns the occluder of an entity that may hide others.
+    fn occluder(
+        &mut self,
+        item: &DescribedItem,
+        layers: u32,
+        affine: &Affine3A,
+        meshes: &Assets<Mesh>,
+    ) -> Option<PlacedOccluder> {
+        let (occluder, aabb) = (item.occluder?, item.aabb?);
+        // The mesh must be drawn in every view that finds the object on its layers, and where the scene has
+        // it.
+        let is_drawn = layers != 0 && layers & OTHER_LAYERS == 0 && !item.range;
+        if !is_drawn || item.never_cull || item.skinned || item.morphed || !can_occlude(affine) {
+            return None;
+        }
+        let local = local_box(aabb);
+        let mesh = match occluder {
+            Occluder::Mesh => self.mesh_of_asset(item.mesh?.id(), meshes)?,
+            Occluder::Box => self.box_mesh(&local)?,
+            Occluder::Custom(mesh) => self.custom_mesh(mesh),
+        };
+        Some(PlacedOccluder { mesh, local, transform: *affine })
+    }
+
+    fn mesh_of_asset(&mut self, asset: AssetId<Mesh>, meshes: &Assets<Mesh>) -> Option<MeshId> {
+        if let Some(&known) = self.meshes.get(&asset) {
+            return known;
+        }
+        let mesh = occluder_of_mesh(meshes.get(asset)?).map(|mesh| self.scene.add_mesh(mesh));
+        self.meshes.insert(asset, mesh);
+        mesh
+    }
+
+    fn box_mesh(&mut self, local: &Aabb) -> Option<MeshId> {
+        let [min, max] = [local.min, local.max].map(|corner| corner.to_array().map(f32::to_bits));
+        let corners = [min[0], min[1], min[2], max[0], max[1], max[2]];
+        *self
+            .box_meshes
+            .entry(corners)
+            .or_insert_with(|| OccluderMesh::cuboid(local).ok().map(|mesh| self.scene.add_mesh(mesh)))
+    }
+
+    fn custom_mesh(&mut self, mesh: &Arc<OccluderMesh>) -> MeshId {
+        // The map keeps the mesh alive, so its address stays its own.
+        let address = Arc::as_ptr(mesh) as usize;
+        let (_, id) = self
+            .custom_meshes
+            .entry(address)
+            .or_insert_with(|| (mesh.clone(), self.scene.add_mesh(OccluderMesh::clone(mesh))));
+        *id
+    }
+
+    /// Returns the index of a list of classes in `class_lists`.
+    fn class_list(&mut self, classes: Option<&VisibilityClass>) -> u16 {
+        let mut list: Vec<u16> = Vec::new();
+        for &class in classes.into_iter().flat_map(|classes| classes.iter()) {
+            let known = self.classes.iter().position(|&known| known == class);
+            let index = known.unwrap_or(self.classes.len());
+            if known.is_none() {
+                self.classes.push(class);
+            }
+            // bevy lists an entity once for each mention of a class. Once is enough.
+            if !list.contains(&(index as u16)) {
+                list.push(index as u16);
+            }
+        }
+        let known = self.class_lists.iter().position(|known| *known == list);
+        known.unwrap_or_else(|| {
+            self.class_lists.push(list);
+            self.class_lists.len() - 1
+        }) as u16
+    }
+}
+
+/// Gives an object of the scene its occluder mesh, and the bounds that follow from its local box.
+fn place(scene: &mut Scene, id: ObjectId, occluder: PlacedOccluder) {
+    let transform = occluder.transform.to_cols_array().to_affine();
+    // Object and mesh are the scene's and the transform is finite, so nothing is an error.
+    let _ = scene.set_local_bounds(id, occluder.local);
+    let _ = scene.set_mesh(id, occluder.mesh, transform);
+}

@@ -1,0 +1,76 @@
+//! Two worlds alike, of which one is culled by bevy and one by this crate.
+#![allow(dead_code, unreachable_pub)]
+
+use bevy_app::{App, TaskPoolPlugin};
+use bevy_asset::{AssetApp, AssetPlugin};
+use bevy_camera::prelude::*;
+use bevy_camera::visibility::VisibleEntities;
+use bevy_ecs::prelude::*;
+use bevy_image::Image;
+use bevy_light::LightPlugin;
+use bevy_mesh::{Mesh3d, MeshPlugin};
+use bevy_transform::TransformPlugin;
+use bevy_transform::prelude::*;
+use std::any::TypeId;
+use std::collections::BTreeSet;
+use visibility_bevy::VisibilityCullingPlugin;
+
+/// The number of an entity, the same in both worlds.
+#[derive(Component, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub struct Number(pub u32);
+
+/// A world culled by bevy, or, with the plugin, by this crate.
+pub fn app(with_plugin: bool) -> App {
+    app_with(with_plugin, |_| {})
+}
+
+/// The same with more plugins.
+pub fn app_with(with_plugin: bool, add_more: impl FnOnce(&mut App)) -> App {
+    let mut app = App::new();
+    app.add_plugins((
+        TaskPoolPlugin::default(),
+        AssetPlugin::default(),
+        MeshPlugin,
+        TransformPlugin,
+        bevy_camera::CameraPlugin,
+    ));
+    app.init_asset::<Image>();
+    app.add_plugins(LightPlugin);
+    if with_plugin {
+        app.add_plugins(VisibilityCullingPlugin);
+    }
+    add_more(&mut app);
+    app.finish();
+    app.cleanup();
+    app
+}
+
+/// Numbers of entities.
+pub fn numbers<'a>(app: &App, entities: impl IntoIterator<Item = &'a Entity>) -> BTreeSet<Number> {
+    entities.into_iter().filter_map(|&entity| app.world().get::<Number>(entity).copied()).collect()
+}
+
+/// The entity with a number.
+pub fn entity(app: &mut App, number: Number) -> Option<Entity> {
+    let mut all = app.world_mut().query::<(Entity, &Number)>();
+    all.iter(app.world()).find(|(_, own)| **own == number).map(|(entity, _)| entity)
+}
+
+/// What a camera lists as visible meshes. The list must be sorted and without repetition.
+pub fn seen_by(app: &mut App, camera: Number) -> BTreeSet<Number> {
+    let camera = entity(app, camera).unwrap();
+    let list = app.world().get::<VisibleEntities>(camera).unwrap().get(TypeId::of::<Mesh3d>());
+    assert!(list.is_sorted_by(|a, b| a < b), "bevy's renderer compares sorted lists");
+    numbers(app, list)
+}
+
+/// What is visible in any view.
+pub fn seen_by_any(app: &mut App) -> BTreeSet<Number> {
+    let mut all = app.world_mut().query::<(&Number, &ViewVisibility)>();
+    all.iter(app.world()).filter(|(_, result)| result.get()).map(|(number, _)| *number).collect()
+}
+
+/// What an entity of class `Mesh3d` needs, without an asset.
+pub fn drawn(number: u32, transform: Transform) -> impl Bundle {
+    (Number(number), Mesh3d::default(), transform)
+}

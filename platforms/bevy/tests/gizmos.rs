@@ -1,0 +1,51 @@
+//! Gizmos are drawn for what a camera culled, while it is asked to show that.
+#![cfg(feature = "gizmos")]
+
+mod common;
+
+use bevy_asset::Assets;
+use bevy_camera::prelude::*;
+use bevy_camera::primitives::Aabb;
+use bevy_gizmos::{GizmoAsset, GizmoHandles, GizmoPlugin};
+use bevy_math::{Vec3, Vec3A};
+use bevy_transform::prelude::*;
+use common::*;
+use visibility_bevy::Occluder;
+use visibility_bevy::gizmos::{CullingGizmosPlugin, ShowCulled};
+
+/// Colours, as bits, of the line ends that the last frame drew.
+fn drawn_colors(app: &mut bevy_app::App) -> Vec<[u32; 3]> {
+    app.update();
+    let assets = app.world().resource::<Assets<GizmoAsset>>();
+    let handles = app.world().resource::<GizmoHandles>().handles();
+    let buffers =
+        handles.values().flatten().filter_map(|handle| assets.get(handle)).map(|asset| asset.buffer());
+    buffers
+        .flat_map(|buffer| buffer.list_colors.iter().chain(&buffer.strip_colors))
+        // Strips are told apart by a colour that is not a number.
+        .filter(|color| !color.red.is_nan())
+        .map(|color| [color.red, color.green, color.blue].map(f32::to_bits))
+        .collect()
+}
+
+#[test]
+fn culled_boxes_are_drawn_in_the_colour_of_their_culler() {
+    let mut app = app_with(true, |app| {
+        app.add_plugins((GizmoPlugin, CullingGizmosPlugin));
+    });
+    let camera = app.world_mut().spawn((Camera3d::default(), Transform::default())).id();
+    let cube = || Aabb { center: Vec3A::ZERO, half_extents: Vec3A::splat(0.5) };
+    let wall = Transform::from_xyz(0.0, 0.0, -5.0).with_scale(Vec3::new(8.0, 8.0, 0.2));
+    app.world_mut().spawn((drawn(0, wall), cube(), Occluder::Box));
+    app.world_mut().spawn((drawn(1, Transform::from_xyz(0.0, 0.0, 10.0)), cube()));
+    assert!(drawn_colors(&mut app).is_empty());
+    app.world_mut().entity_mut(camera).insert(ShowCulled);
+    let frustum_only = drawn_colors(&mut app);
+    assert!(!frustum_only.is_empty() && frustum_only.iter().all(|color| *color == frustum_only[0]));
+    app.world_mut().spawn((drawn(2, Transform::from_xyz(0.0, 0.0, -10.0)), cube()));
+    let both = drawn_colors(&mut app);
+    assert_eq!(both.len(), 2 * frustum_only.len());
+    assert_eq!(both.iter().filter(|color| **color == frustum_only[0]).count(), frustum_only.len());
+    app.world_mut().entity_mut(camera).remove::<ShowCulled>();
+    assert!(drawn_colors(&mut app).is_empty());
+}

@@ -1,0 +1,238 @@
+//! Occluders hide what is behind them and nothing else: every hidden entity that is in view has all its lines
+//! of sight blocked, by an oracle in `f64` that shares no code with the culler. Entities come back when an
+//! occluder no longer hides them, for whatever reason.
+
+mod common;
+
+use bevy_asset::{Assets, Handle};
+use bevy_camera::prelude::*;
+use bevy_camera::primitives::{Aabb, Frustum};
+use bevy_camera::visibility::{NoFrustumCulling, RenderLayers, VisibilityRange};
+use bevy_ecs::prelude::*;
+use bevy_math::{Affine3A, DAffine3, DVec3, Quat, Vec3};
+use bevy_mesh::skinning::SkinnedMesh;
+use bevy_mesh::{Mesh, Mesh3d, MeshBuilder, Meshable};
+use bevy_shape::Cuboid;
+use bevy_transform::prelude::*;
+use common::*;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use visibility_bevy::{CullingPipeline, Occluder, VisibilityScene};
+use visibility_core::OccluderMesh;
+use visibility_testing::Random;
+
+const CAMERA: Number = Number(1_000_000);
+
+/// Whether the segment from `eye` to `point` passes through a box under a transform: the method of slabs, in
+/// the box's own coordinates. The box is smaller by a millionth, so that grazing lines do not count.
+fn blocks(wall: &(DAffine3, DVec3), eye: DVec3, point: DVec3) -> bool {
+    let (transform, half) = wall;
+    let inverse = transform.inverse();
+    let (from, to) = (inverse.transform_point3(eye), inverse.transform_point3(point));
+    let half = *half * (1.0 - 1e-6);
+    let (mut first, mut last) = (0.0f64, 1.0f64);
+    for axis in 0..3 {
+        let (start, along) = (from[axis], to[axis] - from[axis]);
+        if along == 0.0 {
+            if start.abs() > half[axis] {
+                return false;
+            }
+            continue;
+        }
+        let (a, b) = ((-half[axis] - start) / along, (half[axis] - start) / along);
+        first = first.max(a.min(b));
+        last = last.min(a.max(b));
+    }
+    first < last
+}
+
+fn spawn_walls(world: &mut World, random: &mut Random, mesh: &Handle<Mesh>) {
+    for number in 0..12 {
+        let transform = Transform {
+            translation: Vec3::new(0.0, 0.0, -12.0) + random.vec3(-8.0, 8.0) * Vec3::new(2.0, 0.5, 1.0),
+            rotation: Quat::from_rotation_y(random.range(-1.0, 1.0) as f32),
+            scale: Vec3::new(6.0, 6.0, 0.5),
+        };
+        let occluder = match number % 3 {
+            0 => Occluder::Mesh,
+            1 => Occluder::Box,
+            _ => {
+                let unit = visibility_core::Aabb::from_arrays([-0.5; 3], [0.5; 3]);
+                Occluder::Custom(Arc::new(OccluderMesh::cuboid(&unit).unwrap()))
+            }
+        };
+        world.spawn((Number(number), Mesh3d(mesh.clone()), transform, occluder));
+    }
+}
+
+fn spawn_things(world: &mut World, random: &mut Random, mesh: &Handle<Mesh>) {
+    for number in 100..2100 {
+        let turn = Quat::from_rotation_x(random.range(0.0, 3.0) as f32);
+        let transform = Transform::from_translation(random.vec3(-40.0, 40.0)).with_rotation(turn);
+        world.spawn((Number(number), Mesh3d(mesh.clone()), transform));
+    }
+}
+
+#[test]
+fn only_what_no_line_of_sight_reaches_is_hidden() {
+    let mut app = app(true);
+    let mut random = Random(11);
+    let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(1.0).mesh().build());
+    spawn_walls(app.world_mut(), &mut random, &mesh);
+    spawn_things(app.world_mut(), &mut random, &mesh);
+    app.world_mut().spawn((CAMERA, Camera3d::default(), Transform::default()));
+    let (mut hidden, mut visible) = (0, 0);
+    for _ in 0..24 {
+        // Everything moves: camera, walls, things.
+        let camera = entity(&mut app, CAMERA).unwrap();
+        let eye = random.vec3(-3.0, 3.0);
+        app.world_mut().entity_mut(camera).insert(
+            Transform::from_translation(eye).looking_at(random.vec3(-6.0, 6.0) - 20.0 * Vec3::Z, Vec3::Y),
+        );
+        let mut moved = app.world_mut().query_filtered::<&mut Transform, With<Mesh3d>>();
+        for mut transform in moved.iter_mut(app.world_mut()) {
+            transform.translation += random.vec3(-0.5, 0.5);
+        }
+        app.update();
+        let (seen, world) = (seen_by(&mut app, CAMERA), app.world_mut());
+        let placed = |transform: &GlobalTransform| {
+            let affine = transform.affine();
+            DAffine3::from_cols_array(&affine.to_cols_array().map(f64::from))
+        };
+        let mut walls = world.query_filtered::<&GlobalTransform, With<Occluder>>();
+        let walls: Vec<_> =
+            walls.iter(world).map(|transform| (placed(transform), DVec3::splat(0.5))).collect();
+        let frustum = *world.get::<Frustum>(camera).unwrap();
+        let mut all = world.query::<(&Number, &GlobalTransform, &Aabb)>();
+        let all: Vec<_> = all.iter(world).map(|(number, at, aabb)| (*number, *at, *aabb)).collect();
+        for (number, transform, aabb) in all {
+            visible += usize::from(seen.contains(&number));
+            if seen.contains(&number) || !frustum.intersects_obb(&aabb, &transform.affine(), true, false) {
+                continue;
+            }
+            hidden += 1;
+            for _ in 0..40 {
+                let local = random.vector(0.5);
+                let point = placed(&transform).transform_point3(local);
+                let is_blocked = walls.iter().any(|wall| blocks(wall, eye.as_dvec3(), point));
+                // What is outside of the picture is hidden by its border.
+                let point = Aabb { center: point.as_vec3a(), half_extents: Default::default() };
+                let is_in_picture = frustum.intersects_obb(&point, &Affine3A::IDENTITY, true, false);
+                assert!(is_blocked || !is_in_picture, "{number:?} at {point:?} is visible from {eye}");
+            }
+        }
+    }
+    assert!(hidden > 1000 && visible > 500, "{hidden} hidden, {visible} visible");
+}
+
+/// A world with a wall, number 0, before a thing, number 1.
+fn wall_before_thing(occluder: Occluder) -> bevy_app::App {
+    let mut app = app(true);
+    let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(1.0).mesh().build());
+    let wall = Transform::from_xyz(0.0, 0.0, -5.0).with_scale(Vec3::new(8.0, 8.0, 0.2));
+    app.world_mut().spawn((Number(0), Mesh3d(mesh.clone()), wall, occluder));
+    app.world_mut().spawn((Number(1), Mesh3d(mesh), Transform::from_xyz(0.0, 0.0, -10.0)));
+    app.world_mut().spawn((CAMERA, Camera3d::default(), Transform::default()));
+    app.update();
+    app
+}
+
+fn is_seen(app: &mut bevy_app::App, number: u32) -> bool {
+    app.update();
+    let seen = seen_by(app, CAMERA);
+    assert_eq!(seen, {
+        let camera: BTreeSet<Number> = [CAMERA].into();
+        seen_by_any(app).difference(&camera).copied().collect()
+    });
+    seen.contains(&Number(number))
+}
+
+/// A change of a wall after which it hides nothing, and how to take it back.
+type Change = (&'static str, fn(&mut EntityWorldMut), fn(&mut EntityWorldMut));
+
+#[test]
+fn hidden_entities_come_back_when_the_wall_no_longer_hides_them() {
+    let changes: [Change; 9] = [
+        ("moves away", |wall| move_by(wall, 20.0), |wall| move_by(wall, -20.0)),
+        ("no occluder", drop_component::<Occluder>, |wall| add(wall, Occluder::Box)),
+        ("hidden", |wall| add(wall, Visibility::Hidden), |wall| add(wall, Visibility::Inherited)),
+        ("layer", |wall| add(wall, RenderLayers::layer(2)), drop_component::<RenderLayers>),
+        ("high layer", |wall| add(wall, RenderLayers::layer(40)), drop_component::<RenderLayers>),
+        ("range", |wall| add(wall, VisibilityRange::abrupt(50.0, 90.0)), drop_component::<VisibilityRange>),
+        ("skinned", |wall| add(wall, SkinnedMesh::default()), drop_component::<SkinnedMesh>),
+        ("mirrored", |wall| scale(wall, -8.0), |wall| scale(wall, 8.0)),
+        ("unculled", |wall| add(wall, NoFrustumCulling), drop_component::<NoFrustumCulling>),
+    ];
+    for occluder in [Occluder::Mesh, Occluder::Box] {
+        let mut app = wall_before_thing(occluder);
+        for (name, there, back) in changes {
+            assert!(!is_seen(&mut app, 1), "before {name}");
+            let wall = entity(&mut app, Number(0)).unwrap();
+            there(&mut app.world_mut().entity_mut(wall));
+            assert!(is_seen(&mut app, 1), "{name}");
+            assert!(is_seen(&mut app, 1), "{name}, a frame later");
+            back(&mut app.world_mut().entity_mut(wall));
+        }
+        assert!(!is_seen(&mut app, 1));
+        let wall = entity(&mut app, Number(0)).unwrap();
+        app.world_mut().despawn(wall);
+        assert!(is_seen(&mut app, 1), "despawned");
+    }
+}
+
+fn add(wall: &mut EntityWorldMut, component: impl Component) {
+    wall.insert(component);
+}
+
+fn drop_component<C: Component>(wall: &mut EntityWorldMut) {
+    wall.remove::<C>();
+}
+
+fn move_by(wall: &mut EntityWorldMut, x: f32) {
+    wall.get_mut::<Transform>().unwrap().translation.x += x;
+}
+
+fn scale(wall: &mut EntityWorldMut, x: f32) {
+    wall.get_mut::<Transform>().unwrap().scale.x = x;
+}
+
+#[test]
+fn a_mesh_that_is_loaded_late_or_changed_is_followed() {
+    let mut app = wall_before_thing(Occluder::Mesh);
+    assert!(!is_seen(&mut app, 1));
+    let wall = entity(&mut app, Number(0)).unwrap();
+    let late = app.world().resource::<Assets<Mesh>>().reserve_handle();
+    app.world_mut().entity_mut(wall).insert(Mesh3d(late.clone()));
+    assert!(is_seen(&mut app, 1), "no mesh yet");
+    let whole = || Cuboid::from_length(1.0).mesh().build();
+    app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, whole()).unwrap();
+    assert!(!is_seen(&mut app, 1), "loaded");
+    let narrow = Cuboid::new(0.01, 1.0, 1.0).mesh().build();
+    app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, narrow).unwrap();
+    assert!(is_seen(&mut app, 1), "changed");
+    app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, whole()).unwrap();
+    assert!(!is_seen(&mut app, 1), "changed back");
+}
+
+#[test]
+fn cameras_choose_their_cullers() {
+    let mut app = wall_before_thing(Occluder::Mesh);
+    let camera = entity(&mut app, CAMERA).unwrap();
+    assert!(!is_seen(&mut app, 1));
+    app.world_mut().entity_mut(camera).insert(CullingPipeline::frustum());
+    assert!(is_seen(&mut app, 1));
+    app.world_mut().entity_mut(camera).insert(CullingPipeline::occlusion(usize::MAX, 0));
+    assert!(!is_seen(&mut app, 1));
+    let thing = entity(&mut app, Number(1)).unwrap();
+    let id = app.world().resource::<VisibilityScene>().object(thing).unwrap();
+    assert_eq!(app.world().resource::<VisibilityScene>().entity(id), Some(thing));
+    let mut culling = app.world_mut().get_mut::<CullingPipeline>(camera).unwrap();
+    culling.pipeline_mut().set_explaining(true);
+    assert!(!is_seen(&mut app, 1));
+    let culling = app.world().get::<CullingPipeline>(camera).unwrap();
+    assert_eq!(culling.pipeline().explain(id).to_string(), "removed by hzb");
+    let scene = app.world().resource::<VisibilityScene>();
+    assert_eq!(culling.culled(scene).collect::<Vec<_>>(), [(thing, "hzb")]);
+    app.world_mut().entity_mut(camera).remove::<CullingPipeline>();
+    assert!(is_seen(&mut app, 1), "by the frustum alone");
+}

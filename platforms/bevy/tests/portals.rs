@@ -1,0 +1,68 @@
+//! A camera culls by portals, and the game opens and shuts a door of the culler that it shares.
+
+mod common;
+
+use bevy_camera::prelude::*;
+use bevy_camera::primitives::Aabb;
+use bevy_math::{Vec3, Vec3A};
+use bevy_transform::prelude::*;
+use common::*;
+use visibility_bevy::{CullingPipeline, Shared};
+use visibility_core::cells::PortalId;
+use visibility_core::geometry::ConvexPolygon;
+use visibility_core::glam::DVec2;
+use visibility_core::pvs::Viewcells;
+use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
+use visibility_portals::{PortalCuller, SceneCells};
+
+const CAMERA: Number = Number(1_000_000);
+
+/// Two rooms, z up, with a door between them from y = 1 to 2.
+fn two_rooms() -> SceneCells {
+    let wall = |a: [f64; 2], b: [f64; 2]| [DVec2::from(a), DVec2::from(b)];
+    let plan = [
+        wall([0.0, 0.0], [8.0, 0.0]),
+        wall([0.0, 4.0], [8.0, 4.0]),
+        wall([0.0, 0.0], [0.0, 4.0]),
+        wall([8.0, 0.0], [8.0, 4.0]),
+        wall([4.0, 0.0], [4.0, 1.0]),
+        wall([4.0, 2.0], [4.0, 4.0]),
+    ];
+    let rooms = from_walls(&floor_plan(&plan, 0.0, 3.0).unwrap(), &WallSettings::default()).unwrap();
+    SceneCells::new(rooms.graph, Viewcells::new(rooms.viewcells), 1e-6).unwrap()
+}
+
+#[test]
+fn what_is_in_another_room_is_seen_through_the_door_alone() {
+    let mut app = app(true);
+    let portals = Shared::new(PortalCuller::new(two_rooms()));
+    let culling = CullingPipeline::frustum().with(portals.clone());
+    let at = Transform::from_xyz(1.0, 1.5, 1.5).looking_at(Vec3::new(7.0, 1.5, 1.0), Vec3::Z);
+    let lens = PerspectiveProjection { fov: 1.5, ..Default::default() };
+    app.world_mut().spawn((CAMERA, Camera3d::default(), Projection::Perspective(lens), at, culling));
+    for (number, x, y) in [(0, 6.25, 1.5), (1, 4.75, 3.25), (2, 2.0, 1.5)] {
+        let thing = Aabb { center: Vec3A::ZERO, half_extents: Vec3A::splat(0.25) };
+        app.world_mut().spawn((drawn(number, Transform::from_xyz(x, y, 1.0)), thing));
+    }
+    let seen = |app: &mut bevy_app::App| {
+        app.update();
+        seen_by(app, CAMERA).into_iter().map(|Number(number)| number).collect::<Vec<_>>()
+    };
+    assert_eq!(seen(&mut app), [0, 2], "1 is behind the wall beside the door");
+    let set_door = |open: bool| {
+        let mut portals = portals.lock();
+        let is_door = |polygon: &ConvexPolygon| polygon.vertices().iter().all(|vertex| vertex.x == 4.0);
+        let all = portals.cells().graph().portals().iter().zip(0..);
+        let doors: Vec<_> =
+            all.filter(|(portal, _)| is_door(portal.polygon())).map(|(_, i)| PortalId(i)).collect();
+        assert!(!doors.is_empty());
+        doors.into_iter().for_each(|door| portals.cells_mut().set_open(door, open).unwrap());
+    };
+    set_door(false);
+    assert_eq!(seen(&mut app), [2], "the door is shut");
+    set_door(true);
+    assert_eq!(seen(&mut app), [0, 2]);
+    let two = entity(&mut app, Number(2)).unwrap();
+    app.world_mut().entity_mut(two).insert(Transform::from_xyz(4.75, 3.25, 1.0));
+    assert_eq!(seen(&mut app), [0], "moved out of sight");
+}
