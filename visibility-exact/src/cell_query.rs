@@ -31,6 +31,8 @@ const ALL_TRIANGLES: u32 = 8000;
 /// and overlap by little more than the clearance, a node holds no line, but only small parts of it show that.
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
 const ALL_PATIENT: u32 = 4000;
+/// Rays past an object that was seen, by up to its size.
+const PAST: u32 = 32;
 /// Nodes for the visible share of an object.
 const SHARE: u32 = 2000;
 
@@ -112,19 +114,35 @@ impl<'a> CellQuery<'a> {
         false
     }
 
+    /// Looks along uniform rays, and from where one has found an object past that object's box: what is next
+    /// to be seen is often beside it.
     fn uniform_rays(&mut self) {
-        for _ in 0..self.settings.rays {
+        let mut left = self.settings.rays;
+        let mut found = Vec::new();
+        while left > 0 {
+            left -= 1;
             self.rays += 1;
             let (p, d) = self.search.cell.uniform_ray(&mut self.random);
-            self.see_first(p, d);
+            found.extend(self.see_first(p, d).map(|object| (p, object)));
+            while let Some((p, object)) = found.pop() {
+                let entry = &self.search.triangles.objects[object];
+                let (center, half) = ((entry.min + entry.max) * 0.5, (entry.max - entry.min) * 0.5);
+                for _ in 0..PAST.min(left) {
+                    left -= 1;
+                    self.rays += 1;
+                    let wider = 1.05 + 2.0 * self.random.unit().powi(2);
+                    let to = center + half * wider * self.random.on_cube();
+                    let from = self.search.cell.exit(p, to);
+                    found.extend(self.see_first(from, to - from).map(|object| (from, object)));
+                }
+            }
         }
     }
 
-    /// Looks along a ray and records what it meets first.
-    fn see_first(&mut self, p: DVec3, d: DVec3) {
-        if let Some((distance, t)) = self.search.triangles.tree.nearest(p, d) {
-            self.see(p, p + d * distance, t);
-        }
+    /// Looks along a ray and records what it meets first. Returns the object if it was not seen before.
+    fn see_first(&mut self, p: DVec3, d: DVec3) -> Option<usize> {
+        let (distance, t) = self.search.triangles.tree.nearest(p, d)?;
+        self.see(p, p + d * distance, t).then(|| self.search.triangles.object_of(t))
     }
 
     /// Records that a segment sees a point of a triangle, if its object was not seen and the segment

@@ -44,6 +44,14 @@ impl Random {
         }
     }
 
+    /// Returns a point on the cube from -1 to 1.
+    pub(crate) fn on_cube(&mut self) -> DVec3 {
+        let mut x = self.vector() * 2.0 - 1.0;
+        let side = self.below(6);
+        x[side / 2] = if side % 2 == 1 { 1.0 } else { -1.0 };
+        x
+    }
+
     /// Returns a point of a triangle, uniform by area.
     pub(crate) fn in_triangle(&mut self, t: &[DVec3; 3]) -> DVec3 {
         let (a, b) = (self.unit(), self.unit());

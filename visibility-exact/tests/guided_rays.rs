@@ -1,0 +1,23 @@
+//! Rays go on from what they have found.
+
+mod common;
+
+use common::{cuboid, prepared};
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_exact::{Effort, ExactCuller, Settings};
+
+/// A far cluster of 400 boxes in a two thousandth of the sphere of directions: of twenty thousand rays in all
+/// directions a few meet a box, and those past what they find see most others.
+#[test]
+fn few_rays_find_most_of_a_far_cluster() {
+    let boxes = (0..400).map(|k| {
+        let min = DVec3::new(100.0, f64::from(k % 20) * 0.35, f64::from(k / 20) * 0.35);
+        cuboid(min, min + 0.25)
+    });
+    let triangles = prepared(&boxes.collect::<Vec<_>>());
+    let settings = Settings { rays: 20_000, ..Settings::new(Effort::Rays(0)) };
+    let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+    let [seen, _, open] = ExactCuller::new(triangles, settings).verdicts(&cell).counts();
+    assert!(seen > 200 && seen + open == 400, "{seen}");
+}
