@@ -241,8 +241,11 @@ fn greater(a: f32, b: f32) -> f32 {
 }
 
 /// Returns a mask of the numbers less than zero, bit i for `values[i]`. Negative zero and NaN give 0. Scalar
-/// version, for targets without SSE2.
-#[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
+/// version, for targets with neither SSE2 nor SIMD of WebAssembly.
+#[cfg(not(any(
+    all(target_arch = "x86_64", target_feature = "sse2"),
+    all(target_arch = "wasm32", target_feature = "simd128")
+)))]
 #[inline(always)]
 fn signs_portable(values: &[f32; 16]) -> u64 {
     let mut mask = 0u16;
@@ -265,6 +268,20 @@ fn signs_portable(values: &[f32; 16]) -> u64 {
         // and needs no alignment.
         let bits = unsafe { _mm_movemask_ps(_mm_cmplt_ps(_mm_loadu_ps(part.as_ptr()), _mm_setzero_ps())) };
         mask |= u64::from(bits as u32) << (4 * i);
+    }
+    mask
+}
+
+/// Returns a mask of the numbers less than zero, bit i for `values[i]`. Negative zero and NaN give 0. For
+/// WebAssembly built with SIMD.
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+#[inline(always)]
+fn signs_portable(values: &[f32; 16]) -> u64 {
+    use core::arch::wasm32::{f32x4, f32x4_lt, f32x4_splat, i32x4_bitmask};
+    let mut mask = 0;
+    for (i, &[a, b, c, d]) in values.as_chunks::<4>().0.iter().enumerate() {
+        let negative = f32x4_lt(f32x4(a, b, c, d), f32x4_splat(0.0));
+        mask |= u64::from(i32x4_bitmask(negative)) << (4 * i);
     }
     mask
 }

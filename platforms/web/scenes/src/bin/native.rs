@@ -110,9 +110,10 @@ fn times(name: &str) -> Result<(), Box<dyn std::error::Error>> {
     let (scene, views) = (fill(&source)?, views(&source)?);
     let mut visible = VisibleSet::new();
     for (label, mut pipeline) in pipelines(&source)? {
-        // The least of several rounds: others use the machine, too.
+        // The least of many rounds: others use the machine, too.
         let mut least = f64::INFINITY;
-        for _ in 0..20 {
+        let begin = Instant::now();
+        while begin.elapsed().as_secs_f64() < 3.0 {
             let start = Instant::now();
             views.iter().for_each(|view| {
                 pipeline.cull(&scene, view, &mut visible);
