@@ -35,6 +35,9 @@ pub mod c_library {}
 #[doc = include_str!("../guide/bevy.md")]
 pub mod bevy {}
 
+#[doc = include_str!("../guide/web.md")]
+pub mod web {}
+
 #[doc = include_str!("../guide/accuracy.md")]
 pub mod accuracy {}
 

@@ -54,7 +54,10 @@ export class Flyer {
   #pointers = new Map();
   #wheel = 0;
 
-  /** Listens to keys of the page, and to pointers on a canvas. Calls `taken` when a person takes over. */
+  /**
+   * Listens to keys of the page, and to pointers on a canvas. Calls `taken` when a person takes over, with `"wheel"` if
+   * by the wheel.
+   */
   constructor(canvas, taken) {
     addEventListener("keydown", ({ code, target, ctrlKey, metaKey }) => {
       if (ctrlKey || metaKey || target instanceof HTMLSelectElement || !(code in KEYS || code.startsWith("Shift"))) return;
@@ -83,7 +86,7 @@ export class Flyer {
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.#wheel -= event.deltaY / 100;
-      taken();
+      taken("wheel");
     }, { passive: false });
   }
 
@@ -104,10 +107,16 @@ export class Flyer {
     [this.yaw, this.pitch] = [Math.atan2(y, x), Math.asin(z)];
   }
 
-  /** Moves for so many seconds. */
-  move(seconds) {
-    let [right, up, forth] = [0, 0, 2 * this.#wheel];
+  /** Returns how many notches the wheel has turned since the last call. */
+  takeWheel() {
+    const wheel = this.#wheel;
     this.#wheel = 0;
+    return wheel;
+  }
+
+  /** Moves for so many seconds, and so many notches of the wheel ahead. */
+  move(seconds, notches) {
+    let [right, up, forth] = [0, 0, 2 * notches];
     const fast = [...this.#keys].some((code) => code.startsWith("Shift")) ? 4 : 1;
     for (const code of this.#keys) {
       const [x, y, z] = KEYS[code] ?? [0, 0, 0];

@@ -33,6 +33,8 @@ let lists, keys, scene, cells, pipeline, view, visible;
 let key = 0;
 /** The camera of the walk; null once a person flies. */
 let still = null;
+/** Metres from the lower to the upper edge of the view from above. */
+let mapHeight = 80;
 let times = [];
 let last = performance.now();
 
@@ -82,7 +84,7 @@ function toggle(name, on = !toggles[name]) {
 /** Returns the camera of this frame, after `seconds`. */
 function moved(seconds) {
   if (toggles.walk) goTo(key + seconds * KEYS_PER_SECOND);
-  if (!still) flyer.move(seconds);
+  if (!still) flyer.move(seconds, toggles.above ? 0 : flyer.takeWheel());
   const { fovY, near } = keys[Math.floor(key)];
   return { ...(still ?? flyer.camera), fovY, near, aspect: canvas.width / canvas.height };
 }
@@ -120,13 +122,14 @@ function frame(now) {
     const { eye } = state.frozen ?? camera;
     const above = { eye: add(camera.eye, [0, 0, 1 + eye[2] - camera.eye[2]]), target: [...camera.eye.slice(0, 2), -100] };
     const map = { ...above, up: [0, 1, 0], aspect: camera.aspect };
-    matrix = orthographic(map, 80, 200);
+    mapHeight = Math.max(10, Math.min(1000, mapHeight * 0.9 ** flyer.takeWheel()));
+    matrix = orthographic(map, mapHeight, 200);
   }
   renderer.begin(toggles.above ? GROUND : SKY);
   if (toggles.above) renderer.draw("faint", matrix, renderer.all);
   state.triangles = renderer.draw("shaded", matrix, indices);
   if (toggles.above || state.frozen) renderer.drawLines(matrix, edges(state.frozen ?? camera, 40));
-  const judged = toggles.measure ? renderer.measure(perspective(camera), indices) : null;
+  const judged = toggles.measure ? renderer.measure(perspective(state.frozen ?? camera), indices) : null;
   Object.assign(state, { visible: indices.length, key, ...judged, frames: state.frames + 1 });
   state.milliseconds = times.reduce((sum, time) => sum + time, 0) / times.length;
   element("numbers").textContent = report(judged);
@@ -161,7 +164,9 @@ async function start() {
   if (!response.ok) throw new Error(`cannot fetch scenes.wasm: status ${response.status}. Run ./build first.`);
   [visibility, recipes] = await Promise.all([load({ simd128 }), loadRecipes(await response.arrayBuffer())]);
   renderer = new Renderer(canvas);
-  flyer = new Flyer(canvas, () => {
+  flyer = new Flyer(canvas, (by) => {
+    // From above, the wheel zooms.
+    if (by === "wheel" && toggles.above) return;
     still = null;
     toggle("walk", false);
   });

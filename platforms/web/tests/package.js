@@ -193,6 +193,17 @@ for (const simd128 of [false, true]) {
   });
 }
 
+test("the README's program runs", async () => {
+  const readme = await readFile(new URL("../README.md", import.meta.url), "utf8");
+  const [, program] = readme.match(/^```js\n([\s\S]*?)^```$/m);
+  const lines = [];
+  const body = program.replace(/^import .*$/m, "");
+  const AsyncFunction = (async () => {}).constructor;
+  const names = { Depth, Flag, indexOf, load, console: { log: (line) => lines.push(line) } };
+  await new AsyncFunction(...Object.keys(names), body)(...Object.values(names));
+  assert.deepEqual(lines, ["draw object 0", "object 1 is behind the wall"]);
+});
+
 test("the declaration names what there is", async () => {
   assert.ok(hasSimd128());
   const declaration = await readFile(new URL("../package/visibility.d.ts", import.meta.url), "utf8");
