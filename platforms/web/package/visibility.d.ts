@@ -1,14 +1,18 @@
 // Which objects can this camera see?
 //
-// Matrices have 16 numbers, column-major, and multiply column vectors: element [4 * column + row], as in WebGL,
-// three.js and gl-matrix. Axes, handedness and units are yours; where metres are written, any unit of length serves.
+// Matrices have 16 numbers, column-major, and multiply column vectors: element [4 * column + row], as in
+// WebGL, three.js and gl-matrix. Axes, handedness and units are yours; where metres are written, any unit of
+// length serves.
 //
 // A call that fails throws a `VisibilityError` and has changed nothing. Arrays that are passed are not kept.
 
 export type Triple = readonly [number, number, number] | ArrayLike<number>;
 /** A list of numbers: a typed array, or a plain one. */
 export type Numbers = ArrayLike<number>;
-/** Id of an object. `indexOf(id)` is small and dense, for arrays; a removed object's index comes back, its id never. */
+/**
+ * Id of an object. `indexOf(id)` is small and dense, for arrays; a removed object's index comes back, its id
+ * never.
+ */
 export type ObjectId = bigint;
 /** Id of an occluder mesh of a scene. */
 export type MeshId = bigint;
@@ -78,7 +82,10 @@ export interface Box {
   max: Triple;
 }
 
-/** A convex volume: a box, without what planes cut off it. Of a plane [a, b, c, d], a x + b y + c z + d >= 0 is kept. */
+/**
+ * A convex volume: a box, without what planes cut off it. Of a plane [a, b, c, d], a x + b y + c z + d >= 0
+ * is kept.
+ */
 export interface Volume extends Box {
   planes?: readonly Numbers[];
 }
@@ -134,24 +141,29 @@ export interface Visibility {
   createPipeline(): Pipeline;
   /** Creates a set for the results of one view; with `changes`, it also tells what appeared and vanished. */
   createVisible(options?: { changes?: boolean }): Visible;
-  /** Creates a software renderer of so many pixels that judges results: for tests and tools, not for frames. */
+  /**
+   * Creates a software renderer of so many pixels that judges results: for tests and tools, not for frames.
+   */
   createJudge(width: number, height: number): Judge;
   /** Creates a graph of convex cells and of the portals between them. */
   createGraph(cellCount: number, portals: readonly Portal[]): Graph;
   /** Creates a graph from the text of a portal file of a map compiler: PRT1, PRT2 or PRT1-AM. */
   readPrt(text: string): Graph;
   /**
-   * Creates the cells of a building from a graph and the volumes of its cells. `tolerance` is the distance by which
-   * portals and volumes may be misplaced, 1e-6 by default. All portals are open.
+   * Creates the cells of a building from a graph and the volumes of its cells. `tolerance` is the distance by
+   * which portals and volumes may be misplaced, 1e-6 by default. All portals are open.
    */
   createCells(graph: Graph, volumes: readonly Volume[], options?: { tolerance?: number }): Cells;
   /** Loads a baked set from bytes that any tool of the family has stored. */
   readPvs(bytes: Uint8Array): Pvs;
-  /** Creates a set of objects: row `i` has the targets, ascending and below `targetCount`, that viewcell `i` sees. */
+  /**
+   * Creates a set of objects: row `i` has the targets, ascending and below `targetCount`, that viewcell `i`
+   * sees.
+   */
   createPvs(targetCount: number, rows: readonly Numbers[]): Pvs;
   /**
-   * Prepares a set for the present state of a scene. `targets[i]` is a target of object `ids[i]`; an object may have
-   * several. Objects without a target, and objects that change later, are never hidden.
+   * Prepares a set for the present state of a scene. `targets[i]` is a target of object `ids[i]`; an object
+   * may have several. Objects without a target, and objects that change later, are never hidden.
    */
   createScenePvs(
     scene: Scene,
@@ -171,7 +183,9 @@ export interface Scene extends Handle {
   setOrigin(origin: Triple): void;
   /** Adds an object. One whose box is inverted, NaN or infinite is never culled. */
   insert(object: { bounds: Box; layers?: number; cost?: number; flags?: number }): ObjectId;
-  /** Adds objects: 6 numbers of `bounds` each, least corner first, and one number, or one each, of all else. */
+  /**
+   * Adds objects: 6 numbers of `bounds` each, least corner first, and one number, or one each, of all else.
+   */
   insertAll(objects: {
     bounds: Numbers;
     layers?: number | Numbers;
@@ -183,7 +197,9 @@ export interface Scene extends Handle {
   removeAll(ids: ArrayLike<ObjectId>): void;
   contains(id: ObjectId): boolean;
   bounds(id: ObjectId): { min: number[]; max: number[] };
-  /** Sets the box of an object that moved. It loses mesh, triangles and local bounds, which would stay behind. */
+  /**
+   * Sets the box of an object that moved. It loses mesh, triangles and local bounds, which would stay behind.
+   */
   setBounds(id: ObjectId, box: Box): void;
   /** Sets the boxes of objects, 6 numbers each: for what moves each frame. */
   setAllBounds(ids: ArrayLike<ObjectId>, bounds: Numbers): void;
@@ -195,11 +211,14 @@ export interface Scene extends Handle {
   setFlags(id: ObjectId, flags: number): void;
   /** Sets the distances at which an object is drawn, for `addContribution`. */
   setDrawRange(id: ObjectId, begin: number, end?: number): void;
-  /** Makes `parent` stand in for an object beyond the begin of the parent's draw range, for `addContribution`. */
+  /**
+   * Makes `parent` stand in for an object beyond the begin of the parent's draw range, for `addContribution`.
+   */
   setHlodParent(id: ObjectId, parent?: ObjectId): void;
   /**
-   * Stores an occluder mesh for any number of objects: 3 numbers a vertex, 3 indices a triangle, counter-clockwise from
-   * the front. Each pixel that it covers must be covered by the object as drawn, or visible objects are hidden.
+   * Stores an occluder mesh for any number of objects: 3 numbers a vertex, 3 indices a triangle,
+   * counter-clockwise from the front. Each pixel that it covers must be covered by the object as drawn, or
+   * visible objects are hidden.
    */
   addMesh(mesh: { positions: Numbers; indices: Numbers; twoSided?: boolean }): MeshId;
   addBoxMesh(box: Box): MeshId;
@@ -207,9 +226,14 @@ export interface Scene extends Handle {
   setMesh(id: ObjectId, mesh: MeshId, transform?: Numbers): void;
   /** Gives an object triangles, 9 numbers each, for `prepareOccluders` and `Judge`. */
   setTriangles(id: ObjectId, triangles: Numbers): void;
-  /** Makes occluder meshes from the triangles of objects with `Flag.Occluder` and no mesh; returns how many. */
+  /**
+   * Makes occluder meshes from the triangles of objects with `Flag.Occluder` and no mesh; returns how many.
+   */
   prepareOccluders(): number;
-  /** Tightens the hierarchy where objects have moved; once per frame. Returns the number of nodes still waiting. */
+  /**
+   * Tightens the hierarchy where objects have moved; once per frame. Returns the number of nodes still
+   * waiting.
+   */
   maintain(budget?: number): number;
   /** Builds the best hierarchy for the objects as they are: once after loading. */
   rebuild(): void;
@@ -218,11 +242,14 @@ export interface Scene extends Handle {
 /** A camera and the layers that it shows. Created once, set each frame. */
 export interface View extends Handle {
   /**
-   * Sets the matrix that the engine draws with, from the world to clip space. `origin` is the point of the world that
-   * the matrix is relative to, for engines that draw relative to the camera.
+   * Sets the matrix that the engine draws with, from the world to clip space. `origin` is the point of the
+   * world that the matrix is relative to, for engines that draw relative to the camera.
    */
   setMatrix(matrix: Numbers, depth: Depth, origin?: Triple): void;
-  /** Sets a camera without a matrix: vertical field of view in radians, width over height, distances of planes. */
+  /**
+   * Sets a camera without a matrix: vertical field of view in radians, width over height, distances of
+   * planes.
+   */
   setPerspective(camera: Pose & { fovY: number; aspect: number; near: number; far?: number }): void;
   /** Sets a camera with parallel lines of sight. */
   setOrthographic(camera: Pose & { width: number; height: number; near: number; far: number }): void;
@@ -237,7 +264,9 @@ export interface Pipeline extends Handle {
   addFrustum(): this;
   /** Removes objects smaller than so many pixels, or out of their draw range. Approximate. */
   addContribution(pictureHeight: number, leastPixels: number): this;
-  /** Removes what occluders hide, by a z-buffer of this size in pixels, 512 x 288 by default. Conservative. */
+  /**
+   * Removes what occluders hide, by a z-buffer of this size in pixels, 512 x 288 by default. Conservative.
+   */
   addZBuffer(width?: number, height?: number): this;
   /** Removes what is not seen through the open portals of a building. Conservative. */
   addPortals(cells: Cells): this;
@@ -251,7 +280,9 @@ export interface Pipeline extends Handle {
   readonly accuracy: "exact" | "conservative" | "aggressive" | "approximate";
   /** Forgets earlier frames. Never needed for correct results. */
   reset(): void;
-  /** Makes later frames keep culling for the view of the last one, so that one can look at what was culled. */
+  /**
+   * Makes later frames keep culling for the view of the last one, so that one can look at what was culled.
+   */
   freeze(frozen?: boolean): void;
   /** Starts or stops recording which stage removes which object. */
   setExplaining(explaining: boolean): void;
@@ -265,8 +296,8 @@ export interface Pipeline extends Handle {
 export interface Visible extends Handle {
   readonly count: number;
   /**
-   * Indices of the visible objects, in the library's memory: valid until `indices` is read again, and until the memory
-   * grows, which leaves an empty array. Read them at once, or copy them with `slice()`.
+   * Indices of the visible objects, in the library's memory: valid until `indices` is read again, and until
+   * the memory grows, which leaves an empty array. Read them at once, or copy them with `slice()`.
    */
   readonly indices: Uint32Array;
   readonly ids: BigUint64Array;
@@ -303,7 +334,9 @@ export interface Cells extends Handle {
   canSee(from: number, to: number): boolean;
 }
 
-/** A potentially visible set: for each viewcell the targets, cells or objects, that may be seen from there. */
+/**
+ * A potentially visible set: for each viewcell the targets, cells or objects, that may be seen from there.
+ */
 export interface Pvs extends Handle {
   readonly counts: { viewcells: number; targets: number };
   /** The set as a file. */

@@ -1,7 +1,8 @@
 // Which objects can this camera see? The JavaScript interface of the `visibility` crates.
 //
-// Wraps the functions of `platforms/capi/include/visibility.h`, compiled to WebAssembly. `visibility.d.ts` describes
-// what is exported here. Layouts of structures are those of the header on wasm32; `src/lib.rs` asserts them.
+// Wraps the functions of `platforms/capi/include/visibility.h`, compiled to WebAssembly. `visibility.d.ts`
+// describes what is exported here. Layouts of structures are those of the header on wasm32; `src/lib.rs`
+// asserts them.
 
 /** Depth conventions of clip matrices: `vis_depth` of the header. */
 export const Depth = Object.freeze({
@@ -33,6 +34,8 @@ const VOLUME_BYTES = 56;
 const PORTAL_BYTES = 16;
 const STATS_BYTES = 40;
 const COMPARISON_BYTES = 16;
+/** Bytes of memory for arguments that are kept from call to call at most. */
+const MOST_KEPT = 1 << 24;
 
 /** An error of the library: `code` is what kind, `message` says what is wrong with what. */
 export class VisibilityError extends Error {
@@ -47,7 +50,10 @@ function refuse(message) {
   throw new VisibilityError("ARGUMENT", message);
 }
 
-/** The index of an object: small and dense, for arrays. The upper half of an id tells objects of one index apart. */
+/**
+ * The index of an object: small and dense, for arrays. The upper half of an id tells objects of one index
+ * apart.
+ */
 export function indexOf(id) {
   return Number(id & 0xffffffffn);
 }
@@ -56,7 +62,8 @@ export function indexOf(id) {
 export function hasSimd128() {
   // A module of one function that makes a vector and takes bits of it.
   const module = [
-    0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98, 11,
+    0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98,
+    11,
   ];
   return WebAssembly.validate(new Uint8Array(module));
 }
@@ -104,8 +111,12 @@ class Wasm {
       if (!(error instanceof WebAssembly.RuntimeError)) throw error;
       throw new VisibilityError("PANIC", `fault inside the library: ${error.message}`);
     } finally {
-      for (const [pointer, bytes] of this.full.splice(0)) this.exports.vis_free(pointer, bytes);
       this.used = 0;
+      if (this.blockBytes > MOST_KEPT) {
+        this.full.push([this.block, this.blockBytes]);
+        this.block = this.blockBytes = 0;
+      }
+      for (const [pointer, bytes] of this.full.splice(0)) this.exports.vis_free(pointer, bytes);
     }
   }
 
@@ -149,6 +160,18 @@ class Wasm {
     const pointer = this.borrow(numbers.length * Type.BYTES_PER_ELEMENT);
     new Type(this.exports.memory.buffer, pointer, numbers.length).set(numbers);
     return pointer;
+  }
+
+  /** Returns the pointer to what a handle stands for. The library cannot tell a wrong pointer. */
+  pointer(handle, kind) {
+    if (handle?.held?.kind !== kind || handle.wasm !== this)
+      refuse(`a ${kind} of this library is needed here`);
+    return handle.held.pointer;
+  }
+
+  /** Returns the pointers that a frame is culled or judged with. */
+  frame(scene, view, visible) {
+    return [this.pointer(scene, "scene"), this.pointer(view, "view"), this.pointer(visible, "visible")];
   }
 
   bytes() {
@@ -224,7 +247,9 @@ class Wasm {
     let first = 0;
     volumes.forEach(({ min, max, planes = [] }, index) => {
       const at = pointer + index * VOLUME_BYTES;
-      [...triple(min, "min"), ...triple(max, "max")].forEach((number, i) => data.setFloat64(at + 8 * i, number, true));
+      [...triple(min, "min"), ...triple(max, "max")].forEach((number, i) =>
+        data.setFloat64(at + 8 * i, number, true),
+      );
       data.setUint32(at + 48, first, true);
       data.setUint32(at + 52, planes.length, true);
       first += planes.length;
@@ -348,7 +373,7 @@ class Visibility {
     const wasm = this.#wasm;
     return wasm.call(() => {
       const [parameters, place] = [wasm.volumes(volumes), wasm.borrow(8)];
-      wasm.check("vis_cells_create", graph.pointer, ...parameters, tolerance, place);
+      wasm.check("vis_cells_create", wasm.pointer(graph, "graph"), ...parameters, tolerance, place);
       return new Cells(wasm, "cells", wasm.u32(place));
     });
   }
@@ -367,7 +392,13 @@ class Visibility {
     return wasm.call(() => {
       let end = 0;
       const ends = rows.map((row) => (end += row.length));
-      const [endPointer, targets] = [wasm.put(Uint32Array, ends), wasm.put(Uint32Array, rows.flatMap((row) => [...row]))];
+      const [endPointer, targets] = [
+        wasm.put(Uint32Array, ends),
+        wasm.put(
+          Uint32Array,
+          rows.flatMap((row) => [...row]),
+        ),
+      ];
       const place = wasm.borrow(8);
       wasm.check("vis_pvs_create", targetCount, endPointer, rows.length, targets, end, place);
       return new Pvs(wasm, "pvs", wasm.u32(place));
@@ -381,7 +412,8 @@ class Visibility {
       const objects = wasm.put(BigUint64Array, ids);
       const of = wasm.put(Uint32Array, sameLength(targets, ids.length, "targets"));
       const place = wasm.borrow(8);
-      wasm.check("vis_scene_pvs_create", scene.pointer, pvs.pointer, ...volumes, objects, of, ids.length, place);
+      const from = [wasm.pointer(scene, "scene"), wasm.pointer(pvs, "pvs")];
+      wasm.check("vis_scene_pvs_create", ...from, ...volumes, objects, of, ids.length, place);
       return new ScenePvs(wasm, "scene_pvs", wasm.u32(place));
     });
   }
@@ -591,17 +623,17 @@ class Pipeline extends Handle {
   }
 
   addPortals(cells) {
-    return this.#add("portals", cells.pointer);
+    return this.#add("portals", this.wasm.pointer(cells, "cells"));
   }
 
   addPvs(scenePvs) {
-    return this.#add("pvs", scenePvs.pointer);
+    return this.#add("pvs", this.wasm.pointer(scenePvs, "scene_pvs"));
   }
 
   cull(scene, view, visible) {
     return this.wasm.call((wasm) => {
       const place = wasm.borrow(STATS_BYTES);
-      wasm.check("vis_pipeline_cull", this.pointer, scene.pointer, view.pointer, visible.pointer, place);
+      wasm.check("vis_pipeline_cull", this.pointer, ...wasm.frame(scene, view, visible), place);
       return stats(wasm, place);
     });
   }
@@ -635,7 +667,7 @@ class Pipeline extends Handle {
   }
 
   lacks(scene) {
-    return this.wasm.text("vis_pipeline_lacks", this.pointer, scene.pointer);
+    return this.wasm.text("vis_pipeline_lacks", this.pointer, this.wasm.pointer(scene, "scene"));
   }
 }
 
@@ -687,11 +719,13 @@ class Visible extends Handle {
   }
 
   contains(scene, id) {
-    return this.wasm.truth("vis_visible_contains", this.pointer, scene.pointer, id);
+    return this.wasm.truth("vis_visible_contains", this.pointer, this.wasm.pointer(scene, "scene"), id);
   }
 
   sortByIndex(scene) {
-    this.wasm.call((wasm) => wasm.check("vis_visible_sort_by_index", this.pointer, scene.pointer));
+    this.wasm.call((wasm) =>
+      wasm.check("vis_visible_sort_by_index", this.pointer, wasm.pointer(scene, "scene")),
+    );
   }
 }
 
@@ -699,7 +733,7 @@ class Judge extends Handle {
   compare(scene, view, visible) {
     return this.wasm.call((wasm) => {
       const place = wasm.borrow(COMPARISON_BYTES);
-      wasm.check("vis_measure_compare", this.pointer, scene.pointer, view.pointer, visible.pointer, place);
+      wasm.check("vis_measure_compare", this.pointer, ...wasm.frame(scene, view, visible), place);
       const [reportedObjects, falseHiddenObjects, falseVisibleObjects, wrongPixels] = new Uint32Array(
         wasm.exports.memory.buffer,
         place,
@@ -726,7 +760,7 @@ class Graph extends Handle {
 
 class Cells extends Handle {
   setPvs(pvs) {
-    this.wasm.call((wasm) => wasm.check("vis_cells_set_pvs", this.pointer, pvs.pointer));
+    this.wasm.call((wasm) => wasm.check("vis_cells_set_pvs", this.pointer, wasm.pointer(pvs, "pvs")));
   }
 
   setOpen(portal, open) {

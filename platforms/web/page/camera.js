@@ -12,7 +12,10 @@ function axes({ eye, target, up }) {
   return [right, cross(back, right), back];
 }
 
-/** Multiplies the camera's axes and eye into a column-major matrix with these scales of x and y, and rows z and w. */
+/**
+ * Multiplies the camera's axes and eye into a column-major matrix with these scales of x and y, and rows z
+ * and w.
+ */
 function project(camera, scaleX, scaleY, zOf, wOf) {
   const rows = axes(camera);
   const [x, y, z] = rows.map((row) => [...row, -dot(row, camera.eye)]);
@@ -40,9 +43,16 @@ const LOOK = 0.004;
 /** Metres per second. */
 const SPEED = 6;
 const KEYS = {
-  KeyW: [0, 0, 1], ArrowUp: [0, 0, 1], KeyS: [0, 0, -1], ArrowDown: [0, 0, -1],
-  KeyA: [-1, 0, 0], ArrowLeft: [-1, 0, 0], KeyD: [1, 0, 0], ArrowRight: [1, 0, 0],
-  KeyE: [0, 1, 0], KeyQ: [0, -1, 0],
+  KeyW: [0, 0, 1],
+  ArrowUp: [0, 0, 1],
+  KeyS: [0, 0, -1],
+  ArrowDown: [0, 0, -1],
+  KeyA: [-1, 0, 0],
+  ArrowLeft: [-1, 0, 0],
+  KeyD: [1, 0, 0],
+  ArrowRight: [1, 0, 0],
+  KeyE: [0, 1, 0],
+  KeyQ: [0, -1, 0],
 };
 
 /** A camera that a person flies: `eye`, and angles in radians from the x axis and from the horizon. */
@@ -55,12 +65,18 @@ export class Flyer {
   #wheel = 0;
 
   /**
-   * Listens to keys of the page, and to pointers on a canvas. Calls `taken` when a person takes over, with `"wheel"` if
-   * by the wheel.
+   * Listens to keys of the page, and to pointers on a canvas. Calls `taken` when a person takes over, with
+   * `"wheel"` if by the wheel.
    */
   constructor(canvas, taken) {
     addEventListener("keydown", ({ code, target, ctrlKey, metaKey }) => {
-      if (ctrlKey || metaKey || target instanceof HTMLSelectElement || !(code in KEYS || code.startsWith("Shift"))) return;
+      if (
+        ctrlKey ||
+        metaKey ||
+        target instanceof HTMLSelectElement ||
+        !(code in KEYS || code.startsWith("Shift"))
+      )
+        return;
       this.#keys.add(code);
       if (code in KEYS) taken();
     });
@@ -83,11 +99,15 @@ export class Flyer {
     for (const end of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(end, ({ pointerId }) => this.#pointers.delete(pointerId));
     }
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      this.#wheel -= event.deltaY / 100;
-      taken("wheel");
-    }, { passive: false });
+    canvas.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        this.#wheel -= event.deltaY / 100;
+        taken("wheel");
+      },
+      { passive: false },
+    );
   }
 
   #look(x, y) {

@@ -22,7 +22,12 @@ const element = (id) => document.getElementById(id);
 const canvas = element("canvas");
 const query = new URLSearchParams(location.search);
 
-const state = { scene: query.get("scene") ?? "city", culler: query.get("culler") ?? "z-buffer", errors: 0, frames: 0 };
+const state = {
+  scene: query.get("scene") ?? "city",
+  culler: query.get("culler") ?? "z-buffer",
+  errors: 0,
+  frames: 0,
+};
 const toggles = { walk: true, freeze: false, above: false, measure: query.has("measure") };
 /** For tests and for the curious: what the page is doing. */
 window.page = { state, toggles, goTo, chooseScene, chooseCuller, toggle };
@@ -95,9 +100,12 @@ function edges({ eye, target, up, fovY, aspect }, distance) {
   const right = unit(cross(ahead, up));
   const over = cross(right, ahead);
   const height = Math.tan(fovY / 2);
-  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([x, y]) =>
-    add(eye, add(add(ahead, right, x * height * aspect), over, y * height), distance),
-  );
+  const corners = [
+    [-1, -1],
+    [1, -1],
+    [1, 1],
+    [-1, 1],
+  ].map(([x, y]) => add(eye, add(add(ahead, right, x * height * aspect), over, y * height), distance));
   return corners.flatMap((corner, i) => [...eye, ...corner, ...corner, ...corners[(i + 1) % 4]]);
 }
 
@@ -120,7 +128,10 @@ function frame(now) {
   if (toggles.above) {
     // The cut is a little above the eye, so that one looks into rooms.
     const { eye } = state.frozen ?? camera;
-    const above = { eye: add(camera.eye, [0, 0, 1 + eye[2] - camera.eye[2]]), target: [...camera.eye.slice(0, 2), -100] };
+    const above = {
+      eye: add(camera.eye, [0, 0, 1 + eye[2] - camera.eye[2]]),
+      target: [...camera.eye.slice(0, 2), -100],
+    };
     const map = { ...above, up: [0, 1, 0], aspect: camera.aspect };
     mapHeight = Math.max(10, Math.min(1000, mapHeight * 0.9 ** flyer.takeWheel()));
     matrix = orthographic(map, mapHeight, 200);
@@ -161,7 +172,8 @@ addEventListener("unhandledrejection", ({ reason }) => fail(reason));
 async function start() {
   const simd128 = query.has("simd128") ? query.get("simd128") !== "0" : undefined;
   const response = await fetch("scenes.wasm");
-  if (!response.ok) throw new Error(`cannot fetch scenes.wasm: status ${response.status}. Run ./build first.`);
+  if (!response.ok)
+    throw new Error(`cannot fetch scenes.wasm: status ${response.status}. Run ./build first.`);
   [visibility, recipes] = await Promise.all([load({ simd128 }), loadRecipes(await response.arrayBuffer())]);
   renderer = new Renderer(canvas);
   flyer = new Flyer(canvas, (by) => {

@@ -21,8 +21,8 @@ const FRAGMENT = {
   // Objects that were culled, seen from above.
   faint: `color = vec4(0.16, 0.18, 0.21, 1.0);`,
   lines: `color = vec4(1.0, 0.75, 0.2, 1.0);`,
-  // The number of the object, plus 1: what shows in a pixel. Depth is the reciprocal of the distance, which floating
-  // point tells apart where the usual depth would be equal.
+  // The number of the object, plus 1: what shows in a pixel. Depth is the reciprocal of the distance, which
+  // floating point tells apart where the usual depth would be equal.
   ids: `gl_FragDepth = 0.05 * gl_FragCoord.w;
     uint i = id + 1u; color = vec4(float(i & 255u), float((i >> 8) & 255u), float(i >> 16), 255.0) / 255.0;`,
   // One more surface.
@@ -38,7 +38,9 @@ export class Renderer {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL2");
     this.gl = gl;
-    this.programs = Object.fromEntries(Object.entries(FRAGMENT).map(([name, body]) => [name, program(gl, body)]));
+    this.programs = Object.fromEntries(
+      Object.entries(FRAGMENT).map(([name, body]) => [name, program(gl, body)]),
+    );
     this.lines = gl.createBuffer();
     this.target = gl.createFramebuffer();
     const [color, depth] = [gl.RGBA8, gl.DEPTH_COMPONENT32F].map((format) => {
@@ -81,7 +83,10 @@ export class Renderer {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   }
 
-  /** Draws objects by their indices, which ascend, in a way that `FRAGMENT` names. Returns the number of triangles. */
+  /**
+   * Draws objects by their indices, which ascend, in a way that `FRAGMENT` names. Returns the number of
+   * triangles.
+   */
   draw(look, matrix, objects) {
     const { gl } = this;
     gl.useProgram(this.programs[look].program);
@@ -93,7 +98,7 @@ export class Renderer {
     gl.enableVertexAttribArray(1);
     gl.vertexAttribIPointer(1, 1, gl.UNSIGNED_INT, 0, 0);
     let triangles = 0;
-    for (let i = 0; i < objects.length; ) {
+    for (let i = 0; i < objects.length;) {
       // Neighbours in the buffer are one call.
       const from = objects[i];
       let to = from + 1;
@@ -144,7 +149,10 @@ export class Renderer {
     return pixels;
   }
 
-  /** Returns the mean number of surfaces in a pixel, and how many of all pixels show another object than they should. */
+  /**
+   * Returns the mean number of surfaces in a pixel, and how many of all pixels show another object than they
+   * should.
+   */
   measure(matrix, objects) {
     const counts = this.#pixels("count", matrix, objects);
     const surfaces = counts.reduce((sum, count, i) => (i % 4 === 0 ? sum + count : sum), 0);
@@ -164,7 +172,10 @@ function program(gl, body) {
     flat in uint id;
     out vec4 color;
     void main() { ${body} }`;
-  for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]]) {
+  for (const [kind, source] of [
+    [gl.VERTEX_SHADER, VERTEX],
+    [gl.FRAGMENT_SHADER, fragment],
+  ]) {
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);

@@ -3,12 +3,16 @@
 /** Names of the scenes, in the order in which the module numbers them. */
 export const SCENES = ["plpcity", "office", "london"];
 
-/** Loads the recipes from the bytes of `scenes.wasm`. Returns a function that makes a scene as lists of numbers. */
+/**
+ * Loads the recipes from the bytes of `scenes.wasm`. Returns a function that makes a scene as lists of
+ * numbers.
+ */
 export async function loadRecipes(bytes) {
   const { instance } = await WebAssembly.instantiate(bytes, {});
   const { memory, scenes_make, scenes_numbers, scenes_length } = instance.exports;
   /** Returns a copy of a list, since the next scene takes its place. */
-  const list = (Type, number) => new Type(memory.buffer, scenes_numbers(number), scenes_length(number)).slice();
+  const list = (Type, number) =>
+    new Type(memory.buffer, scenes_numbers(number), scenes_length(number)).slice();
   return (name, a, b) => {
     if (!scenes_make(SCENES.indexOf(name), a, b)) throw new Error(`there is no scene ${name}:${a},${b}`);
     return {
@@ -48,7 +52,10 @@ export function fillScene(visibility, lists) {
   const first = firstTriangles(lists);
   const bounds = new Float32Array(6 * lists.triangleCounts.length);
   for (let object = 0; object < lists.triangleCounts.length; object++) {
-    const box = bounds.subarray(6 * object, 6 * object + 6).fill(Infinity, 0, 3).fill(-Infinity, 3);
+    const box = bounds
+      .subarray(6 * object, 6 * object + 6)
+      .fill(Infinity, 0, 3)
+      .fill(-Infinity, 3);
     for (let i = 9 * first[object]; i < 9 * first[object + 1]; i++) {
       box[i % 3] = Math.min(box[i % 3], lists.triangles[i]);
       box[3 + (i % 3)] = Math.max(box[3 + (i % 3)], lists.triangles[i]);

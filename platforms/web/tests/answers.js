@@ -18,13 +18,21 @@ function hash(numbers) {
   return (hash >>> 0).toString(16).padStart(8, "0");
 }
 
-for (const [name, a, b] of [["plpcity", 2, 2], ["office", 2, 16], ["london", 12, 12]]) {
+for (const [name, a, b] of [
+  ["plpcity", 2, 2],
+  ["office", 2, 16],
+  ["london", 12, 12],
+]) {
   const lists = make(name, a, b);
   const title = `${name}:${a},${b}`;
   console.log(`${title} ${lists.triangleCounts.length} objects, triangles ${hash(lists.triangles)}`);
   const { scene } = fillScene(visibility, lists);
   const cells = makeCells(visibility, lists);
-  const [view, visible, judge] = [visibility.createView(), visibility.createVisible(), visibility.createJudge(256, 144)];
+  const [view, visible, judge] = [
+    visibility.createView(),
+    visibility.createVisible(),
+    visibility.createJudge(256, 144),
+  ];
   for (const label of pipelineNames(lists)) {
     const pipeline = makePipeline(visibility, label, cells);
     cameras(lists, 16 / 9).forEach((camera, frame) => {

@@ -1,5 +1,5 @@
-// Opens the page in headless Chromium by way of chromedriver, flies through the scenes, and fails if a number of
-// visible objects is not the native one, a visible object is hidden, or the page reports an error.
+// Opens the page in headless Chromium by way of chromedriver, flies through the scenes, and fails if a number
+// of visible objects is not the native one, a visible object is hidden, or the page reports an error.
 //
 // Usage: node browser.js FILE FOLDER, with the output of `native answers` and a folder for pictures.
 
@@ -60,8 +60,14 @@ try {
   };
 
   const size = { width: 1280, height: 720, deviceScaleFactor: 1, mobile: false };
-  await command("POST", `${session}/goog/cdp/execute`, { cmd: "Emulation.setDeviceMetricsOverride", params: size });
-  for (const [scene, recipe] of [["city", "plpcity"], ["office", "office"]]) {
+  await command("POST", `${session}/goog/cdp/execute`, {
+    cmd: "Emulation.setDeviceMetricsOverride",
+    params: size,
+  });
+  for (const [scene, recipe] of [
+    ["city", "plpcity"],
+    ["office", "office"],
+  ]) {
     for (const simd128 of [0, 1]) {
       const url = `${server.address}?scene=${scene}&simd128=${simd128}&measure`;
       await command("POST", `${session}/url`, { url });
@@ -71,11 +77,17 @@ try {
         wait();`);
       // The module without SIMD is one picture; its answers are compared outside the browser.
       const frames = simd128 ? FRAMES : FRAMES.slice(0, 1);
-      for (const name of ["frustum", "z-buffer", "portals"].filter((name) => native.has(`${recipe} ${name} 0`))) {
+      for (const name of ["frustum", "z-buffer", "portals"].filter((name) =>
+        native.has(`${recipe} ${name} 0`),
+      )) {
         await act(`page.chooseCuller("${name}"); page.toggle("walk", false)`);
         for (const frame of frames) {
           const { visible, wrongPixels } = await act(`page.goTo(${frame})`);
-          assert.equal(visible, native.get(`${recipe} ${name} ${frame}`), `${scene}, ${name}, frame ${frame}`);
+          assert.equal(
+            visible,
+            native.get(`${recipe} ${name} ${frame}`),
+            `${scene}, ${name}, frame ${frame}`,
+          );
           assert.equal(wrongPixels, 0, `wrong pixels: ${scene}, ${name}, frame ${frame}`);
         }
         if (simd128) await picture(`${scene}-${name}`);
@@ -90,7 +102,11 @@ try {
   // By keyboard: the camera moves ahead, and the walk ends.
   const before = await act(`for (const name in page.toggles) page.toggle(name, name === "walk")`);
   assert.ok((await act("")).key > before.key, "the walk goes on");
-  const keys = [{ type: "keyDown", value: "w" }, { type: "pause", duration: 500 }, { type: "keyUp", value: "w" }];
+  const keys = [
+    { type: "keyDown", value: "w" },
+    { type: "pause", duration: 500 },
+    { type: "keyUp", value: "w" },
+  ];
   await command("POST", `${session}/actions`, { actions: [{ type: "key", id: "keyboard", actions: keys }] });
   const flown = await act("");
   // By mouse, and by a finger on the right half: the camera turns.
@@ -117,7 +133,8 @@ try {
   const complaints = log.filter(({ level, message }) => level === "SEVERE" || /error/i.test(message));
   assert.deepEqual(complaints, [], "the console has no errors");
   assert.equal(await run("arguments[0](page.state.errors)"), 0, "the page met no error");
-  console.log(`the page in ${made.capabilities.browserName} ${made.capabilities.browserVersion}: as native; pictures in ${pictures}`);
+  const { browserName, browserVersion } = made.capabilities;
+  console.log(`the page in ${browserName} ${browserVersion}: as native; pictures in ${pictures}`);
 } finally {
   if (session) await command("DELETE", session).catch(() => {});
   driver.kill();

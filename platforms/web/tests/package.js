@@ -1,9 +1,19 @@
-// Tests of the package: what it exports, what its calls answer, and how they fail. Each runs with both modules.
+// Tests of the package: what it exports, what its calls answer, and how they fail. Each runs with both
+// modules.
 
 import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
 import test from "node:test";
-import { ALL_LAYERS, Depth, Flag, NO_OBJECT, VisibilityError, hasSimd128, indexOf, load } from "../package/visibility.js";
+import {
+  ALL_LAYERS,
+  Depth,
+  Flag,
+  NO_OBJECT,
+  VisibilityError,
+  hasSimd128,
+  indexOf,
+  load,
+} from "../package/visibility.js";
 
 const WALL = { min: [4, -9, -9], max: [5, 9, 9] };
 const LAMP = { min: [7, -1, -1], max: [8, 1, 1] };
@@ -22,11 +32,14 @@ const refused = (code, message) => (error) => {
 for (const simd128 of [false, true]) {
   const say = (what) => `${simd128 ? "simd128" : "plain"}: ${what}`;
   const visibility = await load({ simd128 });
+  const foreign = (await load({ simd128 })).createScene();
 
   /** A wall that hides a lamp. */
   const street = () => {
     const scene = visibility.createScene();
-    const [wall, lamp] = scene.insertAll({ bounds: [WALL, LAMP].flatMap(({ min, max }) => [...min, ...max]) });
+    const [wall, lamp] = scene.insertAll({
+      bounds: [WALL, LAMP].flatMap(({ min, max }) => [...min, ...max]),
+    });
     scene.setFlags(wall, Flag.Occluder);
     scene.setMesh(wall, scene.addBoxMesh(WALL));
     const view = visibility.createView();
@@ -92,7 +105,13 @@ for (const simd128 of [false, true]) {
     scene.setTransforms([lamp], [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 10, 20, 30, 1]);
     // The library rounds outwards.
     const { min, max } = scene.bounds(lamp);
-    assert.deepEqual([min, max].map((corner) => corner.map(Math.round)), [[10, 20, 30], [11, 21, 31]]);
+    assert.deepEqual(
+      [min, max].map((corner) => corner.map(Math.round)),
+      [
+        [10, 20, 30],
+        [11, 21, 31],
+      ],
+    );
     assert.equal(scene.maintain(), 0);
     scene.rebuild();
     scene.remove(wall);
@@ -113,7 +132,12 @@ for (const simd128 of [false, true]) {
     scene.setTriangles(lamp, square(8));
     visibility.createPipeline().addFrustum().addZBuffer().cull(scene, view, visible);
     const comparison = visibility.createJudge(64, 48).compare(scene, view, visible);
-    assert.deepEqual(comparison, { reportedObjects: 1, falseHiddenObjects: 0, falseVisibleObjects: 0, wrongPixels: 0 });
+    assert.deepEqual(comparison, {
+      reportedObjects: 1,
+      falseHiddenObjects: 0,
+      falseVisibleObjects: 0,
+      wrongPixels: 0,
+    });
 
     scene.setBounds(wall, { min: [3, -1, -1], max: [3, 1, 1] });
     const mesh = scene.addMesh({ positions: square(3).slice(0, 9), indices: [0, 1, 2], twoSided: true });
@@ -125,12 +149,22 @@ for (const simd128 of [false, true]) {
 
   test(say("rooms, doors and baked sets"), () => {
     const rooms = [0, 4, 8].map((x) => ({ min: [x, 0, 0], max: [x + 4, 4, 3] }));
-    const door = (x) => [[x, 1, 0], [x, 2, 0], [x, 2, 2], [x, 1, 2]];
-    const graph = visibility.createGraph(3, [4, 8].map((x, i) => ({ vertices: door(x), cells: [i, i + 1] })));
+    const door = (x) => [
+      [x, 1, 0],
+      [x, 2, 0],
+      [x, 2, 2],
+      [x, 1, 2],
+    ];
+    const graph = visibility.createGraph(
+      3,
+      [4, 8].map((x, i) => ({ vertices: door(x), cells: [i, i + 1] })),
+    );
     assert.deepEqual(graph.counts, { cells: 3, portals: 2 });
     const cells = visibility.createCells(graph, rooms);
     const scene = visibility.createScene();
-    const ids = scene.insertAll({ bounds: rooms.flatMap(({ min: [x] }) => [x + 1, 1.2, 1, x + 2, 1.4, 1.5]) });
+    const ids = scene.insertAll({
+      bounds: rooms.flatMap(({ min: [x] }) => [x + 1, 1.2, 1, x + 2, 1.4, 1.5]),
+    });
     const [view, visible] = [visibility.createView(), visibility.createVisible()];
     view.setPerspective({ ...CAMERA, eye: [0.5, 1.5, 1], target: [9, 1.5, 1] });
     const pipeline = visibility.createPipeline().addFrustum().addPortals(cells);
@@ -156,9 +190,15 @@ for (const simd128 of [false, true]) {
 
   test(say("errors name what is wrong"), () => {
     const { scene, wall, view, visible } = street();
-    assert.throws(() => view.setPerspective({ ...CAMERA, fovY: 7 }), refused("ARGUMENT", /fov_y cannot be 7/));
+    assert.throws(
+      () => view.setPerspective({ ...CAMERA, fovY: 7 }),
+      refused("ARGUMENT", /fov_y cannot be 7/),
+    );
     assert.throws(() => view.setMatrix(new Float32Array(16), Depth.Reversed), refused("ARGUMENT", /matrix/));
-    assert.throws(() => view.setMatrix([1, 2], Depth.Reversed), refused("ARGUMENT", /`matrix` has 2 elements, not 16/));
+    assert.throws(
+      () => view.setMatrix([1, 2], Depth.Reversed),
+      refused("ARGUMENT", /`matrix` has 2 elements, not 16/),
+    );
     assert.throws(() => view.setMatrix(MATRIX, 17), refused("ARGUMENT", /17/));
     assert.throws(() => scene.remove(77n), refused("UNKNOWN_ID", /77/));
     assert.throws(() => scene.insertAll({ bounds: [1, 2, 3] }), refused("ARGUMENT", /multiple of 6/));
@@ -167,6 +207,13 @@ for (const simd128 of [false, true]) {
     assert.throws(() => visible.indices, refused("STATE", /./));
     assert.throws(() => visibility.readPvs(new Uint8Array(9)), refused("FORMAT", /./));
     assert.throws(() => visibility.readPrt("PRT9"), refused("FORMAT", /./));
+    const pipeline = visibility.createPipeline();
+    assert.throws(() => pipeline.cull(view, scene, visible), refused("ARGUMENT", /a scene of this library/));
+    assert.throws(() => pipeline.addPortals(undefined), refused("ARGUMENT", /cells/));
+    assert.throws(
+      () => pipeline.cull(foreign, view, visible),
+      refused("ARGUMENT", /a scene of this library/),
+    );
     assert.throws(() => visibility.createPipeline().addZBuffer(1, 1), refused("ARGUMENT", /./));
     scene.destroy();
     assert.throws(() => scene.count, refused("NULL", /scene/));
@@ -175,7 +222,14 @@ for (const simd128 of [false, true]) {
 
   test(say("indices are read where they are, and memory does not grow with frames"), () => {
     const scene = visibility.createScene();
-    const bounds = Array.from({ length: 5000 }, (_, i) => [5 + (i % 50), i / 5000, 0, 6 + (i % 50), 1, 1]).flat();
+    const bounds = Array.from({ length: 5000 }, (_, i) => [
+      5 + (i % 50),
+      i / 5000,
+      0,
+      6 + (i % 50),
+      1,
+      1,
+    ]).flat();
     scene.insertAll({ bounds });
     const [view, visible] = [visibility.createView(), visibility.createVisible()];
     const pipeline = visibility.createPipeline().addFrustum();
@@ -211,9 +265,15 @@ test("the declaration names what there is", async () => {
   /** By class: its public methods and getters, in order. */
   const members = (text, begin, member) => {
     const classes = [...text.matchAll(begin)].map(({ 1: name, 2: body }) => [name, body]);
-    return Object.fromEntries(classes.map(([name, body]) => [name, new Set([...body.matchAll(member)].map((m) => m[1]))]));
+    return Object.fromEntries(
+      classes.map(([name, body]) => [name, new Set([...body.matchAll(member)].map((m) => m[1]))]),
+    );
   };
-  const declared = members(declaration, /^export interface (\w+)[^{]*\{\n([\s\S]*?)^\}/gm, /^  (?:readonly )?(\w+)[(:]/gm);
+  const declared = members(
+    declaration,
+    /^export interface (\w+)[^{]*\{\n([\s\S]*?)^\}/gm,
+    /^  (?:readonly )?(\w+)[(:]/gm,
+  );
   const there = members(source, /^class (\w+)[^{]*\{\n([\s\S]*?)^\}/gm, /^  (?:get )?(\w+)\(.*\{$/gm);
   for (const [name, made] of Object.entries(there)) {
     if (["Wasm", "Handle"].includes(name)) continue;

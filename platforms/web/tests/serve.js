@@ -7,7 +7,9 @@ import { fileURLToPath } from "node:url";
 
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".wasm": "application/wasm" };
 
-/** Starts a server of the page and the package. Port 0 is any free one; the address of the page is returned. */
+/**
+ * Starts a server of the page and the package. Port 0 is any free one; the address of the page is returned.
+ */
 export async function serve(port = 0) {
   const folder = fileURLToPath(new URL("..", import.meta.url));
   const server = createServer(async ({ url }, response) => {

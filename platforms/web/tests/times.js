@@ -19,7 +19,7 @@ for (const label of ["frustum", "z-buffer"]) {
   const pipeline = makePipeline(visibility, label);
   // The least of many rounds: the engine compiles what runs often anew, and others use the machine, too.
   let least = Infinity;
-  for (const begin = performance.now(); performance.now() - begin < 3000; ) {
+  for (const begin = performance.now(); performance.now() - begin < 3000;) {
     const start = performance.now();
     for (const view of views) pipeline.cull(scene, view, visible);
     least = Math.min(least, performance.now() - start);
