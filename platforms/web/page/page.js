@@ -3,7 +3,7 @@
 import { load } from "../package/visibility.js";
 import { Flyer, add, orthographic, perspective, unit, cross } from "./camera.js";
 import { Renderer } from "./renderer.js";
-import { cameras, fillScene, loadRecipes, makeCells, makePipeline, pipelineNames } from "./scene.js";
+import { cameras, fillScene, loadRecipes, makeBuilding, makePipeline, pipelineNames } from "./scene.js";
 
 /** Scenes on offer: recipe and sizes. */
 const SCENES = {
@@ -34,7 +34,9 @@ window.page = { state, toggles, goTo, chooseScene, chooseCuller, toggle };
 
 let visibility, recipes, renderer, flyer;
 /** The scene as lists, as cameras, and in the library. */
-let lists, keys, scene, cells, pipeline, view, visible;
+let lists, keys, scene, pipeline, view, visible;
+/** Cells and baked set of the scene, where it has them. */
+let building = {};
 let key = 0;
 /** The camera of the walk; null once a person flies. */
 let still = null;
@@ -47,9 +49,10 @@ function chooseScene(name) {
   state.scene = name;
   lists = recipes(...SCENES[name]);
   keys = cameras(lists, 1);
-  for (const handle of [scene, cells]) handle?.destroy();
-  ({ scene } = fillScene(visibility, lists));
-  cells = makeCells(visibility, lists);
+  for (const handle of [scene, ...Object.values(building)]) handle?.destroy();
+  const filled = fillScene(visibility, lists);
+  ({ scene } = filled);
+  building = makeBuilding(visibility, lists, filled);
   renderer.setScene(lists);
   const names = ["everything", ...pipelineNames(lists)];
   element("culler").replaceChildren(...names.map((name) => new Option(name)));
@@ -61,7 +64,7 @@ function chooseScene(name) {
 function chooseCuller(name) {
   state.culler = element("culler").value = name;
   pipeline?.destroy();
-  pipeline = makePipeline(visibility, name, cells);
+  pipeline = makePipeline(visibility, name, building);
   toggle("freeze", false);
   times = [];
 }

@@ -70,9 +70,12 @@ export function fillScene(visibility, lists) {
   return { scene, ids, bounds };
 }
 
-/** Makes the cells of a scene; null if it has none. */
-export function makeCells(visibility, lists) {
-  if (lists.cells.length === 0) return null;
+/**
+ * Makes the cells of a scene and a baked set of what is seen from each cell; nothing of both for a scene without
+ * cells. `scene`, `ids` and `bounds` are those that `fillScene` returned.
+ */
+export function makeBuilding(visibility, lists, { scene, ids, bounds }) {
+  if (lists.cells.length === 0) return {};
   const triple = (numbers, index) => [...numbers.subarray(3 * index, 3 * index + 3)];
   let vertex = 0;
   const portals = [...lists.portalVertexCounts].map((count, portal) => ({
@@ -84,22 +87,34 @@ export function makeCells(visibility, lists) {
     max: triple(lists.cells, 2 * cell + 1),
   }));
   const graph = visibility.createGraph(volumes.length, portals);
-  const cells = visibility.createCells(graph, volumes, { tolerance: lists.tolerance[0] });
-  graph.destroy();
-  return cells;
+  const [tolerance] = lists.tolerance;
+  const cells = visibility.createCells(graph, volumes, { tolerance });
+  // An object is seen from where one of the cells is that it touches.
+  const pairs = volumes.flatMap(({ min, max }, cell) => {
+    const [low, high] = [min.map((number) => number - tolerance), max.map((number) => number + tolerance)];
+    const touches = (_, object) =>
+      low.every((number, i) => number <= bounds[6 * object + 3 + i] && bounds[6 * object + i] <= high[i]);
+    return [...ids].filter(touches).map((id) => [id, cell]);
+  });
+  const pvs = graph.bake();
+  const [objects, targets] = [0, 1].map((part) => pairs.map((pair) => pair[part]));
+  const baked = visibility.createScenePvs(scene, pvs, volumes, objects, targets);
+  for (const handle of [graph, pvs]) handle.destroy();
+  return { cells, baked };
 }
 
 /** Makes a pipeline by the name of its last stage. */
-export function makePipeline(visibility, name, cells) {
+export function makePipeline(visibility, name, { cells, baked } = {}) {
   const pipeline = visibility.createPipeline();
   if (name === "everything") return pipeline;
   pipeline.addFrustum();
   if (name === "z-buffer") pipeline.addZBuffer();
   if (name === "portals") pipeline.addPortals(cells);
+  if (name === "baked") pipeline.addPvs(baked);
   return pipeline;
 }
 
 /** Names of the pipelines that suit a scene. */
 export function pipelineNames(lists) {
-  return ["frustum", "z-buffer", ...(lists.cells.length > 0 ? ["portals"] : [])];
+  return ["frustum", "z-buffer", ...(lists.cells.length > 0 ? ["portals", "baked"] : [])];
 }

@@ -1,9 +1,10 @@
 // Prints what `native answers` prints, by the module for the web: the same lines if both answer alike.
 // Usage: node answers.js [plain|simd128]
 
+import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
 import { load } from "../package/visibility.js";
-import { cameras, fillScene, loadRecipes, makeCells, makePipeline, pipelineNames } from "../page/scene.js";
+import { cameras, fillScene, loadRecipes, makeBuilding, makePipeline, pipelineNames } from "../page/scene.js";
 
 const JUDGED_EVERY = 20;
 const visibility = await load({ simd128: process.argv[2] === "simd128" });
@@ -26,15 +27,16 @@ for (const [name, a, b] of [
   const lists = make(name, a, b);
   const title = `${name}:${a},${b}`;
   console.log(`${title} ${lists.triangleCounts.length} objects, triangles ${hash(lists.triangles)}`);
-  const { scene } = fillScene(visibility, lists);
-  const cells = makeCells(visibility, lists);
+  const filled = fillScene(visibility, lists);
+  const { scene } = filled;
+  const building = makeBuilding(visibility, lists, filled);
   const [view, visible, judge] = [
     visibility.createView(),
     visibility.createVisible(),
     visibility.createJudge(256, 144),
   ];
   for (const label of pipelineNames(lists)) {
-    const pipeline = makePipeline(visibility, label, cells);
+    const pipeline = makePipeline(visibility, label, building);
     cameras(lists, 16 / 9).forEach((camera, frame) => {
       view.setPerspective(camera);
       pipeline.cull(scene, view, visible);
@@ -43,11 +45,12 @@ for (const [name, a, b] of [
       let line = `${title} ${label} ${frame} ${indices.length} ${hash(indices)}`;
       if (frame % JUDGED_EVERY === 0) {
         const { falseHiddenObjects, falseVisibleObjects, wrongPixels } = judge.compare(scene, view, visible);
+        assert.equal(falseHiddenObjects, 0, line);
         line += ` ${falseHiddenObjects} ${falseVisibleObjects} ${wrongPixels}`;
       }
       console.log(line);
     });
     pipeline.destroy();
   }
-  for (const handle of [scene, view, visible, judge, ...(cells ? [cells] : [])]) handle.destroy();
+  for (const handle of [scene, view, visible, judge, ...Object.values(building)]) handle.destroy();
 }

@@ -77,7 +77,7 @@ try {
         wait();`);
       // The module without SIMD is one picture; its answers are compared outside the browser.
       const frames = simd128 ? FRAMES : FRAMES.slice(0, 1);
-      for (const name of ["frustum", "z-buffer", "portals"].filter((name) =>
+      for (const name of ["frustum", "z-buffer", "portals", "baked"].filter((name) =>
         native.has(`${recipe} ${name} 0`),
       )) {
         await act(`page.chooseCuller("${name}"); page.toggle("walk", false)`);
@@ -128,6 +128,25 @@ try {
   assert.notDeepEqual(flown.camera.eye, before.camera.eye, "a key moves the camera");
   await drag("mouse");
   await drag("touch");
+
+  // On a phone: a finger on the left half moves.
+  const phone = { width: 390, height: 844, deviceScaleFactor: 1, mobile: true };
+  await command("POST", `${session}/goog/cdp/execute`, {
+    cmd: "Emulation.setDeviceMetricsOverride",
+    params: phone,
+  });
+  const standing = await act("");
+  const push = [
+    { type: "pointerMove", x: 100, y: 700 },
+    { type: "pointerDown", button: 0 },
+    { type: "pointerMove", x: 100, y: 600, duration: 300 },
+    { type: "pointerUp", button: 0 },
+  ];
+  const finger = { type: "pointer", id: "finger", parameters: { pointerType: "touch" }, actions: push };
+  await command("POST", `${session}/actions`, { actions: [finger] });
+  const pushed = await act("");
+  assert.notDeepEqual(pushed.camera.eye, standing.camera.eye, "a finger on the left half moves the camera");
+  await picture("phone");
 
   const log = await command("POST", `${session}/se/log`, { type: "browser" });
   const complaints = log.filter(({ level, message }) => level === "SEVERE" || /error/i.test(message));

@@ -6,12 +6,15 @@
 //! frame. Tests run the same in JavaScript: `tests/answers.js` and `tests/times.js`.
 
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 use std::time::Instant;
+use visibility_core::bake::Bake;
 use visibility_core::occlusion::Preparation;
+use visibility_core::pvs::{PvsCuller, ScenePvs, Viewcell};
 use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::{Comparison, ItemBuffer};
-use visibility_portals::{PortalCuller, SceneCells};
+use visibility_portals::{CellBaker, PortalCuller, SceneCells, Settings};
 use visibility_web_scenes::{SceneSource, built_in, tolerance};
 
 /// Width over height of all pictures.
@@ -56,15 +59,31 @@ fn views(source: &SceneSource) -> Result<Vec<View>, Box<dyn std::error::Error>> 
 }
 
 /// Makes the pipelines that a scene is culled with, by name.
-fn pipelines(source: &SceneSource) -> Result<Vec<(&'static str, Pipeline)>, Box<dyn std::error::Error>> {
+fn pipelines(
+    source: &SceneSource,
+    scene: &Scene,
+) -> Result<Vec<(&'static str, Pipeline)>, Box<dyn std::error::Error>> {
     let frustum = || Pipeline::new().with(FrustumCuller::new());
     let mut pipelines =
         vec![("frustum", frustum()), ("z-buffer", frustum().with(HzbCuller::new(Hzb::default())))];
     if let Some(cells) = &source.cells {
         let cells = cells.with_doorways.as_deref().unwrap_or(cells);
         let tolerance = tolerance(&cells.viewcells);
+        let pvs = Bake::new(CellBaker::new(&cells.graph, Settings::default())?).run().matrix;
+        let touching = |id| {
+            let bounds = scene.bounds(id).unwrap_or(Aabb::EMPTY);
+            let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3());
+            let touches = move |cell: &Viewcell| {
+                (cell.min - tolerance).cmple(max).all() && min.cmple(cell.max + tolerance).all()
+            };
+            let of = (0..).zip(cells.viewcells.cells()).filter(move |(_, cell)| touches(cell));
+            of.map(move |(cell, _)| (id, cell))
+        };
+        let pairs = scene.ids().flat_map(touching);
+        let baked = ScenePvs::new(scene, pvs.to_pvs(&cells.graph)?, cells.viewcells.clone(), pairs);
         let cells = SceneCells::new(cells.graph.clone(), cells.viewcells.clone(), tolerance)?;
         pipelines.push(("portals", frustum().with(PortalCuller::new(cells))));
+        pipelines.push(("baked", frustum().with(PvsCuller::new(Arc::new(baked)))));
     }
     Ok(pipelines)
 }
@@ -84,7 +103,7 @@ fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
     let (scene, views) = (fill(&source)?, views(&source)?);
     let mut judge = ItemBuffer::new(256, 144)?;
     let mut visible = VisibleSet::new();
-    for (label, mut pipeline) in pipelines(&source)? {
+    for (label, mut pipeline) in pipelines(&source, &scene)? {
         for (frame, view) in views.iter().enumerate() {
             pipeline.cull(&scene, view, &mut visible);
             visible.sort_by_index(&scene);
@@ -109,7 +128,7 @@ fn times(name: &str) -> Result<(), Box<dyn std::error::Error>> {
     let source = built_in(name)?;
     let (scene, views) = (fill(&source)?, views(&source)?);
     let mut visible = VisibleSet::new();
-    for (label, mut pipeline) in pipelines(&source)? {
+    for (label, mut pipeline) in pipelines(&source, &scene)? {
         // The least of many rounds: others use the machine, too.
         let mut least = f64::INFINITY;
         let begin = Instant::now();
