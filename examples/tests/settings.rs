@@ -32,6 +32,7 @@ use visibility_plp::{
 };
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
 use visibility_portals::{CellBaker, PortalCuller, PortalEye, SceneCells, Settings};
+use visibility_region::{ShrunkCuller, VirtualSweepCuller};
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -185,6 +186,15 @@ fn plans() {
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
         assert!(culler.occluders().len() <= count);
         check_memory("virtual occluders");
+        let mut culler = VirtualSweepCuller::new().with_most(count);
+        culler.cull(&world.scene, &cell, &mut VisibleSet::new());
+        assert!(culler.last().unwrap().occluders().len() <= count);
+        // Along one side only: in a cube of viewpoints the greatest number takes minutes.
+        let line = Viewcell::from_box(cell.min, cell.min + DVec3::X);
+        let mut culler = ShrunkCuller::new(HzbCuller::new(Hzb::new(64, 64).unwrap()), count);
+        culler.cull(&world.scene, &line, &mut VisibleSet::new());
+        assert!(culler.points().len() <= 6 * 64);
+        check_memory("methods of regions");
     }
 }
 

@@ -9,41 +9,11 @@ use libfuzzer_sys::fuzz_target;
 use visibility_core::glam::DVec4;
 use visibility_core::{view::Eye, View, VisibleSet};
 use visibility_examples::walkthrough::{World, cullers};
-use visibility_examples::{SceneSource, SourceObject};
+use visibility_fuzz::Bytes;
 use visibility_testing::{Random, cameras};
 
-/// Reader of numbers from the front of a slice of bytes.
-struct Bytes<'a>(&'a [u8]);
-
-impl Bytes<'_> {
-    /// Reads the next byte; `None` at the end of the bytes.
-    fn byte(&mut self) -> Option<u8> {
-        let (&first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(first)
-    }
-
-    /// Reads a number of arbitrary bits, or (for most first bytes) a small number, so that some scenes have
-    /// objects in view. `None` at the end.
-    fn number(&mut self) -> Option<f32> {
-        Some(match self.byte()? {
-            0 => f32::from_le_bytes([self.byte()?, self.byte()?, self.byte()?, self.byte()?]),
-            small => (f32::from(small) - 128.0) / 16.0,
-        })
-    }
-
-    /// Reads N numbers one after another; `None` if the bytes end before the last number.
-    fn numbers<const N: usize>(&mut self) -> Option<[f32; N]> {
-        let mut numbers = [0.0; N];
-        for number in &mut numbers {
-            *number = self.number()?;
-        }
-        Some(numbers)
-    }
-}
-
 fuzz_target!(|bytes: &[u8]| {
-    let mut bytes = Bytes(bytes);
+    let mut bytes = Bytes::new(bytes);
     let Some(culler) = bytes.byte() else { return };
     let mut views = Vec::new();
     for _ in 0..2 {
@@ -51,23 +21,7 @@ fuzz_target!(|bytes: &[u8]| {
         let view = View::from_clip_from_world(matrix, cameras::DEPTHS[usize::from(depth) % 6]);
         views.extend(view.ok().filter(is_of_a_camera));
     }
-    let mut objects = vec![SourceObject::new("0", Vec::new())];
-    while let Some(triangle) = bytes.numbers::<9>() {
-        let corner = |i: usize| triangle[i..i + 3].try_into().map(glam_point).expect("three numbers");
-        if bytes.0.first().is_some_and(|byte| byte % 4 == 0) {
-            objects.push(SourceObject::new("another", Vec::new()));
-        }
-        let last = objects.len() - 1;
-        objects[last].triangles.push([corner(0), corner(3), corner(6)]);
-    }
-    let source = SceneSource {
-        name: "fuzz".into(),
-        up: glam_point([0.0, 0.0, 1.0]),
-        near: 0.1,
-        objects,
-        walks: Vec::new(),
-        cells: None,
-    };
+    let source = bytes.scene();
     let world = World::with_views(source, visibility_core::glam::DVec3::ZERO, views, Vec::new(), (64, 64));
     let names: Vec<_> = cullers::known().collect();
     let known = names[usize::from(culler) % names.len()];
@@ -110,8 +64,4 @@ fn is_of_a_camera(view: &View) -> bool {
         Eye::Point(eye) => near.dot(eye.extend(1.0)) < -1e-9 * near.abs().dot(eye.abs().extend(1.0)),
         Eye::Direction(_) => true,
     }
-}
-
-fn glam_point(point: [f32; 3]) -> visibility_core::glam::Vec3 {
-    point.into()
 }

@@ -1,5 +1,8 @@
 //! Library of the fuzz targets.
 
+use visibility_core::glam::Vec3;
+use visibility_examples::{SceneSource, SourceObject};
+
 /// Repairs the length and the checksum in the header that baked sets, tessellations and interrupted bakes
 /// share. No fuzzed input has both right by chance, so the code behind the checksum would never be reached.
 /// Fewer than 40 bytes, the size of a header, are left unchanged.
@@ -14,4 +17,59 @@ pub fn mend(bytes: &mut [u8]) {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
     });
     bytes[32..40].copy_from_slice(&sum.to_le_bytes());
+}
+
+/// Reader of numbers from the front of a slice of bytes.
+pub struct Bytes<'a>(&'a [u8]);
+
+impl<'a> Bytes<'a> {
+    /// Reads from the first byte on.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self(bytes)
+    }
+
+    /// Returns the next byte without reading it; `None` at the end of the bytes.
+    pub fn peek(&self) -> Option<u8> {
+        self.0.first().copied()
+    }
+
+    /// Reads the next byte; `None` at the end of the bytes.
+    pub fn byte(&mut self) -> Option<u8> {
+        let (&first, rest) = self.0.split_first()?;
+        self.0 = rest;
+        Some(first)
+    }
+
+    /// Reads a number of arbitrary bits, or (for most first bytes) a small number, so that some scenes have
+    /// objects in view. `None` at the end.
+    pub fn number(&mut self) -> Option<f32> {
+        Some(match self.byte()? {
+            0 => f32::from_le_bytes([self.byte()?, self.byte()?, self.byte()?, self.byte()?]),
+            small => (f32::from(small) - 128.0) / 16.0,
+        })
+    }
+
+    /// Reads N numbers one after another; `None` if the bytes end before the last number.
+    pub fn numbers<const N: usize>(&mut self) -> Option<[f32; N]> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = self.number()?;
+        }
+        Some(numbers)
+    }
+
+    /// Reads triangles of nine numbers up to the end, as a scene of objects. A byte that is a multiple of 4
+    /// before a triangle begins another object.
+    pub fn scene(&mut self) -> SceneSource {
+        let mut objects = vec![SourceObject::new("0", Vec::new())];
+        while let Some(triangle) = self.numbers::<9>() {
+            let corner = |i: usize| Vec3::new(triangle[i], triangle[i + 1], triangle[i + 2]);
+            if self.peek().is_some_and(|byte| byte % 4 == 0) {
+                objects.push(SourceObject::new("another", Vec::new()));
+            }
+            let last = objects.len() - 1;
+            objects[last].triangles.push([corner(0), corner(3), corner(6)]);
+        }
+        SceneSource { name: "fuzz".into(), up: Vec3::Z, near: 0.1, objects, walks: Vec::new(), cells: None }
+    }
 }

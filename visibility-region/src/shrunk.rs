@@ -31,6 +31,9 @@ const NEAR: f64 = 1e-6;
 /// `f32` by four roundings, 2 epsilon of the sum: 2.5 would do.
 const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 
+/// Greatest number of points along a side of the viewcell.
+const MOST_POINTS_PER_SIDE: usize = 64;
+
 /// Hides what a culler from a point hides from each of some points of a viewcell's boundary, with the scene's
 /// occluders shrunk in proportion to the distance between the points. Conservative if the culler is.
 ///
@@ -51,8 +54,7 @@ pub struct ShrunkCuller<C> {
 
 impl<C: Culler> ShrunkCuller<C> {
     /// Makes a culler that asks `culler` at points with `points_per_side` along the longest side of the
-    /// viewcell, and as densely along the others. 0 counts as 1. Occluders shrink by about 0.7 of the side
-    /// over `points_per_side`.
+    /// viewcell, and as densely along the others. 0 counts as 1, and more than 64 as 64. Occluders shrink by about 0.7 of the side over `points_per_side`.
     pub const fn new(culler: C, points_per_side: usize) -> Self {
         Self { culler, points_per_side, points: Vec::new(), solids: Solids::new() }
     }
@@ -80,7 +82,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         let Some((min, max)) = cell_box(cell, scene.origin()) else {
             return visible.retain(scene, |_, _| true);
         };
-        let distance = sample_points(min, max, self.points_per_side.clamp(1, 1 << 10), &mut self.points);
+        let distance =
+            sample_points(min, max, self.points_per_side.clamp(1, MOST_POINTS_PER_SIDE), &mut self.points);
         let magnitude = min.abs().max(max.abs()).max_element();
         let distance = distance * (1.0 + 1e-9) + magnitude * (16.0 * f64::EPSILON);
         let near = ((max - min).max_element() * NEAR).max(magnitude * 1e-12).max(1e-30);

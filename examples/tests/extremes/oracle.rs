@@ -69,6 +69,54 @@ pub(crate) fn seen_point(
     None
 }
 
+/// Searches a segment from a viewcell to an object that is unobstructed beyond any doubt of rounding. `None`
+/// if no random segment is, or the viewcell has no finite point. `object` is an index; `rays` is increased by
+/// the number of segments tried. The ends of the segment are relative to the scene's origin.
+pub(crate) fn sight_from_cell(
+    world: &World,
+    cell: &Viewcell,
+    object: usize,
+    rng: &mut Random,
+    rays: &mut usize,
+) -> Option<[DVec3; 2]> {
+    let source = &world.source;
+    let triangles = &source.objects[object].triangles;
+    if triangles.is_empty() || !cell.min.cmple(cell.max).all() {
+        return None;
+    }
+    (0..POINTS).find_map(|_| {
+        // Viewpoints at corners, on edges and on faces see most.
+        let part = DVec3::from_array([0, 1, 2].map(|_| {
+            let within = rng.unit();
+            rng.pick(&[0.0, 1.0, within])
+        }));
+        let eye = (cell.min * (1.0 - part) + cell.max * part).clamp(cell.min, cell.max);
+        let is_inside = cell.planes.iter().all(|plane| {
+            let size = plane.normal.abs().dot(eye.abs()) + plane.offset.abs();
+            // A plane that cannot be normalized cuts nothing off.
+            plane.signed_distance(eye) > ROUNDING * size || plane.normalized().is_none()
+        });
+        let which = rng.below(triangles.len());
+        let corners = triangles[which].map(|p| p.as_dvec3());
+        let (u, v) = (rng.unit(), rng.unit());
+        let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+        let segment = Segment {
+            from: eye - world.origin(),
+            to: corners[0] * (1.0 - u - v) + corners[1] * u + corners[2] * v,
+        };
+        if !(is_inside && segment.from.is_finite() && segment.to.is_finite()) {
+            return None;
+        }
+        *rays += 1;
+        let is_blocked = source.objects.iter().enumerate().any(|(index, other)| {
+            let all = other.triangles.iter().enumerate();
+            all.into_iter()
+                .any(|(number, triangle)| (index, number) != (object, which) && segment.may_meet(triangle))
+        });
+        (!is_blocked).then_some([segment.from, segment.to])
+    })
+}
+
 /// Radius in NDC of the disc that must be visible for exact cullers: twice the width that they may miss.
 pub(crate) const NARROWEST: f64 = 2e-7;
 
