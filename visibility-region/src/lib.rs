@@ -60,7 +60,7 @@ mod volumetric;
 pub use convex_blockers::ConvexBlockersCuller;
 pub use sampling::{SamplingCuller, SightLine};
 pub use shrunk::ShrunkCuller;
-pub use sweep::ExtendedProjectionCuller;
+pub use sweep::{ExtendedProjectionCuller, ProjectionPlane};
 pub use virtual_occluders::{VirtualOccluder, VirtualOccluders, VirtualSweepCuller};
 pub use volumetric::VolumetricCuller;
 

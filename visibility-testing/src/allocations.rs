@@ -5,7 +5,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// The system's allocator, which counts each thread's allocations in [`ALLOCATIONS`] and [`LIVE`]. A test
+/// The system's allocator, which counts each thread's allocations in [`ALLOCATIONS`], [`LIVE`] and [`PEAK`]. A test
 /// program installs it with `#[global_allocator]`.
 pub struct CountingAllocator;
 
@@ -15,12 +15,15 @@ thread_local! {
     /// Bytes that this thread has allocated minus bytes that it has freed. Negative if the thread frees
     /// memory of other threads.
     pub static LIVE: Cell<isize> = const { Cell::new(0) };
+    /// Greatest value of [`LIVE`] since this was last set.
+    pub static PEAK: Cell<isize> = const { Cell::new(0) };
 }
 
 /// Adds to the thread's counts: a number of allocations, and a change of the live bytes.
 fn count(allocations: usize, bytes: isize) {
     ALLOCATIONS.set(ALLOCATIONS.get() + allocations);
     LIVE.set(LIVE.get() + bytes);
+    PEAK.set(PEAK.get().max(LIVE.get()));
 }
 
 // SAFETY: every call is forwarded to the system's allocator. Counting neither allocates nor touches the

@@ -9,9 +9,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use visibility_bake::BakedSet;
 use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_examples::region::cells::TurnedBox;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
-use visibility_examples::region::{cells, methods, picture, plot, trial};
+use visibility_examples::region::{cells, methods, picture, planes, plot, trial};
 use visibility_examples::{load_walks, open, region};
 
 /// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
@@ -23,10 +24,11 @@ struct Arguments {
     #[arg(value_name = "SCENE", default_value = "london")]
     scene: String,
 
-    /// Viewcell: a box in metres. May be given several times.
-    #[arg(long = "cell", value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", value_parser = cells::parse,
+    /// Viewcell: a box in metres. `@` and an angle turn the box about the vertical axis through its middle,
+    /// counter-clockwise seen from above. May be given several times.
+    #[arg(long = "cell", value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ[@DEGREES]", value_parser = cells::parse,
         allow_hyphen_values = true)]
-    cell: Vec<[f64; 6]>,
+    cell: Vec<TurnedBox>,
 
     /// Number of viewcells to spread along the scene's walks. By default 4, or none if there is a --cell.
     #[arg(long, value_name = "N")]
@@ -49,7 +51,8 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Folder for a picture of each viewcell and method. By default none are drawn.
+    /// Folder for pictures of each viewcell and method: from above, with what would be hidden anywhere at the
+    /// height of the viewcell, and the maps of the planes of methods that have some. By default none.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
@@ -105,7 +108,8 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         world.scene.len(),
         world.source.triangle_count()
     );
-    let mut viewcells: Vec<Viewcell> = arguments.cell.iter().map(cells::viewcell).collect();
+    let turned = arguments.cell.iter().map(|cell| cells::viewcell(cell, world.source.up));
+    let mut viewcells: Vec<Viewcell> = turned.collect();
     let count = arguments.cells.unwrap_or(if viewcells.is_empty() { 4 } else { 0 });
     viewcells.extend(cells::along_walks(&world, count, arguments.size));
     if viewcells.is_empty() {
@@ -128,13 +132,21 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         for (name, method) in &mut methods {
             let trial = trial::run(name, method.as_mut(), &world.scene, &judged.cell);
             if let Some(folder) = &arguments.pictures {
-                let canvas = picture::draw(&world, &judged, &trial, &method.lines())?;
+                let (mut lines, up) = (method.lines(), world.source.up.as_dvec3());
+                let maps = method.planes(&world.scene, &judged.cell);
+                let segments = planes::shown(&maps).flatten().flat_map(|plane| plane.covered_segments(up));
+                lines.extend(segments);
+                let sheet = planes::draw(&maps, up);
+                let canvas = picture::draw(&world, &judged, &trial, &lines, method.as_mut())?;
                 std::fs::create_dir_all(folder)?;
                 // Names of scenes and dials may hold anything, path separators included.
                 let plain = |letter: char| if letter.is_alphanumeric() { letter } else { '-' };
                 let stem: String =
                     format!("{}-{number}-{name}", world.source.name).chars().map(plain).collect();
                 canvas.save(&folder.join(format!("{stem}.png")))?;
+                if let Some(sheet) = sheet {
+                    sheet.save(&folder.join(format!("{stem}-planes.png")))?;
+                }
             }
             judged.trials.push(trial);
         }

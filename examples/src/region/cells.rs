@@ -3,7 +3,8 @@
 
 use crate::walkthrough::World;
 use crate::{Frame, frames};
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
+use visibility_core::geometry::Plane;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, ObjectId, queries::SceneQuery};
 
@@ -12,12 +13,26 @@ const STEPS: u32 = 16;
 /// Part of the wanted size that a viewcell begins with.
 const SEED: f64 = 1e-3;
 
-/// Reads a box from six numbers separated by commas: minimum x, y, z and maximum x, y, z, in metres. The
-/// error is a message for a person.
-pub fn parse(text: &str) -> Result<[f64; 6], String> {
-    let numbers = numbers::<6>(text)?;
-    let inverted = (0..3).any(|axis| numbers[axis] > numbers[axis + 3]);
-    if inverted { Err("a maximum is less than its minimum".to_owned()) } else { Ok(numbers) }
+/// A viewcell as given on a command line: a box, turned about the vertical axis through its middle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct TurnedBox {
+    min: DVec3,
+    max: DVec3,
+    /// Angle in degrees, counter-clockwise seen from above.
+    degrees: f64,
+}
+
+/// Reads a box from six numbers separated by commas: minimum x, y, z and maximum x, y, z, in metres. `@` and
+/// an angle in degrees after them turn the box about the vertical axis through its middle. The error is a
+/// message for a person.
+pub fn parse(text: &str) -> Result<TurnedBox, String> {
+    let (corners, degrees) = text.split_once('@').unwrap_or((text, "0"));
+    let ([a, b, c, d, e, f], [degrees]) = (numbers::<6>(corners)?, numbers::<1>(degrees)?);
+    let (min, max) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
+    if min.cmpgt(max).any() {
+        return Err("a maximum is less than its minimum".to_owned());
+    }
+    Ok(TurnedBox { min, max, degrees })
 }
 
 /// Reads a size from three numbers separated by commas: two sizes on the ground and the height, in metres.
@@ -40,10 +55,21 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     numbers.try_into().map_err(|_| format!("{N} numbers are needed, separated by commas"))
 }
 
-/// Makes the viewcell with the six numbers of [`parse`].
-pub fn viewcell(numbers: &[f64; 6]) -> Viewcell {
-    let [a, b, c, d, e, f] = *numbers;
-    Viewcell::from_box(DVec3::new(a, b, c), DVec3::new(d, e, f))
+/// Makes the viewcell of a box. `up` is the scene's axis that points up.
+pub fn viewcell(given: &TurnedBox, up: Vec3) -> Viewcell {
+    let TurnedBox { min, max, degrees } = *given;
+    if degrees == 0.0 {
+        return Viewcell::from_box(min, max);
+    }
+    let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5);
+    let turn = DQuat::from_axis_angle(up.as_dvec3(), degrees.to_radians());
+    let axes = DVec3::AXES.map(|axis| turn * axis);
+    let reach = (0..3).map(|i| axes[i].abs() * half[i]).sum::<DVec3>();
+    let is_level = |i: &usize| up[*i].abs() < 0.5;
+    let sides = (0..3).filter(is_level).flat_map(|i| {
+        [axes[i], -axes[i]].map(|outwards| Plane::through(middle + outwards * half[i], -outwards))
+    });
+    Viewcell { planes: sides.collect(), ..Viewcell::from_box(middle - reach, middle + reach) }
 }
 
 /// Makes up to `count` viewcells around eyes spread evenly along the walks of a scene. `size` is two sizes on
@@ -124,11 +150,37 @@ mod tests {
 
     #[test]
     fn boxes_and_sizes_are_read_or_refused() {
-        assert_eq!(parse("0,1, 2,3,4,5"), Ok([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]));
-        for wrong in ["", "1,2,3", "0,0,0,1,1,nan", "0,0,0,1,1,-1", "a,0,0,1,1,1"] {
+        let (min, max) = (DVec3::new(0.0, 1.0, 2.0), DVec3::new(3.0, 4.0, 5.0));
+        assert_eq!(parse("0,1, 2,3,4,5"), Ok(TurnedBox { min, max, degrees: 0.0 }));
+        assert_eq!(parse("0,1,2,3,4,5@-30.5"), Ok(TurnedBox { min, max, degrees: -30.5 }));
+        let wrong =
+            ["", "1,2,3", "0,0,0,1,1,nan", "0,0,0,1,1,-1", "a,0,0,1,1,1", "0,0,0,1,1,1@", "0,0,0,1,1,1@inf"];
+        for wrong in wrong {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
         assert!(parse_size("1,2,3").is_ok() && parse_size("1,2,0").is_err());
+    }
+
+    #[test]
+    fn a_turned_viewcell_is_the_box_turned_seen_from_above() {
+        // A box of 10 by 2 by 2 m, and the same box with y up.
+        for (text, up) in [("1,4,0,11,6,2@30", Vec3::Z), ("4,0,1,6,2,11@30", Vec3::Y)] {
+            let cell = viewcell(&parse(text).unwrap(), up);
+            // Axes along the box: the first runs to the second, counter-clockwise seen from above.
+            let [along, across] = if up == Vec3::Z { [DVec3::X, DVec3::Y] } else { [DVec3::Z, DVec3::X] };
+            let middle = along * 6.0 + across * 5.0 + up.as_dvec3();
+            let (sin, cos) = 30f64.to_radians().sin_cos();
+            let at = |x: f64, y: f64, z: f64| {
+                let [x, y] = [x * cos - y * sin, x * sin + y * cos];
+                middle + along * x + across * y + up.as_dvec3() * z
+            };
+            for [x, y, z] in [[4.99, 0.99, 0.99], [-4.99, 0.99, -0.99], [4.99, -0.99, 0.0], [0.0; 3]] {
+                assert!(cell.contains(at(x, y, z)), "{text}: {x} {y} {z}");
+            }
+            for [x, y, z] in [[5.01, 0.0, 0.0], [-5.01, 0.9, 0.0], [0.0, 1.01, 0.0], [0.0, 0.0, 1.01]] {
+                assert!(!cell.contains(at(x, y, z)), "{text}: {x} {y} {z}");
+            }
+        }
     }
 
     #[test]

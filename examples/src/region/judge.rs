@@ -102,7 +102,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Returns `count` viewpoints of the box of a viewcell, slightly within its sides.
+/// Returns up to `count` viewpoints of a viewcell, slightly within the sides of its box.
 pub fn viewpoints(cell: &Viewcell, count: usize) -> Vec<DVec3> {
     let (middle, half) = ((cell.min + cell.max) * 0.5, (cell.max - cell.min) * (0.5 - 1e-6));
     let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64) * 2.0 - 1.0;
@@ -114,12 +114,16 @@ pub fn viewpoints(cell: &Viewcell, count: usize) -> Vec<DVec3> {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as f64 / (1u64 << 31) as f64
     };
-    while parts.len() < count {
+    // Planes may cut off most of the box.
+    let tries = if cell.planes.is_empty() { count } else { count.saturating_mul(64) };
+    while parts.len() < tries {
         let mut part = DVec3::new(unit(), unit(), unit()) * 2.0 - 1.0;
         let side = (unit() * 6.0) as usize;
-        part[side % 3] = if side < 3 { 1.0 } else { -1.0 };
+        if cell.planes.is_empty() {
+            part[side % 3] = if side < 3 { 1.0 } else { -1.0 };
+        }
         parts.push(part);
     }
-    parts.truncate(count);
-    parts.into_iter().map(|part| middle + half * part).filter(|&eye| cell.contains(eye)).collect()
+    let eyes = parts.into_iter().map(|part| middle + half * part);
+    eyes.filter(|&eye| cell.contains(eye)).take(count).collect()
 }

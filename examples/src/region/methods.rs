@@ -1,12 +1,14 @@
 //! Methods by the names that the program `region` takes on its command line. A further method is one more
 //! entry of [`METHODS`], and an implementation of [`Method`] for its culler.
 
+use super::planes::PlaneMap;
 use crate::walkthrough::World;
 use glam::DVec3;
 use std::sync::Arc;
 use visibility_2d::horizon::UpAxis;
 use visibility_2d::virtual_occluders::VirtualOccluderCuller;
-use visibility_core::{Culler, RegionCuller};
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Culler, RegionCuller, Scene};
 use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_region::{
@@ -18,6 +20,11 @@ use visibility_region::{
 pub trait Method: RegionCuller {
     /// Returns segments in world space that show how the last answer was found, for the picture from above.
     fn lines(&self) -> Vec<[DVec3; 2]> {
+        Vec::new()
+    }
+
+    /// Returns the projection planes of a viewcell with their maps. None for methods without such planes.
+    fn planes(&mut self, _scene: &Scene, _cell: &Viewcell) -> Vec<PlaneMap> {
         Vec::new()
     }
 
@@ -119,7 +126,13 @@ pub const METHODS: &[Entry] = &[
     Entry { name: "volume", dial: "", make: |_, _| Ok(Box::new(VolumetricCuller::new())) },
 ];
 
-impl Method for ExtendedProjectionCuller {}
+impl Method for ExtendedProjectionCuller {
+    fn planes(&mut self, scene: &Scene, cell: &Viewcell) -> Vec<PlaneMap> {
+        let mut planes = Vec::new();
+        self.for_each_plane(scene, cell, |plane| planes.push(PlaneMap::new(&plane)));
+        planes
+    }
+}
 
 fn exact(effort: Effort, world: &World) -> Made {
     let triangles = Arc::new(SceneTriangles::new(&world.scene));

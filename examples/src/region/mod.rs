@@ -2,13 +2,14 @@
 //! program `region`.
 //!
 //! [`cells`] makes viewcells, [`methods`] names the methods, [`judge`] samples what can be seen, [`trial`]
-//! runs a method, [`output`] prints the results, [`picture`] and [`plot`] draw them.
+//! runs a method, [`output`] prints the results, [`picture`], [`planes`] and [`plot`] draw them.
 
 pub mod cells;
 pub mod judge;
 pub mod methods;
 pub mod output;
 pub mod picture;
+pub mod planes;
 pub mod plot;
 pub mod trial;
 

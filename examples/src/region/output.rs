@@ -101,6 +101,8 @@ seen/hidden/open, proofs: objects seen for certain, proven hidden, and neither, 
 struct Line<'a> {
     scene: &'a str,
     cell: [f64; 6],
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    planes: Vec<[f64; 4]>,
     method: &'a str,
     accuracy: &'a str,
     seconds: f64,
@@ -122,7 +124,7 @@ struct Line<'a> {
 }
 
 /// Writes a line of JSON for each viewcell and method. `ids` are the indices of the objects reported, in the
-/// order of the scene's file. Methods that bound the true answer have `seen`, `hidden`, `open`, `proofs` and
+/// order of the scene's file. Viewcells that planes cut have `planes`: inward normal and offset each. Methods that bound the true answer have `seen`, `hidden`, `open`, `proofs` and
 /// `bad_proofs` as well.
 ///
 /// # Errors
@@ -130,11 +132,12 @@ struct Line<'a> {
 /// Returns the error of the writer.
 pub fn json(out: &mut impl Write, world: &World, results: &[Judged]) -> io::Result<()> {
     for judged in results {
-        let Viewcell { min, max, .. } = &judged.cell;
+        let Viewcell { min, max, planes } = &judged.cell;
         for trial in &judged.trials {
             let line = Line {
                 scene: &world.source.name,
                 cell: [min.x, min.y, min.z, max.x, max.y, max.z],
+                planes: planes.iter().map(|p| [p.normal.x, p.normal.y, p.normal.z, p.offset]).collect(),
                 method: &trial.method,
                 accuracy: trial.accuracy.name(),
                 seconds: trial.seconds,

@@ -30,8 +30,8 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 /// 20 to 100 milliseconds a viewcell in scenes of some thousand objects, up to half a second in a furnished
 /// building of 200,000 triangles. Occluders are collected nearest first, until nothing is left to ask: in a
 /// city, 44 times the objects take 4 times the time. The first call for a scene, and the first after a change
-/// of its occluders, sorts all edges: some hundred bytes for each triangle, shared by clones. Each clone has
-/// about 20 bytes for each triangle and 300 KB of its own.
+/// of its occluders, sorts all edges: some hundred bytes for each triangle, shared by clones. Each clone has 2
+/// to 4 MB of its own in such scenes: 9 bytes for each triangle, more for those that may be seen, and maps.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
@@ -58,6 +58,8 @@ pub struct ExtendedProjectionCuller {
     sweep: Sweep,
     /// Occludees of each direction.
     lists: [Vec<Item>; 6],
+    /// Those of the present direction that are still asked, with the children of nodes.
+    asked: Vec<Item>,
     /// Projections of the occludees onto the present plane: ends along x and y.
     projections: Vec<[[f64; 2]; 2]>,
     /// Scratch: coordinates of the items.
@@ -82,6 +84,7 @@ impl ExtendedProjectionCuller {
             pieces: Pieces::default(),
             sweep: Sweep::new(),
             lists: Default::default(),
+            asked: Vec::new(),
             projections: Vec::new(),
             coordinates: Vec::new(),
             stack: Vec::new(),
@@ -126,11 +129,12 @@ impl ExtendedProjectionCuller {
             // A bit holds for all rays of the cone, so occluders of all of the cone are needed.
             while let Some(range) = nearest.advance(&all, &mut self.pieces, &cell_box, direction, &cone, None)
             {
-                let occluders = nearest.occluders(&all, &self.pieces, direction, &cone);
-                for d in planes::distances(direction, &cone, &occluders, &range, &mut behind_left) {
+                let occluders = nearest.occluders();
+                for d in planes::distances(direction, &cone, occluders, &range, &mut behind_left) {
                     let ends = [0, 1].map(|lat| cone.at(direction, d, lat));
                     let Some(window) = Window::fit(direction, d, ends, rims) else { break };
-                    self.sweep.advance(direction, window, &occluders, &cone);
+                    let place = |source| all.place(&self.pieces, direction, source);
+                    self.sweep.advance(direction, window, occluders, &cone, place);
                     each(direction, &window, &self.sweep.map);
                 }
             }
@@ -147,10 +151,8 @@ impl ExtendedProjectionCuller {
         while let Some(range) =
             nearest.advance(all, &mut self.pieces, cell_box, direction, &cone, Some(list.as_slice()))
         {
-            let pieces = core::mem::take(&mut self.pieces);
-            let occluders = nearest.occluders(all, &pieces, direction, &cone);
-            let mut is_done = false;
-            for d in planes::distances(direction, &cone, &occluders, &range, &mut behind_left) {
+            let occluders = nearest.occluders();
+            for d in planes::distances(direction, &cone, occluders, &range, &mut behind_left) {
                 job.drop_reached(d, list, stats);
                 self.projections.clear();
                 self.projections.extend(list.iter().map(|item| direction.occludee(d, &item.bounds)));
@@ -159,15 +161,12 @@ impl ExtendedProjectionCuller {
                 };
                 let ends = self.projections.iter().copied().reduce(unite);
                 let window = ends.and_then(|ends| Window::fit(direction, d, ends, rims));
-                let Some(window) = window else {
-                    is_done = true;
-                    break;
-                };
-                stats.occluders += self.sweep.advance(direction, window, &occluders, &cone);
+                let Some(window) = window else { return };
+                let place = |source| all.place(&self.pieces, direction, source);
+                stats.occluders += self.sweep.advance(direction, window, occluders, &cone, place);
                 self.test(job, &window, list, stats);
             }
-            self.pieces = pieces;
-            if is_done || list.is_empty() {
+            if list.is_empty() {
                 return;
             }
         }
@@ -260,14 +259,16 @@ impl RegionCuller for ExtendedProjectionCuller {
             let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces };
             self.pieces.begin(&surfaces);
             let directions = core::array::from_fn(|index| cell_box.direction(index));
-            let mut lists = core::mem::take(&mut self.lists);
-            stats.nodes +=
-                occludees::assign(scene, visible, &bounds, &directions, &mut lists, &mut self.stack);
-            for (direction, list) in directions.iter().zip(&mut lists) {
+            let (lists, stack) = (&mut self.lists, &mut self.stack);
+            stats.nodes += occludees::assign(scene, visible, &bounds, &directions, lists, stack);
+            let mut asked = core::mem::take(&mut self.asked);
+            for (index, direction) in directions.iter().enumerate() {
                 let job = Job { scene, visible, direction, all, cell_box: &cell_box };
-                self.sweep(&job, list, &mut stats);
+                asked.clear();
+                asked.extend_from_slice(&self.lists[index]);
+                self.sweep(&job, &mut asked, &mut stats);
             }
-            self.lists = lists;
+            self.asked = asked;
         }
         let hidden = &self.hidden;
         stats += visible.retain(scene, |id, _| !hidden.contains(id.index()));

@@ -13,14 +13,18 @@ mod occluder_raster;
 mod pieces;
 pub(crate) mod planes;
 mod polygon;
+mod projection_plane;
 pub(crate) mod ray_map;
 mod surfaces;
 pub(crate) mod window;
 
 pub use culler::ExtendedProjectionCuller;
+pub use projection_plane::ProjectionPlane;
 
 use alloc::vec::Vec;
 use direction::Direction;
+use nearest::Source;
+use occluder::Occluder;
 use occluder_raster::OccluderRaster;
 use planes::{Candidate, Cone};
 use ray_map::RayMap;
@@ -70,13 +74,14 @@ impl Sweep {
 
     /// Moves the map on to the plane of `window`: reprojects what was covered, and draws the occluders that
     /// end shortly before the plane or reach through it. `occluders` are those of the whole sweep, nearest
-    /// first. Returns the number of occluders drawn.
-    pub(crate) fn advance(
+    /// first, and `place` places one. Returns the number of occluders drawn.
+    pub(crate) fn advance<'a>(
         &mut self,
         direction: &Direction,
         window: Window,
-        occluders: &[Candidate<'_>],
+        occluders: &[Candidate],
         cone: &Cone,
+        place: impl Fn(Source) -> Option<Occluder<'a>>,
     ) -> u64 {
         if let Some(before) = &self.window
             && self.map.any_set()
@@ -85,7 +90,7 @@ impl Sweep {
             self.map.erode(&columns, &rows, &mut self.scratch);
         }
         self.window = Some(window);
-        while occluders.get(self.begun).is_some_and(|c| c.occluder.bounds.lo.z < window.d) {
+        while occluders.get(self.begun).is_some_and(|c| c.begins < window.d) {
             self.open.push((self.begun, AGAIN));
             self.begun += 1;
         }
@@ -93,11 +98,12 @@ impl Sweep {
         let (raster, map) = (&mut self.raster, &mut self.map);
         self.open.retain_mut(|(index, again)| {
             let candidate = &occluders[*index];
-            let occluder = &candidate.occluder;
             // A long piece is cut closer to the plane: what is nearer was drawn on the planes before.
             let near = if candidate.joins { cone.near.max(CUT * window.d) } else { cone.near };
-            drawn += u64::from(raster.draw(map, direction, &window, occluder, near));
-            *again -= usize::from(occluder.bounds.hi.z <= window.d);
+            if let Some(occluder) = place(candidate.source) {
+                drawn += u64::from(raster.draw(map, direction, &window, &occluder, near));
+            }
+            *again -= usize::from(candidate.ends <= window.d);
             *again > 0
         });
         drawn

@@ -62,11 +62,11 @@ impl Eq for Entry {}
 
 /// Where an occluder is found again.
 #[derive(Clone, Copy, Debug)]
-enum Source {
+pub(crate) enum Source {
     /// A piece, by index.
     Piece(u32),
     /// A part of the mesh of an object.
-    Part(ObjectId, usize),
+    Part(ObjectId, u32),
 }
 
 /// The occluders of one direction that have been collected, and what is left of the hierarchy.
@@ -75,9 +75,8 @@ pub(crate) struct Nearest {
     queue: BinaryHeap<Entry>,
     /// Clusters of surfaces that have been collected.
     listed: Bits,
-    /// Depths of the collected occluders and where they are found. The first `settled` are complete and in
-    /// their final order.
-    sources: Vec<(f64, Source)>,
+    /// The collected occluders. The first `settled` are complete and in their final order: by depth.
+    occluders: Vec<Candidate>,
     settled: usize,
     portion: usize,
     /// Depths between which the last portion is complete.
@@ -89,7 +88,7 @@ impl Nearest {
         let mut new = Self {
             queue: BinaryHeap::new(),
             listed: Bits::new(all.surfaces.cluster_count()),
-            sources: Vec::new(),
+            occluders: Vec::new(),
             settled: 0,
             portion: FIRST_PORTION,
             complete: 0.0..0.0,
@@ -134,8 +133,9 @@ impl Nearest {
                 }
             }
         }
-        self.sources[self.settled..].sort_by(|a, b| a.0.total_cmp(&b.0));
-        self.settled += self.sources[self.settled..].partition_point(|source| source.0 < end);
+        let open = &mut self.occluders[self.settled..];
+        open.sort_by(|a, b| a.begins.total_cmp(&b.begins));
+        self.settled += open.partition_point(|occluder| occluder.begins < end);
         self.portion *= 2;
         self.complete = before..end;
         Some(self.complete.clone())
@@ -143,15 +143,8 @@ impl Nearest {
 
     /// Returns the occluders collected so far that begin before the end of the last portion. Those of earlier
     /// portions keep their indices.
-    pub(crate) fn occluders<'a>(
-        &self,
-        all: &Occluders<'a>,
-        pieces: &'a Pieces,
-        direction: &Direction,
-        cone: &Cone,
-    ) -> Vec<Candidate<'a>> {
-        let sources = self.sources[..self.settled].iter();
-        sources.filter_map(|source| candidate(all, pieces, direction, cone, source.1)).collect()
+    pub(crate) fn occluders(&self) -> &[Candidate] {
+        &self.occluders[..self.settled]
     }
 
     fn push_children(
@@ -183,9 +176,7 @@ impl Nearest {
             return;
         }
         let mut push = |pieces: &Pieces, source| {
-            if let Some(candidate) = candidate(all, pieces, direction, cone, source) {
-                self.sources.push((candidate.occluder.bounds.lo.z, source));
-            }
+            self.occluders.extend(candidate(all, pieces, direction, cone, source));
         };
         if let Some(cluster) = all.surfaces.cluster_of(id.index()) {
             if !self.listed.insert(cluster) {
@@ -198,31 +189,46 @@ impl Nearest {
         }
         let Some((mesh, _)) = all.scene.occluder(id) else { return };
         for part in 0..solids::pieces(mesh).len() {
-            push(pieces, Source::Part(id, part));
+            push(pieces, Source::Part(id, part as u32));
         }
     }
 }
 
-/// Places an occluder. `None` if it cannot cover a pixel of the cone.
-fn candidate<'a>(
-    all: &Occluders<'a>,
-    pieces: &'a Pieces,
+impl<'a> Occluders<'a> {
+    /// Places an occluder. `None` if its transform flattens it.
+    pub(crate) fn place(
+        &self,
+        pieces: &'a Pieces,
+        direction: &Direction,
+        source: Source,
+    ) -> Option<Occluder<'a>> {
+        match source {
+            Source::Piece(piece) => {
+                Some(Occluder::piece(direction, self.surfaces, pieces, pieces.get(piece)))
+            }
+            Source::Part(id, part) => {
+                let (mesh, transform) = self.scene.occluder(id)?;
+                Occluder::new(direction, solids::pieces(mesh).get(part as usize)?, transform)
+            }
+        }
+    }
+}
+
+/// Returns what the choice of planes needs of an occluder. `None` if it cannot cover a pixel of the cone.
+fn candidate(
+    all: &Occluders<'_>,
+    pieces: &Pieces,
     direction: &Direction,
     cone: &Cone,
     source: Source,
-) -> Option<Candidate<'a>> {
-    match source {
-        Source::Piece(piece) => {
-            let piece = pieces.get(piece);
-            if !cone.meets(direction, &direction.local_box(&piece.bounds)) {
-                return None;
-            }
-            cone.candidate(direction, Occluder::piece(direction, all.surfaces, pieces, piece), piece.joins)
-        }
-        Source::Part(id, part) => {
-            let (mesh, transform) = all.scene.occluder(id)?;
-            let part = solids::pieces(mesh).get(part)?;
-            cone.candidate(direction, Occluder::new(direction, part, transform)?, false)
+) -> Option<Candidate> {
+    let mut joins = false;
+    if let Source::Piece(piece) = source {
+        let piece = pieces.get(piece);
+        joins = piece.joins;
+        if !cone.meets(direction, &direction.local_box(&piece.bounds)) {
+            return None;
         }
     }
+    cone.candidate(direction, &all.place(pieces, direction, source)?, source, joins)
 }

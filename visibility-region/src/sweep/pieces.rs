@@ -39,9 +39,8 @@ pub(crate) struct Pieces {
     facing: Vec<i8>,
     parent: Vec<u32>,
     /// Number of triangles of the piece that each triangle represents.
+    /// Once all are paired, the number of that piece instead.
     count: Vec<u32>,
-    /// Scratch: number of the piece that each triangle represents.
-    number: Vec<u32>,
     /// Clusters whose pieces are found, and the pieces of each.
     found: Bits,
     ranges: Vec<[u32; 2]>,
@@ -76,7 +75,6 @@ impl Pieces {
         self.facing.resize(count, 0);
         self.parent.resize(count, 0);
         self.count.resize(count, 0);
-        self.number.resize(count, 0);
     }
 
     /// Finds the pieces of a cluster's occluding objects, unless they are found already. First come those of
@@ -196,7 +194,7 @@ impl Pieces {
 
     /// Lists the pieces that [`pair`](Self::pair) found; only those of several parts if `joins`.
     fn collect(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
-        let (facing, parent, number) = (&self.facing, &mut self.parent, &mut self.number);
+        let (facing, parent, number) = (&self.facing, &mut self.parent, &mut self.count);
         let triangles = surfaces.triangles_of(cluster);
         let drawn = || triangles.iter().copied().filter(|&triangle| facing[triangle as usize] != 0);
         let first_piece = self.pieces.len();

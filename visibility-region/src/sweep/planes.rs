@@ -7,6 +7,7 @@
 //! would favour planes behind many small occluders, none of which covers a pixel.
 
 use super::direction::{Direction, LocalBox};
+use super::nearest::Source;
 use super::occludees::Item;
 use super::occluder::Occluder;
 use super::ray_map::SIDE;
@@ -103,28 +104,36 @@ impl Cone {
             .product()
     }
 
-    /// Returns an occluder with its share of the cone. `None` if it cannot cover a pixel.
-    pub(crate) fn candidate<'a>(
+    /// Returns what the choice of planes needs of an occluder. `None` if it cannot cover a pixel.
+    pub(crate) fn candidate(
         &self,
         direction: &Direction,
-        occluder: Occluder<'a>,
+        occluder: &Occluder<'_>,
+        source: Source,
         joins: bool,
-    ) -> Option<Candidate<'a>> {
+    ) -> Option<Candidate> {
+        let LocalBox { lo, hi } = occluder.bounds;
         let share = self.share(direction, &occluder.bounds);
         // A piece of several objects is long, and planes right behind its parts serve it better.
         (share > 0.0 && occluder.is_precise(direction)).then_some(Candidate {
-            occluder,
+            begins: lo.z,
+            ends: hi.z,
             share: if joins { 0.0 } else { share },
             joins,
+            source,
         })
     }
 }
 
-/// An occluder with the share of the cone that it covers.
+/// An occluder, by its depths and by the share of the cone that it covers. There are many of these, so they
+/// are small: the occluder itself is placed again whenever it is drawn.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Candidate<'a> {
-    pub(crate) occluder: Occluder<'a>,
+pub(crate) struct Candidate {
+    /// Depths of its nearest and farthest point.
+    pub(crate) begins: f64,
+    pub(crate) ends: f64,
     share: f64,
+    pub(crate) source: Source,
     /// Whether the occluder is a piece that joins several meshes.
     pub(crate) joins: bool,
 }
@@ -135,13 +144,13 @@ pub(crate) struct Candidate<'a> {
 pub(crate) fn distances(
     direction: &Direction,
     cone: &Cone,
-    occluders: &[Candidate<'_>],
+    occluders: &[Candidate],
     range: &Range<f64>,
     behind_left: &mut usize,
 ) -> Vec<f64> {
     let mut behind: Vec<(f64, f64)> = occluders
         .iter()
-        .map(|c| (c.occluder.bounds.hi.z + direction.guard(), c.share))
+        .map(|c| (c.ends + direction.guard(), c.share))
         .filter(|(d, share)| *share > 0.0 && *d > cone.first && *d < cone.deepest && range.contains(d))
         .collect();
     behind.sort_by(|a, b| a.0.total_cmp(&b.0));

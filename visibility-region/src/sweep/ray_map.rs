@@ -109,8 +109,8 @@ impl RayMap {
         }
     }
 
-    #[cfg(test)]
-    fn get(&self, x: usize, y: usize) -> bool {
+    /// Returns whether a pixel is set.
+    pub(crate) fn get(&self, x: usize, y: usize) -> bool {
         self.rows[y][x / 64] >> (x % 64) & 1 != 0
     }
 

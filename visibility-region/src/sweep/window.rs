@@ -248,6 +248,11 @@ impl Window {
         })
     }
 
+    /// Returns the ends of the window along x and y.
+    pub(crate) fn ends(&self) -> [[f64; 2]; 2] {
+        self.ends
+    }
+
     /// Returns a rectangle on the plane that is certainly within some pixels: its ends along x and y.
     pub(crate) fn inside(&self, rect: PixelRect) -> [[f64; 2]; 2] {
         let along = |[first, last]: [usize; 2], lat: usize| {

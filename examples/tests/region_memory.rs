@@ -1,0 +1,31 @@
+//! Memory of one more worker: a clone of a culler for viewcells beside the scene and what clones share.
+
+use visibility_core::{RegionCuller, VisibleSet};
+use visibility_examples::built_in;
+use visibility_examples::region::{cells, world};
+use visibility_region::ExtendedProjectionCuller;
+use visibility_testing::allocations::{CountingAllocator, LIVE, PEAK};
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+#[test]
+fn a_worker_beside_the_scene_has_a_few_mebibytes() {
+    let scenes = [("london", [20.0, 20.0, 3.0], 3 << 20), ("office", [4.0, 4.0, 2.0], 4 << 20)];
+    for (name, size, most) in scenes {
+        let world = world(built_in(name).unwrap());
+        let viewcells = cells::along_walks(&world, 4, size);
+        assert!(viewcells.len() > 2);
+        let mut first = ExtendedProjectionCuller::new();
+        first.sync(&world.scene);
+        let before = LIVE.get();
+        PEAK.set(before);
+        let mut worker = first.clone();
+        for cell in &viewcells {
+            worker.cull(&world.scene, cell, &mut VisibleSet::new());
+        }
+        let (kept, peak) = (LIVE.get() - before, PEAK.get() - before);
+        println!("{name}, {} triangles: {kept} bytes kept, {peak} at most", world.source.triangle_count());
+        assert!(peak <= most && kept > 1 << 17, "{name}: {kept} bytes kept, {peak} at most");
+    }
+}

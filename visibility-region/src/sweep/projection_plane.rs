@@ -1,0 +1,69 @@
+//! The planes of a sweep with their maps, to look at.
+
+use super::culler::ExtendedProjectionCuller;
+use super::direction::Direction;
+use super::ray_map::{RayMap, SIDE};
+use super::window::Window;
+use visibility_core::Scene;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+
+/// A projection plane of a sweep, with the map of the rays from the viewcell that are blocked before it. For
+/// pictures and measurements.
+#[derive(Clone, Copy, Debug)]
+pub struct ProjectionPlane<'a> {
+    direction: &'a Direction,
+    window: &'a Window,
+    map: &'a RayMap,
+    origin: DVec3,
+}
+
+impl ProjectionPlane<'_> {
+    /// Width and height of the map, in pixels.
+    pub const SIDE: usize = SIDE;
+
+    /// Returns the direction that leaves the viewcell: a vector of unit length in world space, across the
+    /// plane.
+    pub fn direction(&self) -> DVec3 {
+        self.direction.rows[2]
+    }
+
+    /// Returns the distance of the plane from the side of the viewcell, in metres.
+    pub fn distance(&self) -> f64 {
+        self.window.d
+    }
+
+    /// Returns the corners of the map in world space, in metres, up to rounding: at the pixels (0, 0),
+    /// (`SIDE`, 0), (`SIDE`, `SIDE`) and (0, `SIDE`).
+    pub fn corners(&self) -> [DVec3; 4] {
+        let [[left, right], [low, high]] = self.window.ends();
+        [[left, low], [right, low], [right, high], [left, high]].map(|[x, y]| {
+            let local = DVec3::new(x, y, self.window.d) + DVec3::from_array(self.direction.offset);
+            let [a, b, c] = self.direction.rows;
+            self.origin + a * local.x + b * local.y + c * local.z
+        })
+    }
+
+    /// Returns whether all rays from the viewcell through pixel (`x`, `y`) are blocked before the plane.
+    /// False outside of the map.
+    pub fn is_covered(&self, x: usize, y: usize) -> bool {
+        x < SIDE && y < SIDE && self.map.get(x, y)
+    }
+}
+
+impl ExtendedProjectionCuller {
+    /// Calls `each` with the planes of a sweep from a viewcell, direction by direction and nearest first. The
+    /// maps reach as far aside as the objects of the scene, and all occluders of the scene are in them, as in
+    /// those that [virtual occluders](Self::virtual_occluders) are chosen from.
+    pub fn for_each_plane(
+        &mut self,
+        scene: &Scene,
+        cell: &Viewcell,
+        mut each: impl FnMut(ProjectionPlane<'_>),
+    ) {
+        let origin = scene.origin();
+        self.sweep_open(scene, cell, |direction, window, map| {
+            each(ProjectionPlane { direction, window, map, origin });
+        });
+    }
+}
