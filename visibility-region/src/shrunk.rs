@@ -54,7 +54,8 @@ pub struct ShrunkCuller<C> {
 
 impl<C: Culler> ShrunkCuller<C> {
     /// Makes a culler that asks `culler` at points with `points_per_side` along the longest side of the
-    /// viewcell, and as densely along the others. 0 counts as 1, and more than 64 as 64. Occluders shrink by about 0.7 of the side over `points_per_side`.
+    /// viewcell, and as densely along the others. 0 counts as 1, and more than 64 as 64. Occluders shrink by
+    /// about 0.7 of the side over `points_per_side`.
     pub const fn new(culler: C, points_per_side: usize) -> Self {
         Self { culler, points_per_side, points: Vec::new(), solids: Solids::new() }
     }

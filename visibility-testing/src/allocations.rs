@@ -5,8 +5,8 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// The system's allocator, which counts each thread's allocations in [`ALLOCATIONS`], [`LIVE`] and [`PEAK`]. A test
-/// program installs it with `#[global_allocator]`.
+/// The system's allocator, which counts each thread's allocations in [`ALLOCATIONS`], [`LIVE`] and [`PEAK`].
+/// A test program installs it with `#[global_allocator]`.
 pub struct CountingAllocator;
 
 thread_local! {

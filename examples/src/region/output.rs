@@ -124,8 +124,8 @@ struct Line<'a> {
 }
 
 /// Writes a line of JSON for each viewcell and method. `ids` are the indices of the objects reported, in the
-/// order of the scene's file. Viewcells that planes cut have `planes`: inward normal and offset each. Methods that bound the true answer have `seen`, `hidden`, `open`, `proofs` and
-/// `bad_proofs` as well.
+/// order of the scene's file. Viewcells that planes cut have `planes`: inward normal and offset each. Methods
+/// that bound the true answer have `seen`, `hidden`, `open`, `proofs` and `bad_proofs` as well.
 ///
 /// # Errors
 ///

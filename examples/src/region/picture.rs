@@ -95,8 +95,9 @@ pub fn draw(
     Ok(canvas)
 }
 
-/// Returns the middles of the boxes in which nothing is seen from a viewcell, of a grid of boxes at the height
-/// of the viewcell that covers the scene: what the method says of the scene with these boxes as objects.
+/// Returns the middles of the boxes in which nothing is seen from a viewcell, of a grid of boxes at the
+/// height of the viewcell that covers the scene: what the method says of the scene with these boxes as
+/// objects.
 fn umbra(world: &World, cell: &Viewcell, method: &mut dyn Method) -> Vec<DVec3> {
     let (low, high) = world.source.bounds().unwrap_or_default();
     let (low, high, up) = (low.as_dvec3(), high.as_dvec3(), world.source.up.as_dvec3().abs());

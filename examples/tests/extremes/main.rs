@@ -3,8 +3,9 @@
 //! hang, and a culler that promises to be conservative hides nothing that an exact ray sees.
 //!
 //! The cullers come from the table of `walkthrough`, so a new culler is tested as soon as it is in that
-//! table, and so do the methods for viewcells from the table of `region`. `EXTREMES_CASES` sets the number of random worlds, 60 by default; `EXTREMES_CULLERS=naylor,bsp`
-//! selects the cullers whose names begin with one of these words.
+//! table, and so do the methods for viewcells from the table of `region`. `EXTREMES_CASES` sets the number of
+//! random worlds, 60 by default; `EXTREMES_CULLERS=naylor,bsp` selects the cullers whose names begin with one
+//! of these words.
 
 mod exact;
 mod maze;

@@ -30,8 +30,8 @@ use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet
 /// 20 to 100 milliseconds a viewcell in scenes of some thousand objects, up to half a second in a furnished
 /// building of 200,000 triangles. Occluders are collected nearest first, until nothing is left to ask: in a
 /// city, 44 times the objects take 4 times the time. The first call for a scene, and the first after a change
-/// of its occluders, sorts all edges: some hundred bytes for each triangle, shared by clones. Each clone has 2
-/// to 4 MB of its own in such scenes: 9 bytes for each triangle, more for those that may be seen, and maps.
+/// of its occluders, sorts all edges: some hundred bytes for each triangle, shared by clones. Each clone has
+/// 2 to 4 MB of its own in such scenes: 9 bytes for each triangle, more for those that may be seen, and maps.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};
