@@ -81,7 +81,8 @@ async function instantiate(source) {
   if (source instanceof WebAssembly.Module) return { instance: await WebAssembly.instantiate(source, {}) };
   if (!(source instanceof URL)) return WebAssembly.instantiate(source, {});
   if (source.protocol === "file:") {
-    const { readFile } = await import("node:fs/promises");
+    // For node alone: bundlers leave this import as it is.
+    const { readFile } = await import(/* webpackIgnore: true */ /* @vite-ignore */ "node:fs/promises");
     return WebAssembly.instantiate(await readFile(source), {});
   }
   const response = await fetch(source);
