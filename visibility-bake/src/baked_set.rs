@@ -1,13 +1,19 @@
 //! The file that a game loads: viewcells, and for each the objects that count as visible.
 //!
+//! Objects that are seen from the same viewcells share a target, so that a row has as many targets as there
+//! are differences between objects: a tenth to a half of the objects in the scenes tried.
+//!
 //! # Format
-//! The header of the [binary format](visibility_core::binary_format), `VISI-SET`, version 1, with a hash of
+//! The header of the [binary format](visibility_core::binary_format), `VISI-SET`, version 2, with a hash of
 //! the bounds of the scene's objects as its fingerprint; the greatest index of an object plus 1 and the
 //! number of viewcells (`u32` each); for each viewcell six `f64` of its corners, the number of its planes
-//! (`u32`) and four `f64` for each; the number of bytes of the sets (`u32`), and these as a
-//! [`Pvs`](visibility_core::pvs) of objects.
+//! (`u32`) and four `f64` for each; the number of bytes of the classes (`u32`), and these: for each class the
+//! number of its objects and for each object its index, less that of the object before and 1, with 7 bits a
+//! byte as in a [`Pvs`](visibility_core::pvs); the number of bytes of the sets (`u32`), and these as a `Pvs`
+//! of classes. Objects of no class are seen from no viewcell.
 
 use crate::fingerprint::bounds_fingerprint;
+use std::collections::HashMap;
 use std::fmt;
 use visibility_core::Scene;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
@@ -15,7 +21,7 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 1 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 2 };
 
 /// Most neighbours of a viewcell whose rows are tried as bases of its own.
 const BASES: usize = 12;
@@ -39,6 +45,8 @@ pub struct BakedSet {
     fingerprint: u64,
     index_limit: usize,
     viewcells: Viewcells,
+    /// Objects that are seen from the same viewcells, ascending.
+    classes: Vec<Vec<u32>>,
     pvs: Pvs,
 }
 
@@ -102,7 +110,19 @@ impl BakedSet {
         if cells.len() != rows.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: rows.len() });
         }
-        let pvs = Pvs::new(PvsTargets::Objects, index_limit, rows, |ViewcellId(number)| {
+        for (number, row) in rows.iter().enumerate() {
+            let row = row.as_ref();
+            let descends = row.windows(2).find(|pair| pair[0] >= pair[1]).map(|pair| pair[1]);
+            if let Some(target) =
+                descends.or(row.last().copied().filter(|&last| last as usize >= index_limit))
+            {
+                let viewcell = ViewcellId(number as u32);
+                return Err(PvsError::Target { viewcell, target }.into());
+            }
+        }
+        let (classes, rows) = classes(rows, index_limit);
+        // One target more, which no viewcell sees.
+        let pvs = Pvs::new(PvsTargets::Objects, classes.len() + 1, &rows, |ViewcellId(number)| {
             let cell = &cells[number as usize];
             let mut bases = Vec::new();
             viewcells.for_each_touching(cell.min, cell.max, |other| {
@@ -112,7 +132,7 @@ impl BakedSet {
             });
             bases
         })?;
-        Ok(Self { fingerprint: bounds_fingerprint(scene), index_limit, viewcells, pvs })
+        Ok(Self { fingerprint: bounds_fingerprint(scene), index_limit, viewcells, classes, pvs })
     }
 
     /// Returns the viewcells.
@@ -120,9 +140,21 @@ impl BakedSet {
         &self.viewcells
     }
 
-    /// Returns the sets, of object indices, by viewcell.
-    pub fn pvs(&self) -> &Pvs {
-        &self.pvs
+    /// Returns the indices of the objects that count as visible from a viewcell, ascending. Empty for an
+    /// unknown viewcell.
+    pub fn row(&self, viewcell: ViewcellId) -> Vec<u32> {
+        let mut bits = Vec::new();
+        self.pvs.write_bits(viewcell, &mut bits);
+        let is_seen = |class: &usize| bits[class / 64] >> (class % 64) & 1 == 1;
+        let seen = (0..self.classes.len()).filter(is_seen).flat_map(|class| &self.classes[class]);
+        let mut row: Vec<u32> = seen.copied().collect();
+        row.sort_unstable();
+        row
+    }
+
+    /// Returns the number of bytes of the sets, without the viewcells.
+    pub fn set_bytes(&self) -> usize {
+        class_bytes(&self.classes).len() + self.pvs.as_bytes().len()
     }
 
     /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that were inserted
@@ -135,7 +167,12 @@ impl BakedSet {
         if self.index_limit != scene.index_limit() || self.fingerprint != bounds_fingerprint(scene) {
             return Err(BakedSetError::OtherScene);
         }
-        let pairs: Vec<_> = scene.ids().map(|id| (id, id.index() as u32)).collect();
+        // An object of no class has the target that no viewcell sees.
+        let mut targets = vec![self.classes.len() as u32; self.index_limit];
+        for (class, objects) in self.classes.iter().enumerate() {
+            objects.iter().for_each(|&index| targets[index as usize] = class as u32);
+        }
+        let pairs: Vec<_> = scene.ids().map(|id| (id, targets[id.index()])).collect();
         Ok(ScenePvs::new(scene, self.pvs, self.viewcells, pairs))
     }
 
@@ -152,6 +189,9 @@ impl BakedSet {
                 to.u64s(plane.normal.to_array().into_iter().chain([plane.offset]).map(f64::to_bits));
             }
         }
+        let classes = class_bytes(&self.classes);
+        to.u32(classes.len() as u32);
+        to.bytes(&classes);
         to.u32(self.pvs.as_bytes().len() as u32);
         to.bytes(self.pvs.as_bytes());
         to.finish()
@@ -181,11 +221,138 @@ impl BakedSet {
             cells.push(cell);
         }
         let length = from.u32()? as usize;
+        let classes = read_classes(from.bytes(length)?, index_limit)
+            .ok_or_else(|| from.content_error("classes of objects are out of order, repeated or cut off"))?;
+        let length = from.u32()? as usize;
         let pvs = Pvs::from_bytes(from.bytes(length)?.to_vec())?;
         from.end()?;
         if pvs.viewcell_count() != cells.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: pvs.viewcell_count() });
         }
-        Ok(Self { fingerprint, index_limit, viewcells: Viewcells::new(cells), pvs })
+        if pvs.target_count() != classes.len() + 1 {
+            return Err(from.content_error("the numbers of classes and of targets differ").into());
+        }
+        Ok(Self { fingerprint, index_limit, viewcells: Viewcells::new(cells), classes, pvs })
+    }
+}
+
+/// Returns the classes of objects that are in the same rows, and the rows in numbers of classes. Time is
+/// linear in the lengths of the rows, but for sorting classes.
+fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, Vec<Vec<u32>>) {
+    // Each row divides the classes of its objects from what is left of them. Class 0 is in no row.
+    let (mut class_of, mut count) = (vec![0u32; index_limit], 1u32);
+    let mut parts = HashMap::new();
+    for row in rows {
+        parts.clear();
+        for &index in row.as_ref() {
+            let class = &mut class_of[index as usize];
+            *class = *parts.entry(*class).or_insert_with(|| {
+                count += 1;
+                count - 1
+            });
+        }
+    }
+    // By class the rows that it is in: near in this order is similar.
+    let mut columns: Vec<(Vec<u32>, u32)> = (0..count).map(|class| (Vec::new(), class)).collect();
+    for (number, row) in (0..).zip(rows) {
+        for &index in row.as_ref() {
+            let column = &mut columns[class_of[index as usize] as usize].0;
+            if column.last() != Some(&number) {
+                column.push(number);
+            }
+        }
+    }
+    columns.retain(|(column, _)| !column.is_empty());
+    columns.sort_unstable();
+    let mut number_of = vec![None; count as usize];
+    let mut by_class = vec![Vec::new(); rows.len()];
+    for (number, (column, class)) in (0..).zip(&columns) {
+        number_of[*class as usize] = Some(number as usize);
+        column.iter().for_each(|&row| by_class[row as usize].push(number));
+    }
+    let mut classes = vec![Vec::new(); columns.len()];
+    for (index, &class) in (0..).zip(&class_of) {
+        if let Some(number) = number_of[class as usize] {
+            classes[number].push(index);
+        }
+    }
+    (classes, by_class)
+}
+
+fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut push = |mut number: u32| {
+        while number >= 0x80 {
+            bytes.push(number as u8 | 0x80);
+            number >>= 7;
+        }
+        bytes.push(number as u8);
+    };
+    for class in classes {
+        push(class.len() as u32);
+        let mut next = 0;
+        for &index in class {
+            push(index - next);
+            next = index + 1;
+        }
+    }
+    bytes
+}
+
+/// Reads what [`class_bytes`] has written. `None` if an object is in two classes or not below `limit`, or if
+/// the bytes end within a class.
+fn read_classes(bytes: &[u8], limit: usize) -> Option<Vec<Vec<u32>>> {
+    let mut rest = bytes;
+    let number = |rest: &mut &[u8]| {
+        let mut number = 0u32;
+        for shift in [0, 7, 14, 21, 28] {
+            let (&byte, after) = rest.split_first()?;
+            *rest = after;
+            number |= u32::from(byte & 0x7f) << shift;
+            if byte & 0x80 == 0 {
+                return Some(number);
+            }
+        }
+        None
+    };
+    let (mut classes, mut all) = (Vec::new(), Vec::new());
+    while !rest.is_empty() {
+        let (mut class, mut next) = (Vec::new(), 0u32);
+        for _ in 0..number(&mut rest)? {
+            let index = next.checked_add(number(&mut rest)?)?;
+            next = index.checked_add(1).filter(|_| (index as usize) < limit)?;
+            class.push(index);
+        }
+        all.extend_from_slice(&class);
+        classes.push(class);
+    }
+    all.sort_unstable();
+    all.windows(2).all(|pair| pair[0] < pair[1]).then_some(classes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_in_the_same_rows_are_a_class() {
+        let rows = [vec![1, 2, 7], vec![1, 2], vec![0, 7], vec![]];
+        let (classes, by_class) = classes(&rows, 9);
+        assert_eq!(classes, [vec![1, 2], vec![7], vec![0]]);
+        assert_eq!(by_class, [vec![0, 1], vec![0], vec![1, 2], vec![]]);
+        assert_eq!(read_classes(&class_bytes(&classes), 9), Some(classes));
+    }
+
+    #[test]
+    fn classes_that_make_no_sense_are_refused() {
+        let read = |classes: &[&[u32]]| {
+            read_classes(&class_bytes(&classes.iter().map(|class| class.to_vec()).collect::<Vec<_>>()), 400)
+        };
+        assert!(read(&[&[1, 2, 300], &[399]]).is_some());
+        assert_eq!(read(&[&[1, 2, 300], &[400]]), None, "unknown");
+        assert_eq!(read(&[&[1, 2, 300], &[0, 2]]), None, "twice");
+        for cut_off in [&[2, 1][..], &[1, 0x80], &[0x80], &[1, 0xff, 0xff, 0xff, 0xff, 0x8f]] {
+            assert_eq!(read_classes(cut_off, 400), None, "{cut_off:?}");
+        }
     }
 }

@@ -71,7 +71,7 @@ impl Report {
             seconds,
             complete,
             gap: part(sums),
-            bytes: set.pvs().as_bytes().len(),
+            bytes: set.set_bytes(),
             plain_bytes: cells.len() * scene.index_limit().div_ceil(8),
             viewcells,
         }

@@ -8,11 +8,12 @@
 //!   (`u32` each).
 //! - For each viewcell, the offset of its row from the first row, in bytes (`u32`), and once more the end of
 //!   the last row.
-//! - The rows. A plain row is a byte 0 and runs. A differential row is a byte 1, the number of another
-//!   viewcell (`u32`) with a plain row, and the runs of the symmetric difference from that row. Runs are
-//!   alternating lengths: of targets that are not in the row, of targets that are, and so on. A length takes
-//!   7 bits a byte, least significant first, with the top bit set on all bytes but the last. Targets after
-//!   the last run are not in the row.
+//! - The rows. The first byte of a row is its form: 0, or the sum of 1 if the row differs from another, and of
+//!   2 if its list is in bits. The number of the other viewcell (`u32`) follows if the row differs: that
+//!   viewcell's row must be plain, and the list is the symmetric difference from it. Then the list of targets:
+//!   as bits, target `t` in bit `t % 8` of byte `t / 8`; or as runs, alternating lengths: of targets that are
+//!   not in the row, of targets that are, and so on. A length takes 7 bits a byte, least significant first,
+//!   with the top bit set on all bytes but the last. Targets after the last run or bit are not in the row.
 //!
 //! Neighbouring rooms have similar visible sets, so most rows are shorter as differences (Gotsman, Sudarsky
 //! and Fayman, "Optimized Occlusion Culling Using Five-Dimensional Subdivision", 1999, store differences from
@@ -32,7 +33,7 @@ pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 use crate::binary_format::{Format, Writer};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
-use runs::{word, write_runs};
+use runs::{word, write_bits, write_runs};
 
 /// Kind of the targets of a [`Pvs`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
@@ -74,6 +75,11 @@ impl Eq for Pvs {}
 
 const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 1 };
 
+/// In the form of a row: the row is the difference from another.
+const DIFFERS: u8 = 1;
+/// In the form of a row: targets are bits instead of runs.
+const BITS: u8 = 2;
+
 impl Pvs {
     /// Compresses the rows of a PVS. Row `i` lists the targets visible from viewcell `i`, strictly ascending
     /// and below `target_count`.
@@ -112,13 +118,27 @@ impl Pvs {
             best.clear();
             best.push(0);
             write_runs(row.iter().copied(), &mut best);
+            trial.clear();
+            trial.push(BITS);
+            write_bits(row.iter().copied(), &mut trial);
             plain[viewcell] = true;
+            if trial.len() < best.len() {
+                core::mem::swap(&mut trial, &mut best);
+            }
             for base in neighbours(ViewcellId(viewcell as u32)) {
-                if base.index() < viewcell && plain[base.index()] {
+                if base.index() >= viewcell || !plain[base.index()] {
+                    continue;
+                }
+                for form in [DIFFERS, DIFFERS | BITS] {
                     trial.clear();
-                    trial.push(1);
+                    trial.push(form);
                     trial.extend_from_slice(&base.0.to_le_bytes());
-                    write_runs(difference(row, rows[base.index()].as_ref()), &mut trial);
+                    let list = difference(row, rows[base.index()].as_ref());
+                    if form == DIFFERS {
+                        write_runs(list, &mut trial)
+                    } else {
+                        write_bits(list, &mut trial)
+                    }
                     if trial.len() < best.len() {
                         core::mem::swap(&mut trial, &mut best);
                         plain[viewcell] = false;

@@ -1,7 +1,7 @@
 //! Loading and querying a stored PVS.
 
 use super::runs::Runs;
-use super::{FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
+use super::{BITS, DIFFERS, FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
 use crate::binary_format::{HEADER_LENGTH, Reader};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
@@ -29,14 +29,14 @@ impl Pvs {
 
     fn check_row(&self, viewcell: ViewcellId) -> Result<(), &'static str> {
         let row = self.row(viewcell).ok_or("it lies outside the rows")?;
-        let (base, runs) = parts(row).ok_or("it begins with neither 0 nor 1 and a viewcell")?;
+        let (base, runs) = parts(row).ok_or("it has no known form")?;
         if let Some(base) = base {
             let other = self.row(base).ok_or("it differs from an unknown viewcell")?;
-            if other.first() != Some(&0) {
+            if !matches!(parts(other), Some((None, _))) {
                 return Err("it differs from a row that is itself a difference");
             }
         }
-        for run in Runs::new(runs) {
+        for run in runs {
             if run?.1 as usize > self.target_count() {
                 return Err("it names an unknown target");
             }
@@ -59,9 +59,10 @@ impl Pvs {
     /// targets that are in one of the two and not in both. The runs of the base row are empty for a plain
     /// row; both are empty for an unknown viewcell.
     fn runs(&self, viewcell: ViewcellId) -> [Runs<'_>; 2] {
-        let of = |viewcell| self.row(viewcell).and_then(parts).unwrap_or((None, &[]));
+        let none = || Runs::new(&[], false);
+        let of = |viewcell| self.row(viewcell).and_then(parts).unwrap_or((None, none()));
         let (base, runs) = of(viewcell);
-        [Runs::new(runs), Runs::new(base.map_or(&[][..], |base| of(base).1))]
+        [runs, base.map_or_else(none, |base| of(base).1)]
     }
 
     /// Replaces `words` by the PVS row of a viewcell: bit `t % 64` of word `t / 64` is set if the viewcell
@@ -102,13 +103,16 @@ impl Pvs {
 }
 
 /// Splits the bytes of a row into its base viewcell and its runs. The viewcell is `None` for a plain row.
-/// Returns `None` if the row begins with neither 0 nor 1 and a viewcell.
-fn parts(row: &[u8]) -> Option<(Option<ViewcellId>, &[u8])> {
-    match *row {
-        [0, ref runs @ ..] => Some((None, runs)),
-        [1, a, b, c, d, ref runs @ ..] => Some((Some(ViewcellId(u32::from_le_bytes([a, b, c, d]))), runs)),
-        _ => None,
-    }
+/// Returns `None` if the row has no form or an unknown one.
+fn parts(row: &[u8]) -> Option<(Option<ViewcellId>, Runs<'_>)> {
+    let (&form, rest) = row.split_first()?;
+    let (base, list) = match form & DIFFERS {
+        0 => (None, rest),
+        _ => rest
+            .split_first_chunk()
+            .map(|(base, list)| (Some(ViewcellId(u32::from_le_bytes(*base))), list))?,
+    };
+    (form <= DIFFERS | BITS).then_some((base, Runs::new(list, form & BITS != 0)))
 }
 
 /// Inverts the bits `start..end` of a bitset.

@@ -1,4 +1,4 @@
-//! Run-length encoding of PVS rows.
+//! Encoding of the lists of PVS rows: as lengths of runs, or as bits.
 
 use alloc::vec::Vec;
 
@@ -36,16 +36,29 @@ pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
     }
 }
 
+/// Appends a strictly ascending row as bits, least significant first, up to the byte of its last number.
+pub(super) fn write_bits(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
+    let start = out.len();
+    for number in row {
+        let at = start + number as usize / 8;
+        if at >= out.len() {
+            out.resize(at + 1, 0);
+        }
+        out[at] |= 1 << (number % 8);
+    }
+}
+
 /// Iterator over the encoded runs of present numbers, as half-open ranges `(start, end)`. Yields `Err` with a
 /// description if the bytes are malformed, and then ends.
 pub(super) struct Runs<'a> {
     bytes: &'a [u8],
     at: u32,
+    is_bits: bool,
 }
 
 impl<'a> Runs<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0 }
+    pub(super) fn new(bytes: &'a [u8], is_bits: bool) -> Self {
+        Self { bytes, at: 0, is_bits }
     }
 
     fn number(&mut self) -> Result<u32, &'static str> {
@@ -67,12 +80,32 @@ impl<'a> Runs<'a> {
         self.at = start.checked_add(take).ok_or("a run ends too far")?;
         Ok((start, self.at))
     }
+
+    /// Returns the number of bits from `at` on that equal `value`.
+    fn bits(&mut self, value: bool) -> u32 {
+        let start = self.at;
+        loop {
+            let Some(byte) = self.bytes.get(self.at as usize / 8) else { break };
+            let rest = (if value { !byte } else { *byte }) >> (self.at % 8);
+            let equal = rest.trailing_zeros().min(8 - self.at % 8);
+            self.at += equal;
+            if !self.at.is_multiple_of(8) || equal == 0 {
+                break;
+            }
+        }
+        self.at - start
+    }
 }
 
 impl Iterator for Runs<'_> {
     type Item = Result<(u32, u32), &'static str>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        if self.is_bits {
+            self.bits(false);
+            let start = self.at;
+            return (self.bits(true) > 0).then_some(Ok((start, self.at)));
+        }
         if self.bytes.is_empty() {
             return None;
         }

@@ -36,25 +36,35 @@ fn rows_next_to_each_other_are_stored_as_differences() {
 
 #[test]
 fn the_form_of_a_stored_set_stays() {
-    let pvs =
-        Pvs::new(PvsTargets::Objects, 300, &[vec![1, 2, 4, 6, 8, 10], vec![1, 2, 4, 6, 8, 10, 299]], |id| {
-            [ViewcellId(id.0 / 2)]
-        })
-        .unwrap();
-    let content = [
-        &[0, 0, 0, 0, 11, 0, 0, 0, 19, 0, 0, 0][..],
-        // One is left out, two follow, and so on; then the difference from row 0, in which 299 are left out
-        // and one follows.
-        &[0, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0xab, 2, 1],
+    let rows = [vec![1, 2, 4, 6, 8, 10], vec![1, 2, 4, 6, 8, 10, 299]];
+    let pvs = Pvs::new(PvsTargets::Objects, 300, &rows, |id| [ViewcellId(id.0 / 2)]).unwrap();
+    let stored = |content: &[u8]| {
+        let counts = [&[2, 0, 0, 0, 44, 1, 0, 0][..], &[40 + content.len() as u8, 0, 0, 0, 0, 0, 0, 0]];
+        let mut bytes = [b"VISI-PVS", &[1, 0, 0, 0, 1, 0, 0, 0][..], &counts.concat()].concat();
+        let all = bytes.iter().chain(content);
+        let sum = all
+            .fold(0xcbf2_9ce4_8422_2325_u64, |sum, &b| (sum ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
+        bytes.extend(sum.to_le_bytes());
+        bytes.extend(content);
+        bytes
+    };
+    // Row 0 in bits; then the difference from row 0 in runs, in which 299 are left out and one follows.
+    let short = [&[0, 0, 0, 0, 3, 0, 0, 0, 11, 0, 0, 0][..], &[2, 0x56, 5], &[1, 0, 0, 0, 0, 0xab, 2, 1]];
+    assert_eq!(pvs.as_bytes(), stored(&short.concat()));
+    // Row 0 in runs: one is left out, two follow, and so on; and the difference in bits.
+    let long = [
+        &[0, 0, 0, 0, 11, 0, 0, 0, 54, 0, 0, 0][..],
+        &[0, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1],
+        &[3],
+        &[0; 41],
+        &[8],
     ];
-    let mut bytes = [b"VISI-PVS", &[1, 0, 0, 0, 1, 0, 0, 0][..], &[2, 0, 0, 0, 44, 1, 0, 0]].concat();
-    bytes.extend([71, 0, 0, 0, 0, 0, 0, 0]);
-    let all = bytes.iter().chain(content.iter().copied().flatten());
-    let sum =
-        all.fold(0xcbf2_9ce4_8422_2325_u64, |sum, &b| (sum ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
-    bytes.extend(sum.to_le_bytes());
-    bytes.extend(content.concat());
-    assert_eq!(pvs.as_bytes(), bytes);
+    let long = Pvs::from_bytes(stored(&long.concat())).unwrap();
+    for target in 0..300 {
+        for (number, row) in (0..).zip(&rows) {
+            assert_eq!(long.sees(ViewcellId(number), target), row.contains(&target), "{number} {target}");
+        }
+    }
 }
 
 #[test]
@@ -89,7 +99,7 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
     let last = good.len() - 1;
     assert_eq!(wrong(8, 2), "version 2 of the format, where only version 1 is known");
     assert_eq!(wrong(12, 7), "at byte 40: the targets are neither cells nor objects");
-    assert_eq!(wrong(rows, 9), "the row of viewcell 0: it begins with neither 0 nor 1 and a viewcell");
+    assert_eq!(wrong(rows, 9), "the row of viewcell 0: it has no known form");
     assert_eq!(wrong(last, 0x81), "the row of viewcell 3: it ends within a number");
     assert_eq!(wrong(last - 5, 9), "the row of viewcell 3: it differs from an unknown viewcell");
     assert_eq!(
