@@ -2,6 +2,7 @@
 //! stops; gaps that are met; damaged files.
 #![allow(missing_docs)]
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use visibility_bake::{
     AssembleError, BakedSet, BakedSetError, CellSandwich, Grid, SandwichBaker, Settings, Shard, assemble,
 };
@@ -122,11 +123,15 @@ fn shards_threads_and_stops_give_the_same_bytes() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(|| Shard::bake(baker())).to_bytes(), whole, "{threads} threads");
     }
-    // Stopped after each round, and resumed.
+    // Stopped after one to three viewcells of each round, and resumed.
     let mut state = Bake::new(baker()).save();
-    loop {
+    for stop in 0.. {
         let mut bake = Bake::resume(baker(), &state).unwrap();
-        if bake.advance().is_none() {
+        let (asked, before) = (AtomicUsize::new(0), bake.progress().done);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let now = pool.install(|| bake.advance_unless(|| asked.fetch_add(1, Ordering::Relaxed) > stop % 3));
+        assert!(now.is_none_or(|now| now.done <= before + 1 + stop % 3));
+        if now.is_none() {
             let shard = Shard::new(bake.baker().whole_fingerprint(), bake.finish());
             assert_eq!(shard.to_bytes(), whole);
             break;

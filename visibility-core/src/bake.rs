@@ -153,13 +153,23 @@ impl<B: Baker> Bake<B> {
     /// Works on the next round of items and merges their results. Returns the progress after the round, or
     /// `None` if no item was waiting.
     pub fn advance(&mut self) -> Option<Progress> {
+        self.advance_unless(|| false)
+    }
+
+    /// Works on the next round of items as [`advance`](Self::advance) does, until `stop` returns true: items
+    /// of the round that no thread has begun by then wait on. The outcome of the whole bake stays the same if
+    /// the baker's items do not use one another's results; of other bakers it may be another.
+    pub fn advance_unless(&mut self, stop: impl Fn() -> bool + Sync) -> Option<Progress> {
         if self.waiting.is_empty() {
             return None;
         }
         let round = self.next_round();
-        let found = work_on_all(&self.baker, &round);
+        let found = work_on_all(&self.baker, &round, &stop);
         for (&item, found) in round.iter().zip(found) {
-            self.steps = self.steps.saturating_add(self.baker.take_in(item, found));
+            match found {
+                Some(found) => self.steps = self.steps.saturating_add(self.baker.take_in(item, found)),
+                None => self.waiting.push(item),
+            }
         }
         Some(self.progress())
     }
@@ -225,34 +235,41 @@ impl<B: Baker> Bake<B> {
     }
 }
 
-/// Returns the results of the items of a round, in the order of `round`, computed on this thread.
+/// Returns the results of the items of a round, in the order of `round`, computed on this thread. `None` for
+/// those that `stop` kept from being begun.
 #[cfg(not(feature = "rayon"))]
-fn work_on_all<B: Baker>(baker: &B, round: &[u32]) -> Vec<B::Found> {
+fn work_on_all<B: Baker>(baker: &B, round: &[u32], stop: &impl Fn() -> bool) -> Vec<Option<B::Found>> {
     let mut scratch = B::Scratch::default();
-    round.iter().map(|&item| baker.work(item, &mut scratch)).collect()
+    round.iter().map(|&item| (!stop()).then(|| baker.work(item, &mut scratch))).collect()
 }
 
 /// Returns the results of the items of a round, in the order of `round`, computed on all threads of the
-/// current pool. Each thread takes the next item when its last is done. Items are taken from the end of the
-/// round, where the rank and thus the expected cost is greatest, so that no thread is left with a long item
-/// at the end.
+/// current pool. `None` for those that `stop` kept from being begun. Each thread takes the next item when its
+/// last is done. Items are taken from the end of the round, where the rank and thus the expected cost is
+/// greatest, so that no thread is left with a long item at the end.
 #[cfg(feature = "rayon")]
-fn work_on_all<B: Baker>(baker: &B, round: &[u32]) -> Vec<B::Found> {
+fn work_on_all<B: Baker>(
+    baker: &B,
+    round: &[u32],
+    stop: &(impl Fn() -> bool + Sync),
+) -> Vec<Option<B::Found>> {
     use core::sync::atomic::{AtomicUsize, Ordering};
     use rayon::prelude::*;
     let taken = AtomicUsize::new(0);
     let work = |_| {
         let (mut scratch, mut found) = (B::Scratch::default(), Vec::new());
-        while let Some(place) = round.len().checked_sub(1 + taken.fetch_add(1, Ordering::Relaxed)) {
+        while !stop() {
+            let next = round.len().checked_sub(1 + taken.fetch_add(1, Ordering::Relaxed));
+            let Some(place) = next else { break };
             found.push((place, baker.work(round[place], &mut scratch)));
         }
         found
     };
     let threads = 0..rayon::current_num_threads();
-    let mut found: Vec<(usize, B::Found)> =
-        threads.into_par_iter().with_max_len(1).flat_map_iter(work).collect();
-    found.sort_unstable_by_key(|&(place, _)| place);
-    found.into_iter().map(|(_, found)| found).collect()
+    let found: Vec<(usize, B::Found)> = threads.into_par_iter().with_max_len(1).flat_map_iter(work).collect();
+    let mut by_place: Vec<Option<B::Found>> = round.iter().map(|_| None).collect();
+    found.into_iter().for_each(|(place, found)| by_place[place] = Some(found));
+    by_place
 }
 
 /// Calls `fill(scratch, row_index, row)` for each row of a table, on all threads of the current pool with

@@ -163,20 +163,19 @@ pub fn run<'a>(
         .build()
         .map_err(|error| error.to_string())?;
     pool.install(|| {
-        let mut saved = Instant::now();
         progress(bake.progress());
         loop {
-            let is_over = run.limit.is_some_and(|limit| start.elapsed() >= limit);
-            if is_over || saved.elapsed() >= SAVE_EVERY {
-                write(&run.state, &bake.save())?;
-                saved = Instant::now();
+            let begun = Instant::now();
+            let is_over = || run.limit.is_some_and(|limit| start.elapsed() >= limit);
+            while begun.elapsed() < SAVE_EVERY && !is_over() {
+                match bake.advance_unless(|| begun.elapsed() >= SAVE_EVERY || is_over()) {
+                    Some(now) => progress(now),
+                    None => return Ok(bake.finish()),
+                }
             }
-            if is_over {
+            write(&run.state, &bake.save())?;
+            if is_over() {
                 return Ok(bake.finish());
-            }
-            match bake.advance() {
-                Some(now) => progress(now),
-                None => return Ok(bake.finish()),
             }
         }
     })
