@@ -8,12 +8,13 @@
 //!   (`u32` each).
 //! - For each viewcell, the offset of its row from the first row, in bytes (`u32`), and once more the end of
 //!   the last row.
-//! - The rows. The first byte of a row is its form: 0, or the sum of 1 if the row differs from another, and of
-//!   2 if its list is in bits. The number of the other viewcell (`u32`) follows if the row differs: that
-//!   viewcell's row must be plain, and the list is the symmetric difference from it. Then the list of targets:
-//!   as bits, target `t` in bit `t % 8` of byte `t / 8`; or as runs, alternating lengths: of targets that are
-//!   not in the row, of targets that are, and so on. A length takes 7 bits a byte, least significant first,
-//!   with the top bit set on all bytes but the last. Targets after the last run or bit are not in the row.
+//! - The rows. The first byte of a row is its form: 0, or the sum of 1 if the row differs from another, and
+//!   of 2 if its list is in bits. The number of the other viewcell (`u32`) follows if the row differs: that
+//!   viewcell's row must be plain, and the list is the symmetric difference from it. Then the list of
+//!   targets: as bits, target `t` in bit `t % 8` of byte `t / 8`; or as runs, alternating lengths: of targets
+//!   that are not in the row, of targets that are, and so on. A length takes 7 bits a byte, least significant
+//!   first, with the top bit set on all bytes but the last. Targets after the last run or bit are not in the
+//!   row.
 //!
 //! Neighbouring rooms have similar visible sets, so most rows are shorter as differences (Gotsman, Sudarsky
 //! and Fayman, "Optimized Occlusion Culling Using Five-Dimensional Subdivision", 1999, store differences from

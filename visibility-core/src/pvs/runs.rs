@@ -84,8 +84,7 @@ impl<'a> Runs<'a> {
     /// Returns the number of bits from `at` on that equal `value`.
     fn bits(&mut self, value: bool) -> u32 {
         let start = self.at;
-        loop {
-            let Some(byte) = self.bytes.get(self.at as usize / 8) else { break };
+        while let Some(byte) = self.bytes.get(self.at as usize / 8) {
             let rest = (if value { !byte } else { *byte }) >> (self.at % 8);
             let equal = rest.trailing_zeros().min(8 - self.at % 8);
             self.at += equal;
