@@ -10,8 +10,7 @@ use bevy_shape::ViewFrustum;
 use bevy_transform::components::GlobalTransform;
 use visibility_core::frustum::ConvexVolume;
 use visibility_core::geometry::Plane;
-use visibility_core::glam::{DMat3, DMat4, DVec3};
-use visibility_core::scene::ToAffine;
+use visibility_core::glam::{self, DMat3, DMat4, DVec3};
 use visibility_core::simd::Simd;
 use visibility_core::view::{Depth, ViewError, ViewPlane, Window};
 use visibility_core::{Aabb, Pose, View};
@@ -26,11 +25,11 @@ pub(crate) const OTHER_LAYERS: u32 = 1 << 31;
 /// # Errors
 /// Those of [`View::from_clip_from_world`], for a degenerate or non-finite camera.
 pub(crate) fn camera_view(projection: &Projection, transform: &GlobalTransform) -> Result<View, ViewError> {
-    let affine = transform.affine();
-    let view_from_world = DMat3::from_cols_array(&affine.matrix3.to_cols_array().map(f64::from)).inverse();
+    let camera = transform.affine();
+    let view_from_world = DMat3::from_cols_array(&camera.matrix3.to_cols_array().map(f64::from)).inverse();
     let clip_from_view = projection.get_clip_from_view().to_cols_array().map(f64::from);
     let matrix = DMat4::from_cols_array(&clip_from_view) * DMat4::from_mat3(view_from_world);
-    let eye = DVec3::from_array(affine.translation.to_array().map(f64::from));
+    let eye = DVec3::from_array(camera.translation.to_array().map(f64::from));
     // What is wholly beyond the far plane of an orthographic camera is not drawn. bevy's perspective
     // cameras have none.
     let depth = match projection {
@@ -77,13 +76,25 @@ pub(crate) fn layer_mask(layers: Option<&RenderLayers>) -> u32 {
     first as u32 & !OTHER_LAYERS | if has_others { OTHER_LAYERS } else { 0 }
 }
 
+/// Returns a transform of bevy as one of core.
+#[inline]
+pub(crate) fn affine(transform: &Affine3A) -> glam::Affine3A {
+    // By coordinates, in registers: through one array it would be written and read again.
+    let vector = |v: bevy_math::Vec3A| glam::Vec3A::new(v.x, v.y, v.z);
+    let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+    let matrix3 = glam::Mat3A::from_cols(vector(x), vector(y), vector(z));
+    glam::Affine3A { matrix3, translation: vector(transform.translation) }
+}
+
 /// Returns a local box of bevy as one of core.
+#[inline]
 pub(crate) fn local_box(aabb: &bevy_camera::primitives::Aabb) -> Aabb {
-    Aabb::from_arrays(aabb.min().to_array(), aabb.max().to_array())
+    let vector = |v: bevy_math::Vec3A| glam::Vec3::new(v.x, v.y, v.z);
+    Aabb::new(vector(aabb.min()), vector(aabb.max()))
 }
 
 /// Returns the world box around a local box.
 #[inline]
 pub(crate) fn world_box(aabb: &bevy_camera::primitives::Aabb, transform: &Affine3A) -> Aabb {
-    local_box(aabb).transformed(&transform.to_cols_array().to_affine())
+    local_box(aabb).transformed(&affine(transform))
 }

@@ -2,15 +2,17 @@
 
 use crate::camera_view::{any_view, camera_view, layer_mask};
 use crate::entity_lists::EntitySorter;
-use crate::mirror::{Record, VisibilityScene};
+use crate::mirror::{ASK, Record, VisibilityScene};
 use bevy_camera::visibility::{
     NoCpuCulling, RenderLayers, SetViewVisibility, ViewVisibility, VisibleEntities, VisibleEntityRanges,
 };
 use bevy_camera::{Camera, Projection};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::GlobalTransform;
+use visibility_core::culler::Lack;
 use visibility_core::pipeline::Explanation;
-use visibility_core::{Culler, FrustumCuller, Pipeline, VisibleSet};
+use visibility_core::walk::{BoxHierarchy, SceneHierarchy};
+use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, Pipeline, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 
 /// The cullers of a camera. Every camera is given one that culls by frustum and by occlusion. Insert another
@@ -50,7 +52,7 @@ impl CullingPipeline {
     pub fn occlusion(width: usize, height: usize) -> Self {
         let side = |side: usize| side.clamp(visibility_hzb::MIN_SIDE, visibility_hzb::MAX_SIDE);
         let buffer = Hzb::new(side(width), side(height)).unwrap_or_default();
-        Self::frustum().with(HzbCuller::new(buffer))
+        Self::frustum().with(WhereOccluders(HzbCuller::new(buffer)))
     }
 
     /// Culls by a pipeline of the caller's. To cull by portals, for example, put a `PortalCuller` of
@@ -92,6 +94,36 @@ impl CullingPipeline {
     }
 }
 
+/// Culls by occlusion if the scene has occluders. Without, saves the walk.
+struct WhereOccluders(HzbCuller);
+
+impl Culler for WhereOccluders {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        self.0.accuracy()
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let mut has_occluders = false;
+        SceneHierarchy.for_each_block(scene, None, |block| has_occluders |= block.occluders() != 0);
+        if has_occluders {
+            return self.0.cull(scene, view, visible);
+        }
+        CullStats { visible: visible.count(scene) as u64, ..CullStats::default() }
+    }
+
+    fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        self.0.for_each_lack(scene, each);
+    }
+
+    fn reset(&mut self) {
+        self.0.reset();
+    }
+}
+
 /// What views ask about some entities one by one.
 pub(crate) struct Exceptions<'a, 'w, 's> {
     pub(crate) ranges: Option<&'a VisibleEntityRanges>,
@@ -128,6 +160,7 @@ pub(crate) struct Scratch {
     /// Visible entities of no class.
     unclassed: EntitySorter,
     list: Vec<Entity>,
+    marks: Marks,
     /// For cameras that do not cull.
     everything: CullingPipeline,
     /// For cameras without a pipeline of their own. Remembers nothing, so that all can share it.
@@ -140,6 +173,7 @@ impl Default for Scratch {
             classes: Vec::new(),
             unclassed: EntitySorter::default(),
             list: Vec::new(),
+            marks: Marks::default(),
             everything: CullingPipeline::new(Pipeline::new()),
             frustum: CullingPipeline::frustum(),
         }
@@ -160,11 +194,11 @@ pub(crate) fn cull_cameras(
         Option<&mut CullingPipeline>,
         &mut VisibleEntities,
     )>,
-    mut results: Query<&mut ViewVisibility>,
+    mut results: Query<(Entity, &mut ViewVisibility)>,
     ranges: Option<Res<VisibleEntityRanges>>,
     layers: Query<&'static RenderLayers>,
 ) {
-    let Scratch { classes, unclassed, list, everything, frustum } = &mut *scratch;
+    let Scratch { classes, unclassed, list, marks, everything, frustum } = &mut *scratch;
     let exceptions = Exceptions { ranges: ranges.as_deref(), layers: &layers };
     for (entity, camera, transform, projection, own_layers, culls_nothing, mut own, mut visible) in
         &mut cameras
@@ -181,8 +215,15 @@ pub(crate) fn cull_cameras(
         };
         let view = view.with_layers(layer_mask(own_layers));
         culling.pipeline.cull(mirror.scene(), &view, &mut culling.visible);
+        // Records and entities are read fastest in the order of memory.
+        culling.visible.sort_by_index(mirror.scene());
         classes.resize_with(mirror.classes().len(), EntitySorter::default);
         for &id in culling.visible.ids() {
+            let index = mirror.plain(id);
+            if index != ASK {
+                classes[0].push_first(index);
+                continue;
+            }
             let record = mirror.record(id);
             if !exceptions.show(record, Some(entity), own_layers) {
                 continue;
@@ -196,17 +237,49 @@ pub(crate) fn cull_cameras(
         for (&class, entities) in mirror.classes().iter().zip(classes.iter_mut()) {
             let list = visible.get_mut(class);
             entities.take(list);
-            mark_visible(&mut results, list);
+            marks.add(list);
         }
         unclassed.take(list);
-        mark_visible(&mut results, list);
+        marks.add(list);
     }
+    marks.apply(mirror.scene().len(), &mut results);
 }
 
-/// Marks entities as visible in some view.
-pub(crate) fn mark_visible(results: &mut Query<&mut ViewVisibility>, entities: &[Entity]) {
-    let mut results = results.iter_many_mut(entities).matched();
-    while let Some(mut result) = results.fetch_next() {
-        result.set_visible();
+/// Entities that some view found visible.
+#[derive(Default)]
+struct Marks {
+    /// One bit per entity index.
+    bits: Vec<u64>,
+    entities: Vec<Entity>,
+}
+
+impl Marks {
+    fn add(&mut self, entities: &[Entity]) {
+        self.entities.extend_from_slice(entities);
+    }
+
+    /// Marks the entities, and forgets them. `count` is the number of entities in the world, roughly.
+    fn apply(&mut self, count: usize, results: &mut Query<(Entity, &mut ViewVisibility)>) {
+        // To look up an entity takes as long as to pass by some 20.
+        if self.entities.len() < count / 20 {
+            let mut results = results.iter_many_mut(&self.entities).matched();
+            while let Some((_, mut result)) = results.fetch_next() {
+                result.set_visible();
+            }
+        } else {
+            let last = self.entities.iter().map(|entity| entity.index_u32()).max().unwrap_or(0);
+            self.bits.clear();
+            self.bits.resize(last as usize / 64 + 1, 0);
+            for entity in &self.entities {
+                self.bits[entity.index_u32() as usize / 64] |= 1 << (entity.index_u32() % 64);
+            }
+            for (entity, mut result) in results.iter_mut() {
+                let (word, bit) = (entity.index_u32() as usize / 64, entity.index_u32() % 64);
+                if self.bits.get(word).is_some_and(|word| word >> bit & 1 != 0) {
+                    result.set_visible();
+                }
+            }
+        }
+        self.entities.clear();
     }
 }

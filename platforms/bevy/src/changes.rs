@@ -1,7 +1,7 @@
 //! Keeps the mirror in step with the entities, by bevy's change detection: work is done for what changed,
 //! beside a look at the change ticks of all entities.
 
-use crate::camera_view::world_box;
+use crate::camera_view::{affine, world_box};
 use crate::mirror::{Described, Followed, VisibilityScene};
 use crate::occluder::{Occluder, can_occlude};
 use bevy_asset::{AssetEvent, AssetId, Assets};
@@ -21,6 +21,7 @@ use bevy_mesh::{Mesh, Mesh3d};
 use bevy_transform::components::GlobalTransform;
 use std::collections::HashSet;
 use std::ops::Range;
+use visibility_core::glam::Affine3A;
 use visibility_core::{Aabb, ObjectId};
 
 /// Most nodes of the hierarchy that a frame tightens: about a microsecond each.
@@ -107,7 +108,7 @@ type Common<'a> = (
 pub(crate) struct Lists {
     touched: Vec<Entity>,
     moved: Vec<(ObjectId, Aabb)>,
-    moved_occluders: Vec<(ObjectId, [f32; 12])>,
+    moved_occluders: Vec<(ObjectId, Affine3A)>,
     changed_meshes: HashSet<AssetId<Mesh>>,
 }
 
@@ -210,23 +211,25 @@ fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed
                 let changed = |&row: &usize| others.iter().any(|ticks| ticks.is_new(row));
                 lists.touched.extend(rows.clone().filter(changed).map(|row| entities[row]));
             }
-            if !moves.any(rows.clone()) && !boxed.any(rows.clone()) {
+            let (any_moved, any_reshaped) = (moves.any(rows.clone()), boxed.any(rows.clone()));
+            if !any_moved && !any_reshaped {
                 continue;
             }
             for row in rows {
-                if !moves.is_new(row) && !boxed.is_new(row) {
+                let is_reshaped = any_reshaped && boxed.is_new(row);
+                if !is_reshaped && !moves.is_new(row) {
                     continue;
                 }
-                let (entity, affine) = (entities[row], transforms[row].affine());
+                let (entity, transform) = (entities[row], transforms[row].affine());
                 let aabb = aabbs.as_ref().map(|aabbs| &aabbs[row]);
                 match mirror.object(entity).map(|id| (id, mirror.record(id), aabb)) {
                     Some((id, record, Some(aabb))) if record.has_box && !occludes => {
-                        lists.moved.push((id, world_box(aabb, &affine)));
+                        lists.moved.push((id, world_box(aabb, &transform)));
                     }
                     Some((id, record, _))
-                        if record.is_occluder && !boxed.is_new(row) && can_occlude(&affine) =>
+                        if record.is_occluder && !is_reshaped && can_occlude(&transform) =>
                     {
-                        lists.moved_occluders.push((id, affine.to_cols_array()));
+                        lists.moved_occluders.push((id, affine(&transform)));
                     }
                     // New to the scene, or another kind of object from now on.
                     _ => lists.touched.push(entity),

@@ -21,7 +21,13 @@ impl EntitySorter {
             self.others.push(entity);
             return;
         }
-        let index = entity.index_u32() as usize;
+        self.push_first(entity.index_u32());
+    }
+
+    /// Adds the entity of the first generation with this index, which must not be in the collection already.
+    #[inline]
+    pub(crate) fn push_first(&mut self, index: u32) {
+        let index = index as usize;
         if self.bits.len() <= index / 64 {
             self.bits.resize(index / 64 + 1, 0);
         }

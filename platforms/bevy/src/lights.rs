@@ -4,13 +4,13 @@
 //! `bevy_light` do, by queries of the hierarchy instead of tests of every entity.
 
 use crate::camera_view::{layer_mask, volume};
-use crate::cameras::{Exceptions, mark_visible};
+use crate::cameras::Exceptions;
 use crate::entity_lists::EntitySorter;
 use crate::mirror::VisibilityScene;
 use bevy_camera::primitives::{CascadesFrusta, CubemapFrusta, Frustum, Sphere};
 use bevy_camera::visibility::{
-    CascadesVisibleEntities, CubemapVisibleEntities, RenderLayers, ViewVisibility, VisibleEntities,
-    VisibleEntityRanges, VisibleMeshEntities,
+    CascadesVisibleEntities, CubemapVisibleEntities, RenderLayers, SetViewVisibility, ViewVisibility,
+    VisibleEntities, VisibleEntityRanges, VisibleMeshEntities,
 };
 use bevy_camera::{Camera, RenderTarget, ShadowLodOrigin};
 use bevy_ecs::entity::EntityHashSet;
@@ -152,5 +152,13 @@ pub(crate) fn cull_point_and_spot_lights(
             let reach = reach(at, settings.range);
             culler.cull(&volume(frustum, true, true), layers, Some(&reach), range_view, &mut list);
         }
+    }
+}
+
+/// Marks entities as visible in some view.
+fn mark_visible(results: &mut Query<&mut ViewVisibility>, entities: &[Entity]) {
+    let mut results = results.iter_many_mut(entities).matched();
+    while let Some(mut result) = results.fetch_next() {
+        result.set_visible();
     }
 }

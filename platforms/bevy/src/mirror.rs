@@ -1,6 +1,6 @@
 //! The scene of `visibility-core` that mirrors the entities of a bevy world.
 
-use crate::camera_view::{OTHER_LAYERS, layer_mask, local_box, world_box};
+use crate::camera_view::{OTHER_LAYERS, affine, layer_mask, local_box, world_box};
 use crate::occluder::{Occluder, can_occlude, occluder_of_mesh};
 use bevy_asset::{AssetId, Assets};
 use bevy_camera::primitives::{Aabb as BevyAabb, Sphere};
@@ -8,6 +8,7 @@ use bevy_camera::visibility::{
     InheritedVisibility, NoCpuCulling, NoFrustumCulling, RenderLayers, ViewVisibility, VisibilityClass,
     VisibilityRange,
 };
+use bevy_ecs::entity::EntityGeneration;
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryData;
 use bevy_light::{DirectionalLight, NotShadowCaster};
@@ -20,7 +21,7 @@ use std::any::TypeId;
 use std::collections::HashMap;
 use std::sync::Arc;
 use visibility_core::glam::Vec3;
-use visibility_core::scene::{MeshId, ToAffine};
+use visibility_core::scene::MeshId;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
 /// What the scene follows of an entity.
@@ -80,16 +81,20 @@ impl Record {
 /// [`scene`](Self::scene) answers questions of the game too, by
 /// [`SceneQuery`](visibility_core::queries::SceneQuery): what is along a ray, in a sphere, nearest to a
 /// point.
-#[derive(Resource, Default)]
+#[derive(Resource)]
 pub struct VisibilityScene {
     pub(crate) scene: Scene,
     /// By entity index: the object of the entity with this index, or the placeholder.
     objects: Vec<ObjectId>,
     /// By object index.
     records: Vec<Record>,
-    /// All visibility classes of the world.
+    /// By object index: the index of the object's entity if that is of the first generation, of no class but
+    /// `Mesh3d`, and visible in any view that finds it by bounds and layer mask; else [`ASK`]. Most entities are
+    /// such, and this list is a quarter as long as `records`.
+    plain: Vec<u32>,
+    /// All visibility classes of the world. The first is `Mesh3d`.
     classes: Vec<TypeId>,
-    /// The distinct lists of classes that entities have, as indices into `classes`.
+    /// The distinct lists of classes that entities have, as indices into `classes`. The first is `Mesh3d` alone.
     class_lists: Vec<Vec<u16>>,
     meshes: HashMap<AssetId<Mesh>, Option<MeshId>>,
     custom_meshes: HashMap<usize, (Arc<OccluderMesh>, MeshId)>,
@@ -97,6 +102,26 @@ pub struct VisibilityScene {
     box_meshes: HashMap<[u32; 6], Option<MeshId>>,
     /// Entities to be inserted together, and their boxes.
     fresh: Vec<(Fresh, Object)>,
+}
+
+/// Stands for an object whose record must be asked.
+pub(crate) const ASK: u32 = u32::MAX;
+
+impl Default for VisibilityScene {
+    fn default() -> Self {
+        Self {
+            scene: Scene::new(),
+            objects: Vec::new(),
+            records: Vec::new(),
+            plain: Vec::new(),
+            classes: vec![TypeId::of::<Mesh3d>()],
+            class_lists: vec![vec![0]],
+            meshes: HashMap::new(),
+            custom_meshes: HashMap::new(),
+            box_meshes: HashMap::new(),
+            fresh: Vec::new(),
+        }
+    }
 }
 
 struct Fresh {
@@ -152,6 +177,19 @@ impl VisibilityScene {
         !is_apart
     }
 
+    /// Returns the entity index of a plain object of class `Mesh3d`, or [`ASK`] if the record tells more.
+    #[inline]
+    pub(crate) fn plain(&self, id: ObjectId) -> u32 {
+        self.plain[id.index()]
+    }
+
+    fn set_record(&mut self, id: ObjectId, record: Record) {
+        let is_first = record.entity.generation() == EntityGeneration::FIRST;
+        let is_plain = is_first && record.classes == 0 && !record.has_range && !record.has_other_layers;
+        self.plain[id.index()] = if is_plain { record.entity.index_u32() } else { ASK };
+        self.records[id.index()] = record;
+    }
+
     /// Returns all visibility classes of the world. Records and lists refer to them by index.
     pub(crate) fn classes(&self) -> &[TypeId] {
         &self.classes
@@ -180,20 +218,20 @@ impl VisibilityScene {
     /// Brings the object of an entity up to date with the entity. An entity that is new to the scene is
     /// inserted by [`insert_fresh`](Self::insert_fresh).
     pub(crate) fn describe(&mut self, item: DescribedItem, meshes: &Assets<Mesh>) {
-        let affine = item.transform.affine();
+        let transform = item.transform.affine();
         let layers = if item.inherited.get() { layer_mask(item.layers) } else { 0 };
         let bounds = match (item.aabb, item.sphere) {
             // Improper bounds: in view wherever that is, and found by every query.
             _ if item.never_cull => Aabb::EMPTY,
             (None, None) => Aabb::EMPTY,
-            (Some(aabb), _) => world_box(aabb, &affine),
+            (Some(aabb), _) => world_box(aabb, &transform),
             // As bevy does, takes the sphere's centre as a point of the world.
             (None, Some(sphere)) => Aabb::from_arrays(
                 (sphere.center - sphere.radius).to_array(),
                 (sphere.center + sphere.radius).to_array(),
             ),
         };
-        let occluder = self.occluder(&item, layers, &affine, meshes);
+        let occluder = self.occluder(&item, layers, &transform, meshes);
         let object = Object { layers, occluder: occluder.is_some(), ..Object::new(bounds) };
         let record = Record {
             entity: item.entity,
@@ -211,9 +249,9 @@ impl VisibilityScene {
     }
 
     fn update(&mut self, id: ObjectId, record: Record, object: &Object, occluder: Option<PlacedOccluder>) {
+        let Ok(former) = self.scene.object(id) else { return };
+        self.set_record(id, record);
         let scene = &mut self.scene;
-        let Ok(former) = scene.object(id) else { return };
-        self.records[id.index()] = record;
         // `id` is in the scene and the transform is finite, so nothing below is an error.
         if former.layers != object.layers {
             let _ = scene.set_layers(id, object.layers);
@@ -233,17 +271,20 @@ impl VisibilityScene {
     pub(crate) fn insert_fresh(&mut self) {
         let ids = self.scene.insert_batch(self.fresh.iter().map(|(_, object)| *object));
         self.records.resize(self.scene.index_limit(), Record::NONE);
-        for (id, (Fresh { record, occluder }, _)) in ids.into_iter().zip(self.fresh.drain(..)) {
+        self.plain.resize(self.scene.index_limit(), ASK);
+        let mut fresh = std::mem::take(&mut self.fresh);
+        for (id, (Fresh { record, occluder }, _)) in ids.into_iter().zip(fresh.drain(..)) {
             let index = record.entity.index_u32() as usize;
             if self.objects.len() <= index {
                 self.objects.resize(index + 1, ObjectId::PLACEHOLDER);
             }
             self.objects[index] = id;
-            self.records[id.index()] = record;
+            self.set_record(id, record);
             if let Some(occluder) = occluder {
                 place(&mut self.scene, id, occluder);
             }
         }
+        self.fresh = fresh;
     }
 
     /// Returns the occluder of an entity that may hide others.
@@ -251,14 +292,14 @@ impl VisibilityScene {
         &mut self,
         item: &DescribedItem,
         layers: u32,
-        affine: &Affine3A,
+        transform: &Affine3A,
         meshes: &Assets<Mesh>,
     ) -> Option<PlacedOccluder> {
         let (occluder, aabb) = (item.occluder?, item.aabb?);
         // The mesh must be drawn in every view that finds the object on its layers, and where the scene has
         // it.
         let is_drawn = layers != 0 && layers & OTHER_LAYERS == 0 && !item.range;
-        if !is_drawn || item.never_cull || item.skinned || item.morphed || !can_occlude(affine) {
+        if !is_drawn || item.never_cull || item.skinned || item.morphed || !can_occlude(transform) {
             return None;
         }
         let local = local_box(aabb);
@@ -267,7 +308,7 @@ impl VisibilityScene {
             Occluder::Box => self.box_mesh(&local)?,
             Occluder::Custom(mesh) => self.custom_mesh(mesh),
         };
-        Some(PlacedOccluder { mesh, local, transform: *affine })
+        Some(PlacedOccluder { mesh, local, transform: *transform })
     }
 
     fn mesh_of_asset(&mut self, asset: AssetId<Mesh>, meshes: &Assets<Mesh>) -> Option<MeshId> {
@@ -322,7 +363,7 @@ impl VisibilityScene {
 
 /// Gives an object of the scene its occluder mesh, and the bounds that follow from its local box.
 fn place(scene: &mut Scene, id: ObjectId, occluder: PlacedOccluder) {
-    let transform = occluder.transform.to_cols_array().to_affine();
+    let transform = affine(&occluder.transform);
     // Object and mesh are the scene's and the transform is finite, so nothing is an error.
     let _ = scene.set_local_bounds(id, occluder.local);
     let _ = scene.set_mesh(id, occluder.mesh, transform);

@@ -112,6 +112,7 @@ impl Aabb {
     /// let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]).transformed(&moved);
     /// assert!(bounds.contains_point(Vec3::X) && bounds.contains_point(Vec3::new(2.0, 1.0, 1.0)));
     /// ```
+    #[inline]
     pub fn transformed(&self, transform: &Affine3A) -> Self {
         if !self.is_proper() || *transform == Affine3A::IDENTITY {
             return *self;
