@@ -11,7 +11,6 @@ use bevy_ecs::prelude::*;
 use bevy_transform::components::GlobalTransform;
 use visibility_core::culler::Lack;
 use visibility_core::pipeline::Explanation;
-use visibility_core::walk::{BoxHierarchy, SceneHierarchy};
 use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, Pipeline, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 
@@ -107,9 +106,7 @@ impl Culler for WhereOccluders {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let mut has_occluders = false;
-        SceneHierarchy.for_each_block(scene, None, |block| has_occluders |= block.occluders() != 0);
-        if has_occluders {
+        if scene.occluder_count() > 0 {
             return self.0.cull(scene, view, visible);
         }
         CullStats { visible: visible.count(scene) as u64, ..CullStats::default() }
@@ -260,8 +257,8 @@ impl Marks {
 
     /// Marks the entities, and forgets them. `count` is the number of entities in the world, roughly.
     fn apply(&mut self, count: usize, results: &mut Query<(Entity, &mut ViewVisibility)>) {
-        // To look up an entity takes as long as to pass by some 20.
-        if self.entities.len() < count / 20 {
+        // To look up an entity takes as long as to pass by some 12.
+        if self.entities.len() < count / 12 {
             let mut results = results.iter_many_mut(&self.entities).matched();
             while let Some((_, mut result)) = results.fetch_next() {
                 result.set_visible();

@@ -25,7 +25,7 @@ use visibility_core::glam::Affine3A;
 use visibility_core::{Aabb, ObjectId};
 
 /// Most nodes of the hierarchy that a frame tightens: about a microsecond each.
-const MAINTENANCE_BUDGET: usize = 64;
+const MAINTENANCE_BUDGET: usize = 32;
 /// Rows of a table whose change ticks are looked at together.
 const ROWS: usize = 128;
 
@@ -179,10 +179,10 @@ impl<'a> Ticks<'a> {
         Self { ticks: column.added_ticks_slice(), ..Self::changed(column) }
     }
 
-    /// Whether any of these rows is new since the last run. Compiles to vector instructions.
-    fn any(&self, rows: Range<usize>) -> bool {
+    /// Number of these rows that are new since the last run. Compiles to vector instructions.
+    fn count(&self, rows: Range<usize>) -> usize {
         let rows = self.ticks.get(rows).unwrap_or(&[]);
-        rows.iter().filter(|tick| tick.is_newer_than(self.last_run, self.this_run)).count() != 0
+        rows.iter().filter(|tick| tick.is_newer_than(self.last_run, self.this_run)).count()
     }
 
     fn is_new(&self, row: usize) -> bool {
@@ -207,28 +207,27 @@ fn find_common_changes(mirror: &VisibilityScene, common: &Query<Common, Followed
         ];
         for start in (0..entities.len()).step_by(ROWS) {
             let rows = start..entities.len().min(start + ROWS);
-            if others.iter().any(|ticks| ticks.any(rows.clone())) {
+            if others.iter().any(|ticks| ticks.count(rows.clone()) > 0) {
                 let changed = |&row: &usize| others.iter().any(|ticks| ticks.is_new(row));
                 lists.touched.extend(rows.clone().filter(changed).map(|row| entities[row]));
             }
-            let (any_moved, any_reshaped) = (moves.any(rows.clone()), boxed.any(rows.clone()));
-            if !any_moved && !any_reshaped {
+            let (moved, reshaped) = (moves.count(rows.clone()), boxed.count(rows.clone()));
+            if moved + reshaped == 0 {
                 continue;
             }
+            let all_moved = moved == rows.len();
             for row in rows {
-                let is_reshaped = any_reshaped && boxed.is_new(row);
-                if !is_reshaped && !moves.is_new(row) {
+                let is_reshaped = reshaped > 0 && boxed.is_new(row);
+                if !all_moved && !is_reshaped && !moves.is_new(row) {
                     continue;
                 }
                 let (entity, transform) = (entities[row], transforms[row].affine());
-                let aabb = aabbs.as_ref().map(|aabbs| &aabbs[row]);
-                match mirror.object(entity).map(|id| (id, mirror.record(id), aabb)) {
-                    Some((id, record, Some(aabb))) if record.has_box && !occludes => {
-                        lists.moved.push((id, world_box(aabb, &transform)));
-                    }
-                    Some((id, record, _))
-                        if record.is_occluder && !is_reshaped && can_occlude(&transform) =>
-                    {
+                if !occludes && let (Some(id), Some(aabbs)) = (mirror.boxed_object(entity), &aabbs) {
+                    lists.moved.push((id, world_box(&aabbs[row], &transform)));
+                    continue;
+                }
+                match mirror.object(entity).map(|id| (id, mirror.record(id))) {
+                    Some((id, record)) if record.is_occluder && !is_reshaped && can_occlude(&transform) => {
                         lists.moved_occluders.push((id, affine(&transform)));
                     }
                     // New to the scene, or another kind of object from now on.

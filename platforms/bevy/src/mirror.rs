@@ -84,8 +84,8 @@ impl Record {
 #[derive(Resource)]
 pub struct VisibilityScene {
     pub(crate) scene: Scene,
-    /// By entity index: the object of the entity with this index, or the placeholder.
-    objects: Vec<ObjectId>,
+    /// By entity index.
+    objects: Vec<EntityObject>,
     /// By object index.
     records: Vec<Record>,
     /// By object index: the index of the object's entity if that is of the first generation, of no class but
@@ -124,6 +124,22 @@ impl Default for VisibilityScene {
     }
 }
 
+/// The object of the entity that has some entity index now.
+#[derive(Clone, Copy)]
+struct EntityObject {
+    /// The placeholder if the scene follows no entity of this index.
+    id: ObjectId,
+    generation: EntityGeneration,
+    /// Whether nothing but the bounds changes when the entity moves: they follow from its `Aabb`, and it is no
+    /// occluder.
+    is_boxed: bool,
+}
+
+impl EntityObject {
+    const NONE: Self =
+        Self { id: ObjectId::PLACEHOLDER, generation: EntityGeneration::FIRST, is_boxed: false };
+}
+
 struct Fresh {
     record: Record,
     occluder: Option<PlacedOccluder>,
@@ -146,9 +162,18 @@ impl VisibilityScene {
     /// Returns the object of an entity, or `None` if the scene does not follow the entity: it was spawned
     /// after the last [sync](crate::CullingSystems::Sync), lacks `GlobalTransform` or `Visibility`, or has
     /// `NoCpuCulling`.
+    #[inline]
     pub fn object(&self, entity: Entity) -> Option<ObjectId> {
-        let id = *self.objects.get(entity.index_u32() as usize)?;
-        (self.records.get(id.index())?.entity == entity).then_some(id)
+        let object = self.objects.get(entity.index_u32() as usize)?;
+        let is_own = object.generation == entity.generation() && object.id != ObjectId::PLACEHOLDER;
+        is_own.then_some(object.id)
+    }
+
+    /// Returns the object of an entity of which nothing but the bounds changes when it moves.
+    #[inline]
+    pub(crate) fn boxed_object(&self, entity: Entity) -> Option<ObjectId> {
+        let object = self.objects.get(entity.index_u32() as usize)?;
+        (object.is_boxed && object.generation == entity.generation()).then_some(object.id)
     }
 
     /// Returns the entity of an object, or `None` for an object that is not in the scene.
@@ -186,6 +211,8 @@ impl VisibilityScene {
     fn set_record(&mut self, id: ObjectId, record: Record) {
         let is_first = record.entity.generation() == EntityGeneration::FIRST;
         let is_plain = is_first && record.classes == 0 && !record.has_range && !record.has_other_layers;
+        let (generation, is_boxed) = (record.entity.generation(), record.has_box && !record.is_occluder);
+        self.objects[record.entity.index_u32() as usize] = EntityObject { id, generation, is_boxed };
         self.plain[id.index()] = if is_plain { record.entity.index_u32() } else { ASK };
         self.records[id.index()] = record;
     }
@@ -207,7 +234,7 @@ impl VisibilityScene {
         // Known, so never an error.
         let _ = self.scene.remove(id);
         self.records[id.index()] = Record::NONE;
-        self.objects[entity.index_u32() as usize] = ObjectId::PLACEHOLDER;
+        self.objects[entity.index_u32() as usize] = EntityObject::NONE;
     }
 
     /// Forgets the occluder that was made of a mesh asset, so that the next entity makes it anew.
@@ -276,9 +303,8 @@ impl VisibilityScene {
         for (id, (Fresh { record, occluder }, _)) in ids.into_iter().zip(fresh.drain(..)) {
             let index = record.entity.index_u32() as usize;
             if self.objects.len() <= index {
-                self.objects.resize(index + 1, ObjectId::PLACEHOLDER);
+                self.objects.resize(index + 1, EntityObject::NONE);
             }
-            self.objects[index] = id;
             self.set_record(id, record);
             if let Some(occluder) = occluder {
                 place(&mut self.scene, id, occluder);

@@ -79,6 +79,8 @@ pub struct Scene {
     /// Occluder meshes by index, each with its id.
     meshes: Vec<(MeshId, OccluderMesh)>,
     placements: Placements,
+    /// Number of objects that are flagged as occluders.
+    occluders: usize,
     /// Number of objects that are flagged as occluders and have no mesh.
     meshless: usize,
     /// Generation of the first object of each index: a number of this scene, so that ids of other scenes are
@@ -105,6 +107,7 @@ impl Clone for Scene {
             triangles: self.triangles.clone(),
             meshes: self.meshes.clone(),
             placements: self.placements.clone(),
+            occluders: self.occluders,
             meshless: self.meshless,
             first_generation: next_generation(),
             free: self.free.clone(),
@@ -134,6 +137,7 @@ impl Scene {
             triangles: Vec::new(),
             meshes: Vec::new(),
             placements: Placements::default(),
+            occluders: 0,
             meshless: 0,
             first_generation: next_generation(),
             free: Vec::new(),
@@ -257,6 +261,7 @@ impl Scene {
         self.costs[id.index()] = object.cost;
         self.write_never_cull(id.index(), object.never_cull);
         self.layered += usize::from(object.layers != u32::MAX);
+        self.occluders += usize::from(object.occluder);
         self.meshless += usize::from(object.occluder);
         Payload { id, layers: object.layers, occluder: object.occluder }
     }
@@ -328,6 +333,7 @@ impl Scene {
         let slot = self.slot(id)?;
         let payload = self.tree.payload(slot);
         self.layered -= usize::from(payload.layers != u32::MAX);
+        self.occluders -= usize::from(payload.occluder);
         self.meshless -= usize::from(payload.occluder && !self.has_mesh(id));
         self.forget_details(id);
         self.tree.remove(slot);
@@ -499,9 +505,10 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_occluder(&mut self, id: ObjectId, occluder: bool) -> Result<(), SceneError> {
         let slot = self.slot(id)?;
+        let was_occluder = self.tree.payload(slot).occluder;
+        self.occluders = self.occluders + usize::from(occluder) - usize::from(was_occluder);
         if !self.has_mesh(id) {
-            self.meshless -= usize::from(self.tree.payload(slot).occluder);
-            self.meshless += usize::from(occluder);
+            self.meshless = self.meshless + usize::from(occluder) - usize::from(was_occluder);
         }
         let mask = &mut self.tree.occluders[slot.node()];
         *mask = *mask & !(1 << slot.lane()) | u64::from(occluder) << slot.lane();

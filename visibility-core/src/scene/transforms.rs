@@ -285,6 +285,24 @@ impl Scene {
         Some((self.mesh(mesh.id)?, transform))
     }
 
+    /// Returns the number of objects that are flagged as [occluders](Self::set_occluder), with a mesh or
+    /// without. Takes constant time.
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, Object, Scene};
+    /// let mut scene = Scene::new();
+    /// let wall = Object { occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])) };
+    /// let walls = scene.insert_batch([wall, wall]);
+    /// scene.set_occluder(walls[0], false)?;
+    /// assert_eq!(scene.occluder_count(), 1);
+    /// scene.remove(walls[1])?;
+    /// assert_eq!(scene.occluder_count(), 0);
+    /// # Ok::<(), visibility_core::scene::SceneError>(())
+    /// ```
+    pub fn occluder_count(&self) -> usize {
+        self.occluders
+    }
+
     /// Returns the number of objects that are flagged as occluders but have no mesh, and so hide nothing from
     /// cullers that use meshes. Counts objects whose mesh was removed because their bounds changed. Takes
     /// constant time.
