@@ -5,7 +5,7 @@
 //! cargo bench --bench check
 //! ```
 //!
-//! With a number, that many entities; with `occluders`, walls stand among them.
+//! `cargo bench --bench check -- 10000` takes that many entities; with `occluders`, one in 50 is a wall that hides.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -21,6 +21,7 @@ use bevy_mesh::Mesh3d;
 use bevy_transform::prelude::*;
 use common::*;
 use std::time::{Duration, Instant};
+use visibility_bevy::Occluder;
 use visibility_testing::Random;
 
 const CAMERA: Number = Number(u32::MAX);
@@ -33,7 +34,7 @@ struct Clock {
     check: Duration,
 }
 
-fn world(with_plugin: bool, count: u32) -> App {
+fn world(with_plugin: bool, count: u32, with_walls: bool) -> App {
     let mut app = app(with_plugin);
     app.insert_resource(Clock { begin: Instant::now(), check: Duration::ZERO });
     let start = |mut clock: ResMut<Clock>| clock.begin = Instant::now();
@@ -61,7 +62,12 @@ fn world(with_plugin: bool, count: u32) -> App {
             scale: Vec3::ONE,
         };
         let aabb = Aabb { center: Vec3A::ZERO, half_extents: random.vec3(0.2, 2.0).into() };
-        app.world_mut().spawn((drawn(number, transform), aabb));
+        if with_walls && number.is_multiple_of(50) {
+            let wall = Aabb { center: Vec3A::ZERO, half_extents: Vec3A::new(12.0, 10.0, 0.5) };
+            app.world_mut().spawn((drawn(number, transform), wall, Occluder::Box));
+        } else {
+            app.world_mut().spawn((drawn(number, transform), aabb));
+        }
     }
     app.world_mut().spawn((CAMERA, Camera3d::default(), Transform::from_xyz(0.0, 5.0, 0.0)));
     app
@@ -87,13 +93,11 @@ fn frame(app: &mut App, number: usize, one_in: Option<usize>) -> Duration {
 
 fn main() {
     let numbers: Vec<u32> = std::env::args().filter_map(|argument| argument.parse().ok()).collect();
+    let with_walls = std::env::args().any(|argument| argument == "occluders");
     let counts = if numbers.is_empty() { vec![100_000] } else { numbers };
-    println!(
-        "{:>9} {:>7} {:>9} {:>9} {:>6} {:>8}",
-        "entities", "moving", "bevy us", "ours us", "ratio", "visible"
-    );
+    println!(" entities  moving   bevy us   ours us  ratio     bevy     ours visible");
     for count in counts {
-        let mut apps = [false, true].map(|with_plugin| world(with_plugin, count));
+        let mut apps = [false, true].map(|with_plugin| world(with_plugin, count, with_walls));
         for (name, one_in) in [("0 %", None), ("10 %", Some(10)), ("100 %", Some(1))] {
             let mut times = [Vec::new(), Vec::new()];
             for number in 0..WARM_UP + FRAMES {
@@ -109,9 +113,9 @@ fn main() {
                 times.sort();
                 times[FRAMES / 2].as_secs_f64() * 1e6
             });
-            let visible = seen_by(&mut apps[1], CAMERA).len();
+            let [seen, visible] = [0, 1].map(|i| seen_by(&mut apps[i], CAMERA).len());
             let ratio = bevy / ours;
-            println!("{count:>9} {name:>7} {bevy:>9.0} {ours:>9.0} {ratio:>6.2} {visible:>8}");
+            println!("{count:>9} {name:>7} {bevy:>9.0} {ours:>9.0} {ratio:>6.2} {seen:>8} {visible:>8}");
         }
     }
 }
