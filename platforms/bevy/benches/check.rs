@@ -5,7 +5,8 @@
 //! cargo bench --bench check
 //! ```
 //!
-//! `cargo bench --bench check -- 10000` takes that many entities; with `occluders`, one in 50 is a wall that hides.
+//! `cargo bench --bench check -- 10000` takes that many entities; with `occluders`, one in 50 is a wall that
+//! hides.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

@@ -89,12 +89,13 @@ pub struct VisibilityScene {
     /// By object index.
     records: Vec<Record>,
     /// By object index: the index of the object's entity if that is of the first generation, of no class but
-    /// `Mesh3d`, and visible in any view that finds it by bounds and layer mask; else [`ASK`]. Most entities are
-    /// such, and this list is a quarter as long as `records`.
+    /// `Mesh3d`, and visible in any view that finds it by bounds and layer mask; else [`ASK`]. Most entities
+    /// are such, and this list is a quarter as long as `records`.
     plain: Vec<u32>,
     /// All visibility classes of the world. The first is `Mesh3d`.
     classes: Vec<TypeId>,
-    /// The distinct lists of classes that entities have, as indices into `classes`. The first is `Mesh3d` alone.
+    /// The distinct lists of classes that entities have, as indices into `classes`. The first is `Mesh3d`
+    /// alone.
     class_lists: Vec<Vec<u16>>,
     meshes: HashMap<AssetId<Mesh>, Option<MeshId>>,
     custom_meshes: HashMap<usize, (Arc<OccluderMesh>, MeshId)>,
@@ -130,8 +131,8 @@ struct EntityObject {
     /// The placeholder if the scene follows no entity of this index.
     id: ObjectId,
     generation: EntityGeneration,
-    /// Whether nothing but the bounds changes when the entity moves: they follow from its `Aabb`, and it is no
-    /// occluder.
+    /// Whether nothing but the bounds changes when the entity moves: they follow from its `Aabb`, and it is
+    /// no occluder.
     is_boxed: bool,
 }
 
