@@ -3,6 +3,7 @@
 
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -12,7 +13,8 @@ use visibility_examples::bake::{Job, Level, Run, forget, run, write};
 
 /// Bake what can be seen from each viewcell of a scene. A bake that was interrupted goes on where it was.
 ///
-/// `bake assemble` puts the parts of a bake with --shard together.
+/// `bake assemble` puts the parts of a bake with --shard together. `bake fingerprint` prints the hash that all
+/// parts of a bake have in common, and the number of viewcells.
 #[derive(Parser)]
 #[command(version)]
 struct Whole {
@@ -60,17 +62,26 @@ struct Assembly {
     json: Option<PathBuf>,
 }
 
+/// Print the hash that all shards of a bake have in common, and the number of viewcells.
+#[derive(Parser)]
+#[command(name = "bake fingerprint", version)]
+struct Identity {
+    #[command(flatten)]
+    job: Job,
+}
+
 fn part(text: &str) -> Result<[usize; 2], String> {
     let numbers = text.split_once('/').and_then(|(i, n)| Some([i.parse().ok()?, n.parse().ok()?]));
     numbers.filter(|[i, n]| i < n).ok_or_else(|| "a part is I/N with I from 0 to N - 1".to_owned())
 }
 
 fn main() -> ExitCode {
-    let is_assembly = std::env::args().nth(1).is_some_and(|first| first == "assemble");
-    let done = if is_assembly {
-        put_together(&Assembly::parse_from(std::env::args_os().skip(1)))
-    } else {
-        bake(&Whole::parse())
+    let from_first = std::env::args_os().skip(1);
+    let first = std::env::args_os().nth(1);
+    let done = match first.as_deref().and_then(OsStr::to_str) {
+        Some("assemble") => put_together(&Assembly::parse_from(from_first)),
+        Some("fingerprint") => identify(&Identity::parse_from(from_first)),
+        _ => bake(&Whole::parse()),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -117,6 +128,12 @@ fn bake(arguments: &Whole) -> Result<(), String> {
         }
     }
     forget(&settings.state);
+    Ok(())
+}
+
+fn identify(arguments: &Identity) -> Result<(), String> {
+    let level = Level::open(&arguments.job)?;
+    println!("{:016x} {}", level.fingerprint(), level.viewcells.cells().len());
     Ok(())
 }
 
