@@ -140,7 +140,7 @@ impl Search<'_> {
         if (edge.tags[0] < 3 || edge.tags[1] < 3) && behind(0) && behind(1) {
             return true;
         }
-        matches!(signs(sight, edge, self.side_error()), 0 | POSITIVE | NEGATIVE)
+        matches!(signs(sight, edge, sight.side_error(self.delta)), 0 | POSITIVE | NEGATIVE)
     }
 
     /// Returns whether a triangle certainly touches neither P nor Q, but for the boundary of Q at corners of
@@ -184,7 +184,10 @@ impl Search<'_> {
         let (a, b, apex) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
         let out = outwards(a, b, apex) * self.clearance;
         self.clearance == 0.0
-            || !matches!(signs(sight, &Edge::new(a + out, b + out), self.side_error()), POSITIVE | NEGATIVE)
+            || !matches!(
+                signs(sight, &Edge::new(a + out, b + out), sight.side_error(self.delta)),
+                POSITIVE | NEGATIVE
+            )
     }
 
     /// Lists the edges of the boundary that segments meet.

@@ -69,9 +69,7 @@ impl Proof {
             _ => Vec::new(),
         };
         let clearance = self.clearance;
-        let moved = if clearance > 0.0 { 0.0 } else { delta };
-        let mut check =
-            Check { triangles, clearance, delta, moved, target_vertices, steps: self.steps.iter() };
+        let mut check = Check { triangles, clearance, delta, target_vertices, steps: self.steps.iter() };
         let all = sights(triangles, &self.cell, self.target, self.clearance, 4.0 * delta);
         for sight in all.ok_or(ProofError::Malformed)? {
             check.node(&sight, &mut Vec::new(), 0)?;

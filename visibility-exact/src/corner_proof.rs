@@ -137,7 +137,7 @@ mod tests {
             // The corner is in the middle, or close to P.
             let (p, q) = (quad(v - d / [1.0, 256.0][(round / 2 % 2) as usize]), quad(v + d));
             let half = Half { normal: DVec3::X, offset: 0.0 };
-            let sight = Sight { p, q, before_p: half, before_q: half };
+            let sight = Sight { p, q, before_p: half, before_q: half, near: None };
             let mut row = |k: usize| {
                 let mut end = |m: i32| {
                     let error = random.fine_vector(delta);

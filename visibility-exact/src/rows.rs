@@ -74,7 +74,7 @@ impl Search<'_> {
         }
         let Some(line) = line else {
             // No point of the polytope of the program is a line, or none was found.
-            if let Some(edges) = corner_proof::find(sight, rows, self.side_error()) {
+            if let Some(edges) = corner_proof::find(sight, rows, sight.side_error(self.delta)) {
                 self.steps.push(Step::Corner { edges });
                 return Answer::Hidden;
             }
@@ -180,7 +180,7 @@ impl Search<'_> {
     /// Solves the program of the rows over the corners of P and Q.
     fn solve(&mut self, sight: &Sight, rows: &[Row]) -> Value {
         self.stats.programs += 1;
-        let (p, q, delta) = (sight.p.corners(), sight.q.corners(), self.side_error());
+        let (p, q, delta) = (sight.p.corners(), sight.q.corners(), sight.side_error(self.delta));
         self.game.start(p.len() * q.len());
         for row in rows {
             let Row { edge, side: s } = row;
@@ -212,7 +212,7 @@ impl Search<'_> {
             return None;
         }
         let mut line = self.segment(from / total, to / total);
-        let delta = self.side_error();
+        let delta = sight.side_error(self.delta);
         let satisfies = |line: Segment| {
             rows.iter().all(|row| {
                 let (value, error) = side(line.p, line.q, row.edge.ends[0], row.edge.ends[1], delta);
@@ -288,7 +288,7 @@ impl Search<'_> {
         // plane, such as the back of a card, or the target box's own front, blocks nothing. Heights are
         // wrong by less than delta, for which the check allows, so that 4 delta are surely before the plane.
         // Corners of the target triangle are in its plane; a loop of these alone bounds nothing before it.
-        let before_q = sight.before_q.padded(-self.pad());
+        let before_q = sight.cut_before_q(self.pad());
         ring = cut(ring, &sight.before_p, |half, corner| half.height(corner.0));
         ring = cut(ring, &before_q, |half, &(x, tag)| if tag == NO_CORNER { half.height(x) } else { 0.0 });
         drop_straight(&mut ring);
@@ -300,7 +300,7 @@ impl Search<'_> {
         let mut sides = 0;
         for k in 0..found.ring.len() {
             let [a, b] = found.edge(k).ends;
-            sides |= match sign(side(line.p, line.q, a, b, self.side_error())) {
+            sides |= match sign(side(line.p, line.q, a, b, sight.side_error(self.delta))) {
                 1 => POSITIVE,
                 -1 => NEGATIVE,
                 _ => return None,
@@ -312,7 +312,7 @@ impl Search<'_> {
             _ => return None,
         };
         for k in 0..found.ring.len() {
-            let occurring = signs(sight, &found.edge(k), self.side_error());
+            let occurring = signs(sight, &found.edge(k), sight.side_error(self.delta));
             found.divides.push(occurring != 0 && occurring != sides);
         }
         Some(found)

@@ -131,15 +131,6 @@ impl<'a> Search<'a> {
         (answer, self.used)
     }
 
-    /// Returns the bound on the errors of positions that count for the sides of edges.
-    ///
-    /// Without clearance an answer holds for all segments, so that positions stand for all that their errors
-    /// allow. With a clearance, which is at least 64 errors, positions are what they are: rounded halves
-    /// leave out only segments that have a neighbour within one error.
-    pub(crate) fn side_error(&self) -> f64 {
-        if self.clearance > 0.0 { 0.0 } else { self.delta }
-    }
-
     /// Returns the height over a plane up to which a point may touch the plane, see [`Shaft`].
     pub(crate) fn pad(&self) -> f64 {
         4.0 * self.delta

@@ -118,7 +118,7 @@ mod tests {
                 let offset = polygon.corners().iter().map(|v| -normal.dot(*v)).fold(f64::MIN, f64::max);
                 Half { normal, offset }
             };
-            let sight = Sight { p, q, before_p: plane(&p), before_q: plane(&q) };
+            let sight = Sight { p, q, before_p: plane(&p), before_q: plane(&q), near: None };
             let shaft = Shaft::new(&p, &q, search.pad());
             for k in 0..4 {
                 // Points of the exact hull, on its boundary at most corners.

@@ -1,6 +1,5 @@
 //! The sides on which the lines between two polygons pass an edge, and where a side is exactly 0.
 
-use crate::half::Half;
 use crate::line_side::{Edge, SideFrom, sign};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
@@ -13,8 +12,8 @@ pub(crate) const NEGATIVE: u8 = 2;
 pub(crate) const UNSURE: u8 = 4;
 
 /// Where the side of an edge is exactly 0: a line to a corner of Q that is a mixture of ends of the edge, and
-/// a line between points of a plane perpendicular to an axis that also holds the edge: P's plane, where Q or
-/// an occluder is cut by it, or Q's.
+/// a line between points of a plane that also holds the edge: P's plane, where Q or an occluder is cut by it,
+/// or Q's, where P or an occluder is.
 pub(crate) struct Zeros {
     tags: [u8; 2],
     in_p: bool,
@@ -25,8 +24,8 @@ impl Zeros {
     #[inline]
     pub(crate) fn new(sight: &Sight, edge: &Edge) -> Self {
         let [a, b] = edge.ends;
-        let in_plane = |plane: &Half| plane.holds(a) && plane.holds(b);
-        Self { tags: edge.tags, in_p: in_plane(&sight.before_p), in_q: in_plane(&sight.before_q) }
+        let in_p = sight.before_p.holds(a) && sight.before_p.holds(b);
+        Self { tags: edge.tags, in_p, in_q: sight.is_in_plane_of_q(a) && sight.is_in_plane_of_q(b) }
     }
 
     /// Returns whether the side is exactly 0 for the line from a corner of P to a corner of Q, of whose
@@ -35,10 +34,9 @@ impl Zeros {
     pub(crate) fn hold(&self, sight: &Sight, p: DVec3, q: DVec3, zero: u8) -> bool {
         let [a, b] = self.tags;
         let at = |tag: u8| tag < 3 && zero == 0b111 ^ (1 << tag);
-        let both = |plane: &Half| plane.holds(p) && plane.holds(q);
         (zero != 0 && (at(a) || at(b) || (a < 3 && b < 3 && a != b && zero & (1 << (3 - a - b)) != 0)))
-            || (self.in_p && both(&sight.before_p))
-            || (self.in_q && both(&sight.before_q))
+            || (self.in_p && sight.before_p.holds(p) && sight.before_p.holds(q))
+            || (self.in_q && sight.is_in_plane_of_q(p) && sight.is_in_plane_of_q(q))
     }
 }
 

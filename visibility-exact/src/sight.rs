@@ -88,6 +88,36 @@ pub(crate) struct Sight {
     pub(crate) before_p: Half,
     /// The side of Q's plane from which `q` is seen.
     pub(crate) before_q: Half,
+    /// With a clearance, the height over Q's plane up to which points are taken to be in it: 0 if the plane
+    /// is perpendicular to an axis, where they are or are not. `None` without clearance.
+    pub(crate) near: Option<f64>,
+}
+
+impl Sight {
+    /// Returns the bound on the errors of positions that count for the sides of edges, of the bound `delta`
+    /// on all errors.
+    ///
+    /// Without clearance an answer holds for all segments, so that positions stand for all that their errors
+    /// allow. With a clearance, which is at least 64 errors, positions are what they are, but that those near
+    /// Q's plane are moved into it: rounded halves, and positions moved, leave out only segments that have a
+    /// neighbour within one error.
+    #[inline]
+    pub(crate) fn side_error(&self, delta: f64) -> f64 {
+        // Heights are computed with an error of half of `near`.
+        self.near.map_or(delta, |near| 2.0 * near)
+    }
+
+    /// Returns whether a point lies in Q's plane, or is taken to.
+    #[inline]
+    pub(crate) fn is_in_plane_of_q(&self, x: DVec3) -> bool {
+        self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
+    }
+
+    /// Returns the side of Q's plane to which occluders are cut: `pad` before Q where corners of the cut are
+    /// not in the plane.
+    pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
+        if self.near.is_some() { self.before_q } else { self.before_q.padded(-pad) }
+    }
 }
 
 /// Returns the faces of a box and the half-spaces outside them.
@@ -132,8 +162,11 @@ pub(crate) fn sights(
         grazed |= c > 0.0 && highest > pad.max(c / 16.0) - c && highest <= pad;
         for (face, before_p) in faces(cell.min, cell.max) {
             let Some(q) = q.clip(&before_p) else { continue };
-            let Some(p) = face.clip(&before_q.padded(pad)) else { continue };
-            all.push(Sight { p, q, before_p, before_q });
+            // With a clearance, viewpoints behind Q's plane are too low over the target's to be asked about.
+            let behind = if c > 0.0 { before_q } else { before_q.padded(pad) };
+            let Some(p) = face.clip(&behind) else { continue };
+            let near = if before_q.axis().is_some() { 0.0 } else { pad / 32.0 };
+            all.push(Sight { p, q, before_p, before_q, near: (c > 0.0).then_some(near) });
         }
     };
     match target {

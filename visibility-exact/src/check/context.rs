@@ -17,9 +17,6 @@ pub(super) struct Check<'a> {
     pub(super) clearance: f64,
     /// Bound on the errors of positions.
     pub(super) delta: f64,
-    /// By how much positions may differ from the given ones where sides of edges are asked: not at all with a
-    /// clearance, of which the error of positions is a small part.
-    pub(super) moved: f64,
     /// Vertices of the target triangle, of proofs without clearance.
     pub(super) target_vertices: Vec<u32>,
     /// Nodes that were not checked yet.

@@ -43,12 +43,12 @@ impl Check<'_> {
             .collect();
         let (Some(first), true) = (directions.first(), determinant.abs() > 0.0) else { return false };
         // Changes of directions by 2 delta on each axis.
-        let change = 2.0 * self.moved;
+        let change = 2.0 * self.moved(sight);
         let level = dot(c[0], *first).hi * orientation;
         let sense = if level > 0.0 { 1.0 } else { -1.0 };
         // Changes of the ends of edges by delta change each t_k and e_k by 2 delta on each axis, and a
         // product of two vectors by at most twice the product of the sums of their magnitudes.
-        let moved = |u: [D; 3], w: [D; 3]| 8.0 * self.moved * (norm(u) + norm(w) + change);
+        let moved = |u: [D; 3], w: [D; 3]| 4.0 * change * (norm(u) + norm(w) + change);
         let c_moved: [f64; 3] = core::array::from_fn(|k| moved(t[(k + 1) % 3], t[(k + 2) % 3]));
         let w_moved: [f64; 3] = core::array::from_fn(|k| moved(e[k], t[k]));
         let positive = directions.iter().all(|d| {

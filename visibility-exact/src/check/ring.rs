@@ -37,8 +37,11 @@ impl Check<'_> {
         });
         let reach = 3.0 * self.clearance + 2.0 * self.delta;
         let is_near = |x: DVec3| corners.iter().any(|t| distance(x, t) <= reach);
-        // By one coordinate, which is not rounded.
-        let in_front = |x: DVec3| sight.before_q.axis().is_some() && sight.before_q.height(x) >= 0.0;
+        // By one coordinate, which is not rounded, or taken to be in the plane.
+        let in_front = |x: DVec3| {
+            (sight.before_q.axis().is_some() && sight.before_q.height(x) >= 0.0)
+                || self.is_near_plane_of_q(sight, x)
+        };
         let in_slab = |(x, tag): Corner| {
             sight.before_p.height(x) >= -4.0 * self.delta
                 && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta || in_front(x))

@@ -10,14 +10,17 @@ use visibility_core::glam::DVec3;
 
 impl Check<'_> {
     /// Returns the sides of an edge, with errors, at the pairs of corners. A side is exactly 0 where the
-    /// corner of Q is a mixture of ends of the edge, and where all four points have one coordinate in common,
-    /// that of the plane of P or Q.
+    /// corner of Q is a mixture of ends of the edge, where all four points have one coordinate in common, that
+    /// of the plane of P or Q, and where all four are taken to be in Q's plane.
     pub(super) fn sides<'b>(
         &'b self,
         sight: &'b Sight,
         edge: &'b [Corner; 2],
     ) -> impl Iterator<Item = (f64, f64)> + 'b {
         let [(a, tag_a), (b, tag_b)] = *edge;
+        let is_near = |x: DVec3| self.is_near_plane_of_q(sight, x);
+        let is_near_edge = is_near(a) && is_near(b);
+        let moved = self.moved(sight);
         let ends = tag_a.map_or(0, |k| 1u8 << k) | tag_b.map_or(0, |k| 1 << k);
         sight.p.corners().iter().flat_map(move |&p| {
             sight.q.corners().iter().zip(&sight.q.zero).map(move |(&q, &zero)| {
@@ -27,9 +30,27 @@ impl Check<'_> {
                     let axis = plane.axis();
                     axis.is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k])
                 });
-                if is_mixture || is_flat { (0.0, 0.0) } else { side(p, q, a, b, self.moved) }
+                if is_mixture || is_flat || (is_near_edge && is_near(p) && is_near(q)) {
+                    (0.0, 0.0)
+                } else {
+                    side(p, q, a, b, moved)
+                }
             })
         })
+    }
+
+    /// Returns by how much positions may differ from the given ones where sides of edges are asked. Without a
+    /// clearance, by their errors; with one, points near Q's plane may be moved into it.
+    pub(super) fn moved(&self, sight: &Sight) -> f64 {
+        sight.near.map_or(self.delta, |near| 2.0 * near)
+    }
+
+    /// Returns whether a point is within what may be moved into Q's plane, with half as much for the errors of
+    /// heights when the proof was made.
+    pub(super) fn is_near_plane_of_q(&self, sight: &Sight, x: DVec3) -> bool {
+        let Half { normal, offset } = sight.before_q;
+        let height = dot(normal.to_array().map(D::from), x.to_array().map(D::from)).plus(D::from(offset));
+        sight.near.is_some_and(|near| height.hi.abs() < 1.5 * near)
     }
 
     /// Returns whether all segments pass an edge on one side, apart from those to the boundary of Q that meet

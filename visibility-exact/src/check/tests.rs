@@ -120,14 +120,13 @@ fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
     let wall = quad([[10.0, 0.0, 0.0], [10.0, 4.0, 0.0], [10.0, 4.0, 3.0], [10.0, 0.0, 3.0]]);
     let above = Half { normal: DVec3::Z, offset: 0.0 };
     let before = Half { normal: -DVec3::X, offset: 10.0 };
-    let from_floor = Sight { p: floor, q: wall, before_p: above, before_q: before };
-    let from_wall = Sight { p: wall, q: floor, before_p: before, before_q: above };
+    let from_floor = Sight { p: floor, q: wall, before_p: above, before_q: before, near: None };
+    let from_wall = Sight { p: wall, q: floor, before_p: before, before_q: above, near: None };
     let steps = Vec::new();
     let check = Check {
         triangles: &triangles,
         clearance: 0.0,
         delta: 1e-12,
-        moved: 1e-12,
         target_vertices: vec![],
         steps: steps.iter(),
     };
@@ -240,14 +239,8 @@ fn what_touches_by_less_than_the_error_is_not_apart() {
     let (triangles, proof) = hidden();
     let mut random = Random(9);
     let delta = 1e-9;
-    let check = Check {
-        triangles: &triangles,
-        clearance: 0.0,
-        delta,
-        moved: delta,
-        target_vertices: vec![],
-        steps: [].iter(),
-    };
+    let check =
+        Check { triangles: &triangles, clearance: 0.0, delta, target_vertices: vec![], steps: [].iter() };
     for round in 0..4000 {
         let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
         let (a, b) = (int(40), int(40) + DVec3::X * 100.0);
@@ -263,7 +256,7 @@ fn what_touches_by_less_than_the_error_is_not_apart() {
             let offset = polygon.corners().iter().map(|v| -normal.dot(*v)).fold(f64::MIN, f64::max);
             Half { normal, offset }
         };
-        let sight = Sight { p, q, before_p: plane(&p), before_q: plane(&q) };
+        let sight = Sight { p, q, before_p: plane(&p), before_q: plane(&q), near: None };
         let (x, y) = (exact[0][round % 4], exact[1][round / 4 % 4]);
         for part in [0.0, 0.25, 0.5, 1.0] {
             assert!(!check.is_outside(&sight, &[x + (y - x) * part]), "{round}");
