@@ -88,8 +88,8 @@ pub(crate) struct Sight {
     pub(crate) before_p: Half,
     /// The side of Q's plane from which `q` is seen.
     pub(crate) before_q: Half,
-    /// With a clearance, the height over Q's plane up to which points are taken to be in it: 0 if the plane
-    /// is perpendicular to an axis, where they are or are not. `None` without clearance.
+    /// With a clearance, the height over Q's plane up to which points are taken to be in it: 0 if the plane is
+    /// perpendicular to an axis, where they are or are not, or does not meet P. `None` without clearance.
     pub(crate) near: Option<f64>,
 }
 
@@ -116,7 +116,7 @@ impl Sight {
     /// Returns the side of Q's plane to which occluders are cut: `pad` before Q where corners of the cut are
     /// not in the plane.
     pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
-        if self.near.is_some() { self.before_q } else { self.before_q.padded(-pad) }
+        if self.near.is_some_and(|near| near > 0.0) { self.before_q } else { self.before_q.padded(-pad) }
     }
 }
 
@@ -165,7 +165,8 @@ pub(crate) fn sights(
             // With a clearance, viewpoints behind Q's plane are too low over the target's to be asked about.
             let behind = if c > 0.0 { before_q } else { before_q.padded(pad) };
             let Some(p) = face.clip(&behind) else { continue };
-            let near = if before_q.axis().is_some() { 0.0 } else { pad / 32.0 };
+            let meets = before_q.axis().is_none() && p.corners().iter().any(|p| before_q.height(*p) < pad);
+            let near = if meets { pad / 32.0 } else { 0.0 };
             all.push(Sight { p, q, before_p, before_q, near: (c > 0.0).then_some(near) });
         }
     };

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Triangle, check, clearance, cuboid, prepared, quad};
+use common::{Triangle, check, clearance, cuboid, few_rays, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
@@ -61,4 +61,29 @@ fn the_front_of_a_crate_does_not_hide_the_crate() {
         let q = DVec3::new(min.x, random.range(-0.4, 0.4), random.range(-0.4, 0.4));
         decide(&[cuboid(min, min + 2.3), wall_with_hole(p, q, 0.05)], p, q);
     }
+}
+
+/// A triangle edge-on to a point of the viewcell, behind two planks that overlap: both go through its plane,
+/// which is perpendicular to no axis.
+#[test]
+fn planks_through_the_plane_of_a_target_hide_it() {
+    let mut random = Random(8);
+    let mut hidden = 0;
+    for _ in 0..40 {
+        let center = DVec3::new(30.0, random.range(-4.0, 4.0), random.range(-4.0, 4.0));
+        let along = (center - DVec3::new(0.9, random.range(-1.5, 1.5), random.range(-1.5, 1.5))) * 0.05;
+        let t = [along, random.vector(1.0), random.vector(1.0)].map(|shift| (center + shift).as_vec3());
+        let plank = |x: f64, y: [f64; 2]| {
+            let corner = |y: f64, z: f64| DVec3::new(x, y, z);
+            quad(corner(y[0], -40.0), corner(y[1], -40.0), corner(y[1], 40.0), corner(y[0], 40.0))
+        };
+        let objects = [vec![t], plank(5.0, [-40.0, 0.2]), plank(6.0, [-0.2, 40.0])];
+        let triangles = prepared(&objects);
+        let settings = Settings { keep_proofs: true, ..few_rays(Settings::new(Effort::Exact(1e-4))) };
+        let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell());
+        check(&objects, &triangles, &found);
+        let (_, verdict) = found.iter(&triangles).next().unwrap();
+        hidden += u32::from(verdict == Verdict::Hidden);
+    }
+    assert_eq!(hidden, 40);
 }
