@@ -12,7 +12,7 @@ use crate::side_signs::{NEGATIVE, POSITIVE, signs};
 use crate::sight::{CellBox, Sight, Target};
 use crate::triangles::SceneTriangles;
 use std::{vec, vec::Vec};
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::{DQuat, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, Scene};
 use visibility_testing::Random;
@@ -139,6 +139,37 @@ fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
             let edge = ends.map(|end| (end, None));
             let on_a_side = [1.0, -1.0].map(|side| check.is_on_side(&sight, &edge, side));
             assert_eq!(on_a_side.contains(&true), !is_divided, "{x}: {on_a_side:?}");
+        }
+    }
+}
+
+/// The same in planes of all directions, in which points are only up to rounding: edges in Q's plane do not
+/// divide the lines that start before it, edges over the plane do.
+#[test]
+fn edges_near_the_plane_of_a_face_are_in_it() {
+    let (triangles, _) = hidden();
+    let mut random = Random(12);
+    for _ in 0..200 {
+        let turn = DQuat::from_axis_angle(random.direction(), random.fine_range(-3.0, 3.0));
+        let at = |x: f64, y: f64, z: f64| turn * DVec3::new(x, y, z);
+        let floor =
+            Polygon::new(&[at(0.0, 0.0, 0.0), at(4.0, 0.0, 0.0), at(4.0, 4.0, 0.0), at(0.0, 4.0, 0.0)]);
+        let wall =
+            Polygon::new(&[at(10.0, 0.0, 0.0), at(10.0, 4.0, 0.0), at(10.0, 4.0, 3.0), at(10.0, 0.0, 3.0)]);
+        let before_p = Half { normal: at(-1.0, 0.0, 0.0), offset: 10.0 };
+        let before_q = Half { normal: at(0.0, 0.0, 1.0), offset: 0.0 };
+        let sight = Sight { p: wall, q: floor, before_p, before_q, near: Some(1e-13) };
+        let (target_vertices, steps) = (vec![], [].iter());
+        let check = Check { triangles: &triangles, clearance: 1e-4, delta: 8e-13, target_vertices, steps };
+        for (x, height, is_divided) in
+            [(2.0, 0.0, true), (6.0, 0.0, false), (6.0, -1e-9, false), (6.0, 1e-9, true)]
+        {
+            let ends = [at(x, -5.0, height), at(x, 9.0, height)];
+            let found = signs(&sight, &Edge::new(ends[0], ends[1]), sight.side_error(check.delta));
+            assert_eq!(found == POSITIVE || found == NEGATIVE, !is_divided, "{x} {height}: {found}");
+            let edge = ends.map(|end| (end, None));
+            let on_a_side = [1.0, -1.0].map(|side| check.is_on_side(&sight, &edge, side));
+            assert_eq!(on_a_side.contains(&true), !is_divided, "{x} {height}: {on_a_side:?}");
         }
     }
 }
