@@ -88,8 +88,9 @@ pub(crate) struct Sight {
     pub(crate) before_p: Half,
     /// The side of Q's plane from which `q` is seen.
     pub(crate) before_q: Half,
-    /// With a clearance, the height over Q's plane up to which points are taken to be in it: 0 if the plane is
-    /// perpendicular to an axis, where they are or are not, or does not meet P. `None` without clearance.
+    /// With a clearance, the height over Q's plane up to which points are taken to be in it: 0 if the plane
+    /// is perpendicular to an axis, where they are or are not, or does not meet P. `None` without
+    /// clearance.
     pub(crate) near: Option<f64>,
 }
 

@@ -10,8 +10,8 @@ use visibility_core::glam::DVec3;
 
 impl Check<'_> {
     /// Returns the sides of an edge, with errors, at the pairs of corners. A side is exactly 0 where the
-    /// corner of Q is a mixture of ends of the edge, where all four points have one coordinate in common, that
-    /// of the plane of P or Q, and where all four are taken to be in Q's plane.
+    /// corner of Q is a mixture of ends of the edge, where all four points have one coordinate in common,
+    /// that of the plane of P or Q, and where all four are taken to be in Q's plane.
     pub(super) fn sides<'b>(
         &'b self,
         sight: &'b Sight,
@@ -45,8 +45,8 @@ impl Check<'_> {
         sight.near.map_or(self.delta, |near| 2.0 * near)
     }
 
-    /// Returns whether a point is within what may be moved into Q's plane, with half as much for the errors of
-    /// heights when the proof was made.
+    /// Returns whether a point is within what may be moved into Q's plane, with half as much for the errors
+    /// of heights when the proof was made.
     pub(super) fn is_near_plane_of_q(&self, sight: &Sight, x: DVec3) -> bool {
         let Half { normal, offset } = sight.before_q;
         let height = dot(normal.to_array().map(D::from), x.to_array().map(D::from)).plus(D::from(offset));
