@@ -38,6 +38,9 @@ pub mod bevy {}
 #[doc = include_str!("../guide/web.md")]
 pub mod web {}
 
+#[doc = include_str!("../guide/gpu.md")]
+pub mod gpu {}
+
 #[doc = include_str!("../guide/accuracy.md")]
 pub mod accuracy {}
 

@@ -27,12 +27,13 @@ const ALLOWED: [&str; 13] = [
 const TOOLS: [(&str, &str); 1] = [("cbindgen", "MPL-2.0")];
 
 /// Manifests of the workspaces, relative to the root.
-const WORKSPACES: [&str; 5] = [
+const WORKSPACES: [&str; 6] = [
     "Cargo.toml",
     "no-std-proof/Cargo.toml",
     "platforms/capi/Cargo.toml",
     "platforms/web/Cargo.toml",
     "platforms/bevy/Cargo.toml",
+    "platforms/gpu/Cargo.toml",
 ];
 
 /// Keys that the manifest of a published crate has, for its page at the registry.

@@ -1,0 +1,41 @@
+//! Culling beside a graphics card, over wgpu: pictures drawn from draw lists, an item buffer on the card, the
+//! card's own occlusion queries, and a depth pyramid in compute shaders.
+//!
+//! - [`Gpu`] is a device, with or without a window.
+//! - [`World`] is a built-in scene with the views of its walks, [`Meshes`] the same on the card.
+//! - [`Painter`] draws objects into a [`Target`]: a picture and an item buffer, which tells what can be seen.
+//! - [`CardQueries`] implements core's `QueryDevice` by occlusion queries of the card.
+//! - [`TwoPhaseCuller`] culls on the card by a depth pyramid of what the last frame saw.
+
+// The built-in scenes: recipes of the example programs, which use more of these modules than this crate does.
+#[allow(dead_code, unreachable_pub, unused_imports)]
+#[path = "../../../examples/src/error.rs"]
+mod error;
+#[allow(dead_code, unreachable_pub, unused_imports)]
+#[path = "../../../examples/src/recipes/mod.rs"]
+mod recipes;
+#[allow(dead_code, unreachable_pub, unused_imports)]
+#[path = "../../../examples/src/source.rs"]
+mod source;
+#[allow(dead_code, unreachable_pub, unused_imports)]
+#[path = "../../../examples/src/walk.rs"]
+mod walk;
+
+mod gpu;
+mod meshes;
+mod painter;
+mod picture;
+mod queries;
+mod target;
+mod two_phase;
+mod viewer;
+mod world;
+
+pub use gpu::{Gpu, GpuError};
+pub use meshes::Meshes;
+pub use painter::Painter;
+pub use queries::{CardQueries, Delay};
+pub use target::{NO_ITEM, Target};
+pub use two_phase::TwoPhaseCuller;
+pub use viewer::Viewer;
+pub use world::World;

@@ -1,0 +1,221 @@
+//! The card's occlusion queries as core's [`QueryDevice`].
+//!
+//! The engine culls, draws what is left into a [`Target`], and calls [`CardQueries::submit`], which draws the
+//! boxes that culling asked about against the depth of the picture. Answers come back when the card has them.
+//! The depth is that of all that was drawn, so no occluders are needed
+//! ([`with_price(0)`](visibility_core::OcclusionCuller::with_price)); the engine calls
+//! [`HardwareQueries::invalidate`](visibility_core::occlusion::HardwareQueries::invalidate) when objects have
+//! moved.
+
+use crate::painter::depth_test;
+use crate::{Gpu, Painter, Target};
+use std::collections::VecDeque;
+use std::sync::{Arc, OnceLock};
+use visibility_core::Aabb;
+use visibility_core::occlusion::QueryDevice;
+use wgpu::BufferUsages;
+
+/// When [`CardQueries`] hands over answers.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Delay {
+    /// In the first frame that begins after they have arrived. Never waits for the card.
+    Arrival,
+    /// In the frame with this distance from the one that asked, at least 1: waits for the card if they have
+    /// not arrived. 1 is the least delay that is possible, and stalls.
+    Frames(u32),
+}
+
+/// Occlusion queries of a graphics card.
+#[derive(Debug)]
+pub struct CardQueries {
+    gpu: Gpu,
+    delay: Delay,
+    pipeline: wgpu::RenderPipeline,
+    bindings: wgpu::BindGroup,
+    /// Number of the present frame: calls of [`QueryDevice::answers`].
+    frame: u64,
+    /// Numbers of the queries of the present frame, and their boxes.
+    asked: Vec<u64>,
+    boxes: Vec<Aabb>,
+    /// Queries that the card has not answered, in the order of their frames.
+    under_way: VecDeque<Batch>,
+    /// Batches to be used again.
+    idle: Vec<Batch>,
+}
+
+/// Queries that are sent to the card together.
+#[derive(Debug)]
+struct Batch {
+    queries: Vec<u64>,
+    frame: u64,
+    set: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    read_back: wgpu::Buffer,
+    /// Set when the answers have arrived: whether they can be read.
+    arrived: Arc<OnceLock<bool>>,
+}
+
+impl CardQueries {
+    /// Makes a device for pictures of a painter.
+    pub fn new(gpu: &Gpu, painter: &Painter, delay: Delay) -> Self {
+        let source = concat!(include_str!("shaders/camera.wgsl"), include_str!("shaders/boxes.wgsl"));
+        let shader = gpu.shader("boxes", source);
+        let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3];
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("boxes"),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &shader,
+                entry_point: None,
+                compilation_options: Default::default(),
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: size_of::<Aabb>() as u64,
+                    step_mode: wgpu::VertexStepMode::Instance,
+                    attributes: &attributes,
+                })],
+            },
+            primitive: Default::default(),
+            // Equal depth passes: what shows may lie on the surface of its box.
+            depth_stencil: Some(depth_test(wgpu::CompareFunction::GreaterEqual, false)),
+            multisample: Default::default(),
+            fragment: None,
+            multiview_mask: None,
+            cache: None,
+        });
+        let bindings = gpu.bind(&pipeline.get_bind_group_layout(0), &[painter.camera.as_entire_binding()]);
+        Self {
+            gpu: gpu.clone(),
+            delay,
+            pipeline,
+            bindings,
+            frame: 0,
+            asked: Vec::new(),
+            boxes: Vec::new(),
+            under_way: VecDeque::new(),
+            idle: Vec::new(),
+        }
+    }
+
+    /// Returns the number of queries that the present frame has asked so far.
+    pub fn asked(&self) -> usize {
+        self.asked.len()
+    }
+
+    /// Sends the queries of the present frame to the card. To be called after the frame's objects are drawn
+    /// into `target`, with the camera still set.
+    pub fn submit(&mut self, target: &Target) {
+        let boxes = std::mem::take(&mut self.boxes);
+        let asked = std::mem::take(&mut self.asked);
+        let most = wgpu::QUERY_SET_MAX_QUERIES as usize;
+        for (queries, boxes) in asked.chunks(most).zip(boxes.chunks(most)) {
+            let mut batch = self.idle.pop().unwrap_or_else(|| Batch::new(&self.gpu));
+            batch.queries.clear();
+            batch.queries.extend(queries);
+            batch.frame = self.frame;
+            self.send(&mut batch, boxes, target);
+            self.under_way.push_back(batch);
+        }
+        // The memory is used again.
+        (self.boxes, self.asked) = (boxes, asked);
+        self.boxes.clear();
+        self.asked.clear();
+    }
+
+    fn send(&self, batch: &mut Batch, boxes: &[Aabb], target: &Target) {
+        let count = boxes.len() as u32;
+        let corners: Vec<[f32; 6]> = boxes.iter().map(|b| bytemuck::cast([b.min, b.max])).collect();
+        let buffer = self.gpu.buffer("boxes", &corners, BufferUsages::VERTEX);
+        self.gpu.submit(|encoder| {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("queries"),
+                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                    view: &target.depth,
+                    // None: the depth is only read.
+                    depth_ops: None,
+                    stencil_ops: None,
+                }),
+                occlusion_query_set: Some(&batch.set),
+                ..Default::default()
+            });
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, &self.bindings, &[]);
+            pass.set_vertex_buffer(0, buffer.slice(..));
+            for query in 0..count {
+                pass.begin_occlusion_query(query);
+                pass.draw(0..36, query..query + 1);
+                pass.end_occlusion_query();
+            }
+            drop(pass);
+            encoder.resolve_query_set(&batch.set, 0..count, &batch.resolved, 0);
+            encoder.copy_buffer_to_buffer(&batch.resolved, 0, &batch.read_back, 0, u64::from(count) * 8);
+        });
+        batch.arrived = Arc::default();
+        let arrived = Arc::clone(&batch.arrived);
+        batch.read_back.slice(..u64::from(count) * 8).map_async(wgpu::MapMode::Read, move |result| {
+            // Nobody else sets it.
+            let _ = arrived.set(result.is_ok());
+        });
+    }
+}
+
+impl Batch {
+    fn new(gpu: &Gpu) -> Self {
+        let count = wgpu::QUERY_SET_MAX_QUERIES;
+        let descriptor =
+            wgpu::QuerySetDescriptor { label: Some("queries"), ty: wgpu::QueryType::Occlusion, count };
+        let bytes = u64::from(count) * u64::from(wgpu::QUERY_SIZE);
+        let resolved = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+        let read_back = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        Self {
+            queries: Vec::new(),
+            frame: 0,
+            set: gpu.device.create_query_set(&descriptor),
+            resolved: gpu.zeros("answers", bytes, resolved),
+            read_back: gpu.zeros("answers read back", bytes, read_back),
+            arrived: Arc::default(),
+        }
+    }
+
+    /// Hands over the answers of a batch that has arrived. A query that the card lost has none.
+    fn hand_over(&self, each: &mut dyn FnMut(u64, bool)) {
+        if self.arrived.get() != Some(&true) {
+            return;
+        }
+        let bytes = self.queries.len() as u64 * 8;
+        if let Ok(view) = self.read_back.slice(..bytes).get_mapped_range() {
+            for (&query, samples) in self.queries.iter().zip(view.chunks_exact(8)) {
+                each(query, samples != [0; 8]);
+            }
+        }
+        self.read_back.unmap();
+    }
+}
+
+impl QueryDevice for CardQueries {
+    fn ask(&mut self, query: u64, bounds: &Aabb) {
+        self.asked.push(query);
+        self.boxes.push(*bounds);
+    }
+
+    fn answers(&mut self, each: &mut dyn FnMut(u64, bool)) {
+        self.frame += 1;
+        // Calls back for what has arrived. An error means that the device is lost: no answers arrive.
+        let _ = self.gpu.device.poll(wgpu::PollType::Poll);
+        while let Some(batch) = self.under_way.front() {
+            if let Delay::Frames(frames) = self.delay {
+                if self.frame - batch.frame < u64::from(frames) {
+                    break;
+                }
+                if batch.arrived.get().is_none() && self.gpu.wait().is_err() {
+                    break;
+                }
+            }
+            if batch.arrived.get().is_none() {
+                break;
+            }
+            let Some(batch) = self.under_way.pop_front() else { break };
+            batch.hand_over(each);
+            self.idle.push(batch);
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! What the card shows without culling is what each culler reports, and more: no object is hidden by mistake.
+//!
+//! The card's item buffer judges. It shares no projection, clipping or raster code with the cullers that run
+//! on the processor. Without an adapter the tests say so and pass; with the variable
+//! `VISIBILITY_GPU=required` they fail.
+
+use visibility_core::occlusion::{HardwareQueries, LateAnswers};
+use visibility_core::{
+    Culler, FrustumCuller, ObjectId, OcclusionCuller, Pipeline, Pose, Scene, View, VisibleSet,
+};
+use visibility_gpu::{CardQueries, Delay, Gpu, GpuError, NO_ITEM, Target, TwoPhaseCuller, Viewer};
+use visibility_hzb::{Hzb, HzbCuller};
+use visibility_measure::ItemBuffer;
+
+const SCENES: [&str; 5] = ["plpcity:2,2", "london:12,12", "town:3", "forest:200,84", "office:2,16"];
+const SIZE: [u32; 2] = [320, 180];
+
+/// Opens the card; `None` without one.
+fn gpu() -> Option<Gpu> {
+    match Gpu::open() {
+        Ok(gpu) => Some(gpu),
+        Err(GpuError::NoAdapter(cause)) if std::env::var_os("VISIBILITY_GPU").is_none() => {
+            eprintln!("no graphics adapter, nothing tested: {cause}");
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn viewer(gpu: &Gpu, scene: &str) -> Viewer {
+    Viewer::new(gpu.clone(), scene, SIZE).unwrap()
+}
+
+/// Returns the indices of the objects that the card shows without culling.
+fn shown(viewer: &mut Viewer, view: &View) -> Vec<usize> {
+    viewer.draw_all(view);
+    viewer.target.visible(&viewer.gpu).unwrap()
+}
+
+#[test]
+fn the_item_buffer_of_the_card_is_that_of_the_software() {
+    let Some(gpu) = gpu() else { return };
+    let mut software = ItemBuffer::new(SIZE[0], SIZE[1]).unwrap();
+    for name in SCENES {
+        let mut viewer = viewer(&gpu, name);
+        for view in viewer.views(4).unwrap() {
+            viewer.draw_all(&view);
+            let items = viewer.target.items(&gpu).unwrap();
+            let scene = &viewer.world.scene;
+            let objects = scene.ids().map(|id| (id.index() as u32, scene.triangles(id).unwrap()));
+            software.draw(&view, scene.origin(), objects).unwrap();
+            let objects = software.visible().objects();
+            let key = |row: u32, column: u32| {
+                software.object_at(column, row).map_or(NO_ITEM, |object| objects[object].key + 1)
+            };
+            let positions = (0..SIZE[1]).flat_map(|row| (0..SIZE[0]).map(move |column| (row, column)));
+            let other = items
+                .iter()
+                .zip(positions)
+                .filter(|&(&item, (row, column))| item != key(row, column))
+                .count();
+            // Surfaces that coincide show either object, and edges fall on either side of a sample.
+            let tied = software.visible().tied_pixels() as usize;
+            println!("{name}: {other} other pixels of {}, {tied} are ties", items.len());
+            assert!(other <= tied + items.len() / 100, "{name}");
+        }
+    }
+}
+
+#[test]
+fn cullers_report_all_that_the_card_shows() {
+    let Some(gpu) = gpu() else { return };
+    for scene in SCENES {
+        let mut viewer = viewer(&gpu, scene);
+        let frustum = || Pipeline::new().with(FrustumCuller::new());
+        let mut pipelines = [frustum(), frustum().with(HzbCuller::new(Hzb::default()))];
+        let mut visible = VisibleSet::new();
+        let (mut seen, mut reported) = (0, [0; 2]);
+        for view in viewer.views(40).unwrap() {
+            let shown = shown(&mut viewer, &view);
+            seen += shown.len();
+            for (stages, (pipeline, reported)) in (1..).zip(pipelines.iter_mut().zip(&mut reported)) {
+                pipeline.cull(&viewer.world.scene, &view, &mut visible);
+                *reported += visible.ids().len();
+                let missing = Viewer::missing(&viewer.world.scene, &shown, &visible);
+                assert_eq!(missing, 0, "{scene}, {stages} stages");
+                // The culled picture is the whole picture.
+                let ids = visible.ids().to_vec();
+                viewer.draw(&view, &ids);
+                assert_eq!(viewer.target.visible(&gpu).unwrap(), shown, "{scene}");
+            }
+        }
+        println!("{scene}: {seen} shown, {} in the frustum, {} after the z-buffer", reported[0], reported[1]);
+        assert!(seen > 0 && reported[1] <= reported[0], "{scene}");
+    }
+}
+
+/// Culling by the frustum and by the card's queries.
+struct ByQueries {
+    culler: OcclusionCuller<HardwareQueries<CardQueries>>,
+    visible: VisibleSet,
+}
+
+impl ByQueries {
+    fn new(viewer: &Viewer, delay: Delay, late: LateAnswers) -> Self {
+        let card = CardQueries::new(&viewer.gpu, &viewer.painter, delay);
+        // The depth of the picture is that of all that is drawn: no other occluders.
+        let culler = OcclusionCuller::new(HardwareQueries::new(card, late)).with_price(0);
+        Self { culler, visible: VisibleSet::new() }
+    }
+
+    /// Culls, draws what is left, and asks. Returns the number of objects in the frustum.
+    fn frame(&mut self, viewer: &mut Viewer, view: &View) -> usize {
+        let Self { culler, visible } = self;
+        let scene = &viewer.world.scene;
+        visible.fill(scene, view);
+        FrustumCuller::new().cull(scene, view, visible);
+        let in_frustum = visible.count(scene);
+        culler.cull(scene, view, visible);
+        visible.finish(scene);
+        let ids: Vec<ObjectId> = visible.ids().to_vec();
+        viewer.draw(view, &ids);
+        culler.map_mut().device_mut().submit(&viewer.target);
+        in_frustum
+    }
+}
+
+#[test]
+fn late_answers_that_count_as_visible_hide_nothing() {
+    let Some(gpu) = gpu() else { return };
+    for (scene, delay) in SCENES.into_iter().zip([
+        Delay::Frames(1),
+        Delay::Frames(2),
+        Delay::Frames(3),
+        Delay::Frames(1),
+        Delay::Arrival,
+    ]) {
+        let mut viewer = viewer(&gpu, scene);
+        let mut queries = ByQueries::new(&viewer, delay, LateAnswers::Visible);
+        let (mut in_frustum, mut left) = (0, 0);
+        for view in viewer.views(6).unwrap() {
+            let shown = shown(&mut viewer, &view);
+            // The camera stands still long enough for answers on each level of the hierarchy.
+            for frame in 0..12 {
+                let all = queries.frame(&mut viewer, &view);
+                let missing = Viewer::missing(&viewer.world.scene, &shown, &queries.visible);
+                assert_eq!(missing, 0, "{scene}, {delay:?}, frame {frame}");
+                let now = queries.visible.ids().len();
+                if frame == 0 {
+                    assert_eq!(now, all, "{scene}: no answers are known in a new view");
+                } else if frame == 11 {
+                    (in_frustum, left) = (in_frustum + all, left + now);
+                }
+            }
+        }
+        println!("{scene}, {delay:?}: {in_frustum} in the frustum, {left} left when the camera stands still");
+        assert!(left < in_frustum, "{scene}: queries hide something");
+    }
+}
+
+#[test]
+fn trusted_answers_are_right_once_the_camera_stands_still() {
+    let Some(gpu) = gpu() else { return };
+    for (scene, delay) in [
+        ("plpcity:2,2", Delay::Frames(1)),
+        ("london:12,12", Delay::Frames(3)),
+        ("office:2,16", Delay::Arrival),
+    ] {
+        let mut viewer = viewer(&gpu, scene);
+        let trusted = 4;
+        let late = LateAnswers::Trusted { frames: trusted };
+        let mut queries = ByQueries::new(&viewer, delay, late);
+        let (mut in_frustum, mut left, mut late_objects, mut seen) = (0, 0, 0, 0);
+        for view in viewer.views(60).unwrap() {
+            let shown = shown(&mut viewer, &view);
+            in_frustum += queries.frame(&mut viewer, &view);
+            left += queries.visible.ids().len();
+            late_objects += Viewer::missing(&viewer.world.scene, &shown, &queries.visible);
+            seen += shown.len();
+        }
+        println!(
+            "{scene}, {delay:?}: {in_frustum} in the frustum, {left} left, {seen} shown, {late_objects} late"
+        );
+        assert!(left < in_frustum, "{scene}: a moving camera hides, too");
+        let last = viewer.views(60).unwrap()[59];
+        for frame in 0..20 {
+            queries.frame(&mut viewer, &last);
+            if frame >= trusted {
+                let shown = shown(&mut viewer, &last);
+                let missing = Viewer::missing(&viewer.world.scene, &shown, &queries.visible);
+                assert_eq!(missing, 0, "{scene}, {delay:?}, frame {frame}");
+            }
+        }
+    }
+}
+
+#[test]
+fn two_phases_draw_all_that_the_card_shows() {
+    let Some(gpu) = gpu() else { return };
+    for scene in SCENES {
+        let mut viewer = viewer(&gpu, scene);
+        let Viewer { world, meshes, painter, target, .. } = &viewer;
+        let mut culler = TwoPhaseCuller::new(&gpu, &world.scene, meshes, painter, target);
+        let mut frustum = Pipeline::new().with(FrustumCuller::new());
+        let mut visible = VisibleSet::new();
+        let (mut in_frustum, mut found, mut drawn, mut seen, mut other_pixels) = (0, 0, 0, 0, 0);
+        // Each view twice: from what another view saw, as after a camera cut, and from what the same view
+        // saw.
+        let views = viewer.views(20).unwrap();
+        for (frame, view) in views.into_iter().flat_map(|view| [view, view]).enumerate() {
+            let shown = shown(&mut viewer, &view);
+            let whole = viewer.target.items(&gpu).unwrap();
+            if frame == 20 {
+                culler.reset(&gpu);
+            }
+            frustum.cull(&viewer.world.scene, &view, &mut visible);
+            let Viewer { meshes, painter, target, .. } = &viewer;
+            culler.draw(&gpu, target, meshes, painter, &visible).unwrap();
+            let states = culler.states(&gpu).unwrap();
+            for &object in &shown {
+                assert!(states[object].0, "{scene}, frame {frame}: object {object} is hidden");
+            }
+            let items = viewer.target.items(&gpu).unwrap();
+            other_pixels += items.iter().zip(&whole).filter(|(a, b)| a != b).count();
+            assert_eq!(viewer.target.visible(&gpu).unwrap(), shown, "{scene}, frame {frame}");
+            if frame % 2 == 1 {
+                in_frustum += visible.ids().len();
+                found += states.iter().filter(|state| state.0).count();
+                drawn += states.iter().filter(|state| state.1).count();
+                seen += shown.len();
+            }
+        }
+        println!(
+            "{scene}: {in_frustum} in the frustum, {drawn} drawn, {found} visible, {seen} shown, \
+             {other_pixels} other pixels"
+        );
+        assert!(found < in_frustum && found <= drawn, "{scene}: something is hidden");
+        // Only where surfaces coincide does the order of drawing show.
+        assert!(other_pixels * 1000 < 40 * (SIZE[0] * SIZE[1]) as usize, "{scene}");
+    }
+}
+
+#[test]
+fn pictures_of_any_size_are_read_back_whole() {
+    let Some(gpu) = gpu() else { return };
+    let mut viewer = viewer(&gpu, "plpcity:1,1");
+    let view = viewer.views(1).unwrap()[0];
+    for [width, height] in [[1, 1], [61, 7], [64, 64], [65, 3]] {
+        viewer.target = Target::new(&gpu, width, height);
+        viewer.draw_all(&view);
+        assert_eq!(viewer.target.items(&gpu).unwrap().len(), (width * height) as usize);
+        let Viewer { world, meshes, painter, target, .. } = &viewer;
+        let mut culler = TwoPhaseCuller::new(&gpu, &world.scene, meshes, painter, target);
+        let shown = target.visible(&gpu).unwrap();
+        let mut visible = VisibleSet::new();
+        Pipeline::new().with(FrustumCuller::new()).cull(&world.scene, &view, &mut visible);
+        for _ in 0..2 {
+            culler.draw(&gpu, target, meshes, painter, &visible).unwrap();
+            assert_eq!(target.visible(&gpu).unwrap(), shown);
+        }
+    }
+}
+
+#[test]
+fn an_empty_scene_is_drawn() {
+    let Some(gpu) = gpu() else { return };
+    let scene = Scene::new();
+    let meshes = visibility_gpu::Meshes::new(&gpu, &scene);
+    let mut painter = visibility_gpu::Painter::new(&gpu, &meshes);
+    let target = Target::new(&gpu, 8, 8);
+    let pose = Pose::look_at(glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    painter.look(&gpu, &target, view.clip_from(scene.origin()).as_mat4());
+    painter.draw(&gpu, &target, &meshes, &[]);
+    assert_eq!(target.visible(&gpu).unwrap(), [0; 0]);
+}
