@@ -222,7 +222,7 @@ impl SceneTriangles {
         let mut at = 0;
         while at < ring.len() && ring.len() < PIECE {
             let n = ring.len();
-            let ((a, edge, pa), (b, _, pb)) = (ring[at], ring[(at + 1) % n]);
+            let ((a, edge, _), (b, ..)) = (ring[at], ring[(at + 1) % n]);
             at += 1;
             let [t, u] = *self.triangles_at(edge) else { continue };
             let other = if triangles.contains(&t) { u } else { t };
@@ -233,13 +233,15 @@ impl SceneTriangles {
             let Some(m) = (0..3).find(|&m| numbers[m] == b && numbers[(m + 1) % 3] == a) else { continue };
             let (c, _, pc) = of(other, (m + 2) % 3);
             let flat = normal.dot(pc - plane[0]).abs() <= flatness;
-            let (previous, next) = (ring[(at + n - 2) % n].2, ring[(at + 1) % n].2);
-            let turns = |x: DVec3, y: DVec3, z: DVec3| (y - x).cross(z - y).dot(normal) >= 0.0;
-            if !flat
-                || ring.iter().any(|corner| corner.0 == c)
-                || !turns(previous, pa, pc)
-                || !turns(pc, pb, next)
-            {
+            // Beyond the edge that it joins, and on the inner side of all others: corners that only turn the
+            // right way may turn around more than once.
+            let inside = |k: usize| {
+                let (x, y) = (ring[k].2, ring[(k + 1) % n].2);
+                normal.cross(y - x).normalize_or_zero().dot(pc - x)
+            };
+            let is_convex =
+                (0..n).all(|k| if k + 1 == at { inside(k) < 0.0 } else { inside(k) >= -flatness });
+            if !flat || !is_convex || ring.iter().any(|corner| corner.0 == c) {
                 continue;
             }
             // The neighbour's corners are b, a, c: edge m + 1 joins a and c, edge m + 2 joins c and b.

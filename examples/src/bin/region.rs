@@ -129,15 +129,22 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let (sampled, seconds) = judge.sample(&cell)?;
         cubes += seconds;
         let mut judged = Judged { cell, sampled, trials: Vec::new() };
+        let mut lines = Vec::new();
         for (name, method) in &mut methods {
-            let trial = trial::run(name, method.as_mut(), &world.scene, &judged.cell);
-            if let Some(folder) = &arguments.pictures {
-                let (mut lines, up) = (method.lines(), world.source.up.as_dvec3());
+            judged.trials.push(trial::run(name, method.as_mut(), &world.scene, &judged.cell));
+            // A line of sight is a sample, whoever found it: what a method of few rays misses counts as lost.
+            method.seen().into_iter().for_each(|index| judged.sampled[index as usize] = true);
+            lines.push(method.lines());
+        }
+        if let Some(folder) = &arguments.pictures {
+            for (at, (name, method)) in methods.iter_mut().enumerate() {
+                let (mut lines, up) = (std::mem::take(&mut lines[at]), world.source.up.as_dvec3());
                 let maps = method.planes(&world.scene, &judged.cell);
                 let segments = planes::shown(&maps).flatten().flat_map(|plane| plane.covered_segments(up));
                 lines.extend(segments);
                 let sheet = planes::draw(&maps, up);
-                let canvas = picture::draw(&world, &judged, &trial, &lines, method.as_mut())?;
+                let trial = &judged.trials[at];
+                let canvas = picture::draw(&world, &judged, trial, &lines, method.as_mut())?;
                 std::fs::create_dir_all(folder)?;
                 // Names of scenes and dials may hold anything, path separators included.
                 let plain = |letter: char| if letter.is_alphanumeric() { letter } else { '-' };
@@ -148,7 +155,6 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                     sheet.save(&folder.join(format!("{stem}-planes.png")))?;
                 }
             }
-            judged.trials.push(trial);
         }
         results.push(judged);
     }

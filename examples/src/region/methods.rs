@@ -28,6 +28,11 @@ pub trait Method: RegionCuller {
         Vec::new()
     }
 
+    /// Returns the objects to which the last answer has a line of sight, by their indices in the source.
+    fn seen(&self) -> Vec<u32> {
+        Vec::new()
+    }
+
     /// Returns what the last answer says of its own errors. `None` for methods that do not tell.
     fn sandwich(&self) -> Option<Sandwich> {
         None
@@ -151,6 +156,12 @@ impl Method for ExactCuller {
             .collect()
     }
 
+    fn seen(&self) -> Vec<u32> {
+        let verdicts = self.last().into_iter().flat_map(|found| found.iter(self.triangles()));
+        let seen = verdicts.filter(|(_, verdict)| matches!(verdict, Verdict::Seen(_)));
+        seen.map(|(id, _)| id.index() as u32).collect()
+    }
+
     fn sandwich(&self) -> Option<Sandwich> {
         let found = self.last()?;
         let [seen, hidden, open] = found.counts();
@@ -196,6 +207,10 @@ impl Method for ConvexBlockersCuller {
 impl Method for SamplingCuller {
     fn lines(&self) -> Vec<[DVec3; 2]> {
         self.sight_lines().iter().map(|line| [line.eye, line.point]).collect()
+    }
+
+    fn seen(&self) -> Vec<u32> {
+        self.sight_lines().iter().map(|line| line.id.index() as u32).collect()
     }
 }
 

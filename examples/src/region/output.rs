@@ -11,7 +11,7 @@ use visibility_core::pvs::Viewcell;
 pub struct Judged {
     /// The viewcell.
     pub cell: Viewcell,
-    /// Whether samples see each object, by its index in the source.
+    /// Whether samples, or lines of sight that a method found, reach each object, by its index in the source.
     pub sampled: Vec<bool>,
     /// A trial for each method.
     pub trials: Vec<Trial>,

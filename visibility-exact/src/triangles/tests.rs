@@ -4,9 +4,10 @@ use super::*;
 use visibility_core::{Aabb, Object};
 use visibility_testing::Random;
 
-fn prepared(triangles: [[Vec3; 3]; 2]) -> SceneTriangles {
+fn prepared(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> SceneTriangles {
+    let triangles: Vec<[Vec3; 3]> = triangles.into_iter().collect();
     let mut scene = Scene::new();
-    let bounds = Aabb::from_points(triangles.into_iter().flatten());
+    let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
     let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
     scene.set_triangles(id, triangles).unwrap();
     SceneTriangles::new(&scene)
@@ -45,4 +46,35 @@ fn slivers_in_one_plane_are_one_piece() {
         }
     }
     assert!(merged > 450 && off > 250, "{merged} {off}");
+}
+
+/// Triangles of one plane, each on a side of the one before, slivers and folds among them: all corners of a piece are on the inner side of all its sides.
+#[test]
+fn pieces_are_convex() {
+    let mut random = Random(9);
+    let mut joined = 0;
+    for _ in 0..2000 {
+        let mut all: Vec<[Vec3; 3]> = Vec::new();
+        for _ in 0..8 {
+            let mut point = || Vec3::new(random.between(-3, 3) as f32, random.between(-3, 3) as f32, 1.0);
+            let (a, b, c) = (point(), point(), point());
+            let side = all.last().map(|t| [t[random.below(3)], t[random.below(3)]]);
+            // Neighbours have their common side in opposite directions, folded back or not.
+            let t = side.map_or([a, b, c], |[x, y]| if x == y { [a, b, c] } else { [y, x, c] });
+            all.push(t);
+        }
+        let scene = prepared(all);
+        for piece in scene.pieces.iter().filter(|piece| piece.triangles.len() > 1) {
+            joined += usize::from(piece.triangles.len() > 2);
+            let n = piece.positions.len();
+            for (k, &x) in piece.positions.iter().enumerate() {
+                let along = piece.positions[(k + 1) % n] - x;
+                let normal = unit_normal(&scene.corners(piece.triangles[0])).unwrap();
+                let least =
+                    piece.positions.iter().map(|y| along.cross(*y - x).dot(normal)).fold(f64::MAX, f64::min);
+                assert!(least >= -1e-9, "{:?}", piece.positions);
+            }
+        }
+    }
+    assert!(joined > 10, "{joined}");
 }
