@@ -8,6 +8,7 @@ use crate::{SceneSource, open};
 use clap::Args;
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use visibility_bake::{
     BakedSet, CellSandwich, Grid, GridError, SandwichBaker, SandwichOutcome, Settings, bake_fingerprint,
@@ -134,12 +135,11 @@ pub struct Run {
     pub threads: usize,
     /// Time after which what is not done stays open.
     pub limit: Option<Duration>,
+    /// Time between two writes of the work done so far.
+    pub save_every: Duration,
     /// File of the work done so far, from which a bake goes on that was interrupted.
     pub state: PathBuf,
 }
-
-/// Time between two writes of the state.
-const SAVE_EVERY: Duration = Duration::from_secs(5);
 
 /// Runs a bake, from the state that an interrupted one has left if there is one. The state file stays until
 /// [`forget`] removes it.
@@ -165,12 +165,18 @@ pub fn run<'a>(
     pool.install(|| {
         progress(bake.progress());
         loop {
-            let begun = Instant::now();
+            let (begun, asked) = (Instant::now(), AtomicUsize::new(0));
             let is_over = || run.limit.is_some_and(|limit| start.elapsed() >= limit);
-            while begun.elapsed() < SAVE_EVERY && !is_over() {
-                match bake.advance_unless(|| begun.elapsed() >= SAVE_EVERY || is_over()) {
+            let is_due = || begun.elapsed() >= run.save_every;
+            // Between two writes at least one viewcell is begun, however little time there is.
+            let is_first = || asked.fetch_add(1, Relaxed) == 0;
+            loop {
+                match bake.advance_unless(|| is_over() || !is_first() && is_due()) {
                     Some(now) => progress(now),
                     None => return Ok(bake.finish()),
+                }
+                if is_over() || is_due() {
+                    break;
                 }
             }
             write(&run.state, &bake.save())?;

@@ -13,8 +13,8 @@ use visibility_examples::bake::{Job, Level, Run, forget, run, write};
 
 /// Bake what can be seen from each viewcell of a scene. A bake that was interrupted goes on where it was.
 ///
-/// `bake assemble` puts the parts of a bake with --shard together. `bake fingerprint` prints the hash that all
-/// parts of a bake have in common, and the number of viewcells.
+/// `bake assemble` puts the parts of a bake with --shard together. `bake fingerprint` prints the hash that
+/// all parts of a bake have in common, and the number of viewcells.
 #[derive(Parser)]
 #[command(version)]
 struct Whole {
@@ -28,6 +28,10 @@ struct Whole {
     /// Seconds after which what is not done counts as visible. By default there is no limit.
     #[arg(long, value_name = "SECONDS")]
     time: Option<f64>,
+
+    /// Seconds between two writes of the work done so far, to FILE.state.
+    #[arg(long, value_name = "SECONDS", default_value_t = 5.0)]
+    save: f64,
 
     /// Number of threads; 0 for as many as the machine has. The file is the same for any number.
     #[arg(long, default_value_t = 0)]
@@ -93,8 +97,9 @@ fn main() -> ExitCode {
 }
 
 fn bake(arguments: &Whole) -> Result<(), String> {
-    let limit =
-        arguments.time.map(Duration::try_from_secs_f64).transpose().map_err(|error| error.to_string())?;
+    let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string());
+    let limit = arguments.time.map(duration).transpose()?;
+    let save_every = duration(arguments.save)?;
     let level = Level::open(&arguments.job)?;
     let count = level.viewcells.cells().len();
     let range = arguments.shard.map_or(0..count, |[i, n]| {
@@ -104,7 +109,7 @@ fn bake(arguments: &Whole) -> Result<(), String> {
     });
     let mut state = arguments.out.clone().into_os_string();
     state.push(".state");
-    let settings = Run { threads: arguments.threads, limit, state: PathBuf::from(state) };
+    let settings = Run { threads: arguments.threads, limit, save_every, state: PathBuf::from(state) };
     // The bar is drawn on standard error, and only if that is a terminal.
     let bar = ProgressBar::new(range.len() as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} viewcells, {elapsed}, {eta} to go")
