@@ -3,9 +3,11 @@
 
 use crate::cell_sandwich::CellSandwich;
 use crate::fingerprint::scene_fingerprint;
+use crate::method_times::MethodTimes;
 use crate::settings::Settings;
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
@@ -50,7 +52,9 @@ pub struct SandwichBaker<'a> {
     /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
     fingerprint: u64,
     methods: Methods,
-    done: Vec<Option<CellSandwich>>,
+    /// Returns the time passed since any fixed moment.
+    clock: fn() -> Duration,
+    done: Vec<Option<(CellSandwich, MethodTimes)>>,
 }
 
 /// The result of a bake.
@@ -60,6 +64,9 @@ pub struct SandwichOutcome {
     pub first: usize,
     /// By viewcell. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<CellSandwich>,
+    /// By viewcell, the time that each method took: 0 without a [clock](SandwichBaker::with_clock), and in a
+    /// viewcell that was not worked on. All else of the outcome is the same whatever the times.
+    pub times: Vec<MethodTimes>,
     /// Whether all viewcells were worked on.
     pub complete: bool,
 }
@@ -105,6 +112,7 @@ impl<'a> SandwichBaker<'a> {
             range: 0..count,
             fingerprint: bake_fingerprint(scene, viewcells, &settings),
             methods: Methods::new(Arc::new(SceneTriangles::new(scene)), sweep, &settings),
+            clock: || Duration::ZERO,
             done: vec![None; count],
         }
     }
@@ -119,9 +127,17 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
+    /// Returns the baker with a clock, which measures the times of the methods: a function that returns the
+    /// time passed since any fixed moment.
+    #[must_use]
+    pub fn with_clock(mut self, clock: fn() -> Duration) -> Self {
+        self.clock = clock;
+        self
+    }
+
     /// Returns the sandwiches found so far, in the order of the viewcells.
     pub fn cells(&self) -> impl Iterator<Item = Option<&CellSandwich>> {
-        self.done.iter().map(Option::as_ref)
+        self.done.iter().map(|done| done.as_ref().map(|(cell, _)| cell))
     }
 
     /// Returns the [`bake_fingerprint`] of all viewcells, whatever the range of this baker.
@@ -136,12 +152,18 @@ impl<'a> SandwichBaker<'a> {
         objects.into_iter().map(|id| f64::from(cost(id)).max(1e-3)).sum()
     }
 
-    fn bake(&self, cell: &Viewcell, methods: &mut Methods) -> CellSandwich {
+    fn bake(&self, cell: &Viewcell, methods: &mut Methods) -> (CellSandwich, MethodTimes) {
         let scene = self.scene;
+        let mut last = (self.clock)();
+        let mut lap = || {
+            let now = (self.clock)();
+            now.saturating_sub(std::mem::replace(&mut last, now))
+        };
         let mut visible = VisibleSet::new();
         methods.sweep.cull(scene, cell, &mut visible);
         let mut open: Vec<ObjectId> = visible.iter(scene).collect();
         let swept = scene.len() - open.len();
+        let sweep = lap();
 
         let (mut seen, mut proven, mut steps) = (Vec::new(), 0, 0);
         let asked = std::mem::take(&mut open);
@@ -149,6 +171,7 @@ impl<'a> SandwichBaker<'a> {
             let list = if answer == Answer::Seen { &mut seen } else { &mut open };
             list.push(id);
         }
+        let rays = lap();
 
         let (mut seen_cost, mut left_cost) = (self.cost(seen.iter().copied()), 0.0);
         // Objects that proofs were tried for in vain.
@@ -191,7 +214,10 @@ impl<'a> SandwichBaker<'a> {
             indices.sort_unstable();
             indices
         };
-        CellSandwich { seen: indices(seen), open: indices(open), swept: swept as u32, proven, steps }
+        let times = MethodTimes { sweep, rays, proofs: lap() };
+        let found =
+            CellSandwich { seen: indices(seen), open: indices(open), swept: swept as u32, proven, steps };
+        (found, times)
     }
 }
 
@@ -252,25 +278,26 @@ pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Setting
 
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
-    type Found = CellSandwich;
+    type Found = (CellSandwich, MethodTimes);
     type Outcome = SandwichOutcome;
 
-    const ROUND: usize = 8;
-    const KIND: u32 = 30;
+    // Threads wait for one another at the end of a round, so short rounds leave many threads idle.
+    const ROUND: usize = 64;
+    const KIND: u32 = 31;
 
     fn item_count(&self) -> usize {
         self.range.len()
     }
 
-    fn work(&self, item: u32, scratch: &mut BakeScratch) -> CellSandwich {
+    fn work(&self, item: u32, scratch: &mut BakeScratch) -> (CellSandwich, MethodTimes) {
         let Methods { triangles, sweep, .. } = &self.methods;
         let methods =
             scratch.0.get_or_insert_with(|| Methods::new(triangles.clone(), sweep.clone(), &self.settings));
         self.bake(&self.viewcells.cells()[self.range.start + item as usize], methods)
     }
 
-    fn take_in(&mut self, item: u32, found: CellSandwich) -> u64 {
-        let steps = found.steps;
+    fn take_in(&mut self, item: u32, found: (CellSandwich, MethodTimes)) -> u64 {
+        let steps = found.0.steps;
         self.done[item as usize] = Some(found);
         steps
     }
@@ -279,11 +306,10 @@ impl Baker for SandwichBaker<'_> {
         let mut all: Vec<u32> = self.scene.ids().map(|id| id.index() as u32).collect();
         all.sort_unstable();
         let unknown = || CellSandwich { open: all.clone(), ..CellSandwich::default() };
-        SandwichOutcome {
-            first: self.range.start,
-            cells: self.done.into_iter().map(|done| done.unwrap_or_else(unknown)).collect(),
-            complete: waiting.is_empty(),
-        }
+        let done =
+            self.done.into_iter().map(|done| done.unwrap_or_else(|| (unknown(), MethodTimes::default())));
+        let (cells, times) = done.unzip();
+        SandwichOutcome { first: self.range.start, cells, times, complete: waiting.is_empty() }
     }
 
     fn fingerprint(&self) -> u64 {
@@ -294,8 +320,9 @@ impl Baker for SandwichBaker<'_> {
     fn save(&self, state: &mut Writer) {
         for done in &self.done {
             state.u32(u32::from(done.is_some()));
-            if let Some(cell) = done {
+            if let Some((cell, times)) = done {
                 cell.save(state);
+                times.save(state);
             }
         }
     }
@@ -303,7 +330,10 @@ impl Baker for SandwichBaker<'_> {
     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
         let limit = self.scene.index_limit();
         for done in &mut self.done {
-            *done = if state.u32()? == 0 { None } else { Some(CellSandwich::load(state, limit)?) };
+            *done = match state.u32()? {
+                0 => None,
+                _ => Some((CellSandwich::load(state, limit)?, MethodTimes::load(state)?)),
+            };
         }
         Ok(())
     }

@@ -2,9 +2,11 @@
 //! stops; gaps that are met; damaged files.
 #![allow(missing_docs)]
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::Duration;
 use visibility_bake::{
-    AssembleError, BakedSet, BakedSetError, CellSandwich, Grid, SandwichBaker, Settings, Shard, assemble,
+    AssembleError, BakedSet, BakedSetError, CellSandwich, Grid, MethodTimes, SandwichBaker, Settings, Shard,
+    assemble,
 };
 use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec3, Vec3};
@@ -111,6 +113,36 @@ fn a_gap_saves_work_and_is_met() {
         };
         assert!(is_within(all, some) && is_within(some, none));
     }
+}
+
+#[test]
+fn times_of_methods_outlast_a_stop_and_change_no_byte() {
+    // A clock that stands still until it is asked, and then goes on by a second more each time.
+    static ASKED: AtomicU64 = AtomicU64::new(0);
+    fn clock() -> Duration {
+        let asked = ASKED.fetch_add(1, Ordering::Relaxed);
+        Duration::from_secs(asked * (asked + 1) / 2)
+    }
+    let (scene, cells) = street();
+    let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let outcome = pool.install(|| {
+        let mut bake = Bake::new(baker().with_clock(clock));
+        let begun = AtomicUsize::new(0);
+        bake.advance_unless(|| begun.fetch_add(1, Ordering::Relaxed) == 4);
+        let bake = Bake::resume(baker().with_clock(clock), &bake.save()).unwrap();
+        assert_eq!(bake.progress().done, 4);
+        bake.run()
+    });
+    // For each viewcell the clock is asked four times.
+    let seconds = |times: &MethodTimes| [times.sweep, times.rays, times.proofs].map(|time| time.as_secs());
+    let mut found: Vec<[u64; 3]> = outcome.times.iter().map(seconds).collect();
+    found.sort_unstable();
+    assert_eq!(found, (0..10).map(|i| [4 * i + 1, 4 * i + 2, 4 * i + 3]).collect::<Vec<_>>());
+    let sum: MethodTimes = outcome.times.iter().sum();
+    assert_eq!((sum.sweep.as_secs(), sum.total().as_secs()), (190, 600));
+    let shard = Shard::new(baker().whole_fingerprint(), outcome);
+    assert_eq!(shard.to_bytes(), Shard::bake(baker()).to_bytes());
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Bakes of whole scenes: which viewcells, how far, and where the work is kept. Used by the program `bake`.
 
+pub mod pictures;
 pub mod report;
 
 use crate::region::world;
@@ -8,6 +9,7 @@ use crate::{SceneSource, open};
 use clap::Args;
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use visibility_bake::{
@@ -84,7 +86,7 @@ impl Level {
 
     /// Prepares the bake of all viewcells.
     pub fn baker(&self) -> SandwichBaker<'_> {
-        SandwichBaker::new(&self.world.scene, &self.viewcells, self.settings)
+        SandwichBaker::new(&self.world.scene, &self.viewcells, self.settings).with_clock(clock)
     }
 
     /// Returns the fingerprint that all shards of the bake have.
@@ -101,6 +103,12 @@ impl Level {
         let rows: Vec<Vec<u32>> = cells.iter().map(CellSandwich::reported).collect();
         BakedSet::new(&self.world.scene, self.viewcells.clone(), &rows).map_err(|error| error.to_string())
     }
+}
+
+/// Returns the time passed since the first call.
+fn clock() -> Duration {
+    static FIRST: OnceLock<Instant> = OnceLock::new();
+    FIRST.get_or_init(Instant::now).elapsed()
 }
 
 fn viewcells(job: &Job, source: &SceneSource) -> Result<Vec<Viewcell>, String> {
@@ -135,7 +143,7 @@ pub struct Run {
     pub threads: usize,
     /// Time after which what is not done stays open.
     pub limit: Option<Duration>,
-    /// Time between two writes of the work done so far.
+    /// Least time between two writes of the work done so far.
     pub save_every: Duration,
     /// File of the work done so far, from which a bake goes on that was interrupted.
     pub state: PathBuf,
@@ -167,7 +175,9 @@ pub fn run<'a>(
         loop {
             let (begun, asked) = (Instant::now(), AtomicUsize::new(0));
             let is_over = || run.limit.is_some_and(|limit| start.elapsed() >= limit);
-            let is_due = || begun.elapsed() >= run.save_every;
+            // Before a write threads wait for one another. At most a tenth of the time is lost with a process.
+            let every = run.save_every.max(start.elapsed() / 10);
+            let is_due = || begun.elapsed() >= every;
             // Between two writes at least one viewcell is begun, however little time there is.
             let is_first = || asked.fetch_add(1, Relaxed) == 0;
             loop {

@@ -1,8 +1,8 @@
-//! What a bake found, in numbers: for people and as JSON.
+//! What a bake found, and where its time went, in numbers: for people and as JSON.
 
 use super::Level;
 use serde::Serialize;
-use visibility_bake::{BakedSet, CellSandwich};
+use visibility_bake::{BakedSet, CellSandwich, MethodTimes};
 use visibility_core::Scene;
 
 /// What a bake found.
@@ -14,6 +14,8 @@ pub struct Report {
     pub objects: usize,
     /// Seconds that the bake took, without loading the scene.
     pub seconds: f64,
+    /// Seconds that each method took, of all threads together. 0 if shards were assembled.
+    pub methods: Seconds,
     /// Whether all viewcells were worked on.
     pub complete: bool,
     /// Triangles neither seen nor proven hidden, as a part of those reported, over all viewcells.
@@ -24,6 +26,24 @@ pub struct Report {
     pub plain_bytes: usize,
     /// By viewcell.
     pub viewcells: Vec<Cell>,
+}
+
+/// Seconds that each method took.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Seconds {
+    /// Seconds of the sweep of extended projections.
+    pub sweep: f64,
+    /// Seconds of the rays.
+    pub rays: f64,
+    /// Seconds of the proofs, searches that failed included.
+    pub proofs: f64,
+}
+
+impl From<&MethodTimes> for Seconds {
+    fn from(times: &MethodTimes) -> Self {
+        let [sweep, rays, proofs] = [times.sweep, times.rays, times.proofs].map(|time| time.as_secs_f64());
+        Self { sweep, rays, proofs }
+    }
 }
 
 /// What a bake found for a viewcell.
@@ -41,16 +61,27 @@ pub struct Cell {
     pub proven: u32,
     /// Rays, and nodes of the search for proofs.
     pub steps: u64,
+    /// Seconds that each method took. 0 if the viewcell comes from a shard.
+    pub seconds: Seconds,
     /// Open triangles as a part of those reported.
     pub gap: f64,
 }
 
 impl Report {
-    /// Makes the report of a bake.
-    pub fn new(level: &Level, cells: &[CellSandwich], set: &BakedSet, seconds: f64, complete: bool) -> Self {
+    /// Makes the report of a bake. `times` are those of the viewcells, or empty if they are not known.
+    pub fn new(
+        level: &Level,
+        cells: &[CellSandwich],
+        times: &[MethodTimes],
+        set: &BakedSet,
+        seconds: f64,
+        complete: bool,
+    ) -> Self {
         let scene = &level.world.scene;
         let mut sums = [0.0; 2];
-        let viewcells = level.viewcells.cells().iter().zip(cells).map(|(cell, found)| {
+        let by_method = times.iter().map(Seconds::from).chain(std::iter::repeat(Seconds::default()));
+        let viewcells = level.viewcells.cells().iter().zip(cells).zip(by_method);
+        let viewcells = viewcells.map(|((cell, found), seconds)| {
             let costs = [cost(scene, &found.open), cost(scene, &found.seen)];
             sums = [sums[0] + costs[0], sums[1] + costs[1]];
             let ([a, b, c], [d, e, f]) = (cell.min.to_array(), cell.max.to_array());
@@ -61,6 +92,7 @@ impl Report {
                 swept: found.swept,
                 proven: found.proven,
                 steps: found.steps,
+                seconds,
                 gap: part(costs),
             }
         });
@@ -69,6 +101,7 @@ impl Report {
             scene: level.world.source.name.clone(),
             objects: scene.len(),
             seconds,
+            methods: Seconds::from(&times.iter().sum()),
             complete,
             gap: part(sums),
             bytes: set.set_bytes(),
@@ -100,6 +133,11 @@ impl Report {
             self.bytes,
             100.0 * self.bytes as f64 / self.plain_bytes.max(1) as f64,
         );
+        let Seconds { sweep, rays, proofs } = self.methods;
+        if sweep + rays + proofs > 0.0 {
+            text +=
+                &format!("seconds of all threads: sweep {sweep:.1}, rays {rays:.1}, proofs {proofs:.1}\n");
+        }
         if let Some(worst) = worst.filter(|worst| worst.gap > 0.0) {
             let [a, b, c, d, e, f] = worst.cell;
             text += &format!("worst: {:.1} % from {a},{b},{c} to {d},{e},{f}\n", worst.gap * 100.0);

@@ -4,10 +4,11 @@
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use visibility_bake::{CellSandwich, Shard, assemble};
+use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
 use visibility_examples::bake::{Job, Level, Run, forget, run, write};
 
@@ -29,7 +30,8 @@ struct Whole {
     #[arg(long, value_name = "SECONDS")]
     time: Option<f64>,
 
-    /// Seconds between two writes of the work done so far, to FILE.state.
+    /// Least seconds between two writes of the work done so far, to FILE.state. The longer a bake runs, the
+    /// rarer they are, so that a tenth of the time may be lost.
     #[arg(long, value_name = "SECONDS", default_value_t = 5.0)]
     save: f64,
 
@@ -38,12 +40,18 @@ struct Whole {
     threads: usize,
 
     /// Bake the part I of N parts alone, counted from 0, for `bake assemble`.
-    #[arg(long, value_name = "I/N", value_parser = part, conflicts_with = "time")]
+    #[arg(long, value_name = "I/N", value_parser = part,
+        conflicts_with_all = ["time", "json", "pictures"])]
     shard: Option<[usize; 2]>,
 
     /// File to write the report to, as JSON. By default none.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+
+    /// Folder for pictures: a heat map of the gaps of all viewcells (PNG and SVG), and the viewcells with the
+    /// greatest gaps. By default none.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
 }
 
 /// Put the shards of a bake together. The scene and all settings must be those of the shards.
@@ -64,6 +72,10 @@ struct Assembly {
     /// File to write the report to, as JSON. By default none.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+
+    /// Folder for pictures, as of a whole bake. By default none.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
 }
 
 /// Print the hash that all shards of a bake have in common, and the number of viewcells.
@@ -126,8 +138,12 @@ fn bake(arguments: &Whole) -> Result<(), String> {
         println!("viewcells {} to {} of {count}: {}", range.start, range.end, arguments.out.display());
     } else {
         let seconds = start.elapsed().as_secs_f64();
-        store(&level, &outcome.cells, seconds, outcome.complete, &arguments.out, &arguments.json)?;
-        if !outcome.complete {
+        let set = level.set(&outcome.cells)?;
+        write(&arguments.out, &set.to_bytes())?;
+        let (cells, complete) = (&outcome.cells, outcome.complete);
+        let report = Report::new(&level, cells, &outcome.times, &set, seconds, complete);
+        tell(&level, cells, &report, &arguments.json, &arguments.pictures)?;
+        if !complete {
             // The next call goes on.
             return Ok(());
         }
@@ -156,24 +172,23 @@ fn put_together(arguments: &Assembly) -> Result<(), String> {
         shards.push(shard);
     }
     let cells = assemble(level.viewcells.cells().len(), shards).map_err(|error| error.to_string())?;
-    store(&level, &cells, 0.0, true, &arguments.out, &arguments.json)
+    let set = level.set(&cells)?;
+    write(&arguments.out, &set.to_bytes())?;
+    let report = Report::new(&level, &cells, &[], &set, 0.0, true);
+    tell(&level, &cells, &report, &arguments.json, &arguments.pictures)
 }
 
-/// Writes the file of a bake and its report.
-fn store(
+/// Prints the report of a bake, and writes it and its pictures where they are asked for.
+fn tell(
     level: &Level,
     cells: &[CellSandwich],
-    seconds: f64,
-    complete: bool,
-    out: &Path,
+    report: &Report,
     json: &Option<PathBuf>,
+    folder: &Option<PathBuf>,
 ) -> Result<(), String> {
-    let set = level.set(cells)?;
-    write(out, &set.to_bytes())?;
-    let report = Report::new(level, cells, &set, seconds, complete);
     print!("{}", report.text());
     if let Some(path) = json {
-        write(path, &serde_json::to_vec(&report).map_err(|error| error.to_string())?)?;
+        write(path, &serde_json::to_vec(report).map_err(|error| error.to_string())?)?;
     }
-    Ok(())
+    folder.as_deref().map_or(Ok(()), |folder| pictures::draw(level, cells, report, folder))
 }

@@ -136,17 +136,19 @@ impl Random {
     }
 }
 
-/// Returns the seconds that each viewcell of a report took: its part of the whole time, by its steps.
+/// Returns the seconds that each viewcell of a report took, of all methods together.
 fn measured(text: &str) -> Result<Vec<f64>, String> {
     let report: serde_json::Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
-    let seconds = report["seconds"].as_f64().unwrap_or(0.0);
     let cells = report["viewcells"].as_array().map_or(&[][..], Vec::as_slice);
-    let steps: Vec<f64> = cells.iter().filter_map(|cell| cell["steps"].as_f64()).collect();
-    let sum: f64 = steps.iter().sum();
-    if !(seconds > 0.0 && sum > 0.0) {
-        return Err("the report has no times of viewcells".to_owned());
+    let of_cell = |cell: &serde_json::Value| -> Option<f64> {
+        ["sweep", "rays", "proofs"].iter().map(|method| cell["seconds"][method].as_f64()).sum()
+    };
+    let seconds: Vec<f64> = cells.iter().filter_map(of_cell).collect();
+    if seconds.iter().sum::<f64>() > 0.0 {
+        Ok(seconds)
+    } else {
+        Err("the report has no times of viewcells".to_owned())
     }
-    Ok(steps.iter().map(|steps| steps / sum * seconds).collect())
 }
 
 /// What a simulated bake took.

@@ -12,19 +12,19 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, VisibleSet};
 use visibility_measure::MeasureError;
 
-const PAPER: Color = [250, 250, 247];
-const HIDDEN: Color = [205, 207, 210];
-const REPORTED: Color = [244, 190, 92];
-const SAMPLED: Color = [74, 152, 96];
+pub(crate) const PAPER: Color = [250, 250, 247];
+pub(crate) const HIDDEN: Color = [205, 207, 210];
+pub(crate) const REPORTED: Color = [244, 190, 92];
+pub(crate) const SAMPLED: Color = [74, 152, 96];
 const LOST: Color = [214, 32, 44];
-const CELL: Color = [32, 84, 190];
+pub(crate) const CELL: Color = [32, 84, 190];
 const UMBRA: Color = [70, 70, 80];
 const LINE: Color = [150, 120, 200];
-const INK: Color = [40, 40, 40];
+pub(crate) const INK: Color = [40, 40, 40];
 /// Number of probes along the longer side of the scene.
 const PROBES: f64 = 120.0;
 /// Height of the legend below the map, in pixels.
-const LEGEND: u32 = 64;
+pub(crate) const LEGEND: u32 = 64;
 
 /// Draws the answer of a trial. `lines` are segments in world space. `method` is asked again for its umbra.
 ///
@@ -133,7 +133,7 @@ fn umbra(world: &World, cell: &Viewcell, method: &mut dyn Method) -> Vec<DVec3> 
 
 /// Returns the corners of a viewcell on the level of its middle, in order around it: of its box, cut by its
 /// planes.
-fn outline(cell: &Viewcell, right: DVec3, ahead: DVec3) -> Vec<DVec3> {
+pub(crate) fn outline(cell: &Viewcell, right: DVec3, ahead: DVec3) -> Vec<DVec3> {
     let (middle, half) = ((cell.min + cell.max) * 0.5, (cell.max - cell.min) * 0.5);
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     let mut corners: Vec<DVec3> = corners

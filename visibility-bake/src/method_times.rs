@@ -1,0 +1,44 @@
+//! Where the time of a bake went.
+
+use std::iter::Sum;
+use std::time::Duration;
+use visibility_core::binary_format::{FormatError, Reader, Writer};
+
+/// Time spent on a viewcell, or on several, by each method.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct MethodTimes {
+    /// Time of the sweep of extended projections.
+    pub sweep: Duration,
+    /// Time of the rays.
+    pub rays: Duration,
+    /// Time of the proofs, searches that failed included.
+    pub proofs: Duration,
+}
+
+impl MethodTimes {
+    /// Returns the time of all methods together.
+    pub fn total(&self) -> Duration {
+        self.sweep.saturating_add(self.rays).saturating_add(self.proofs)
+    }
+
+    pub(crate) fn save(&self, to: &mut Writer) {
+        for time in [self.sweep, self.rays, self.proofs] {
+            to.u64(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));
+        }
+    }
+
+    pub(crate) fn load(from: &mut Reader<'_>) -> Result<Self, FormatError> {
+        let mut time = || from.u64().map(Duration::from_nanos);
+        Ok(Self { sweep: time()?, rays: time()?, proofs: time()? })
+    }
+}
+
+impl<'a> Sum<&'a MethodTimes> for MethodTimes {
+    fn sum<I: Iterator<Item = &'a Self>>(all: I) -> Self {
+        all.fold(Self::default(), |sum, times| Self {
+            sweep: sum.sweep.saturating_add(times.sweep),
+            rays: sum.rays.saturating_add(times.rays),
+            proofs: sum.proofs.saturating_add(times.proofs),
+        })
+    }
+}
