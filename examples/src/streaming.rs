@@ -1,5 +1,5 @@
-//! Streaming cache: objects are loaded when they become visible, and unloaded some frames after they became
-//! hidden.
+//! Streaming cache: objects are loaded when they become visible, or ahead of that if they are announced, and
+//! unloaded some frames after they became hidden.
 //!
 //! The visible set lists the objects that became visible or hidden since the frame before, so the cost of a
 //! frame is proportional to the changes and not to the number of objects.
@@ -12,6 +12,8 @@ use visibility_core::{ObjectId, Scene, VisibleSet};
 pub struct Traffic {
     /// Number of times that an object was loaded; an object that leaves and returns counts twice.
     pub loads: u64,
+    /// Number of these times that the object was loaded before it became visible.
+    pub ahead: u64,
     /// Number of times that an object was unloaded.
     pub unloads: u64,
     /// Number of times that an object became visible again while it was still in memory.
@@ -68,13 +70,9 @@ impl Cache {
                 resident.hidden = None;
                 self.traffic.spared += 1;
             } else {
-                let size = scene.object(id).map_or(0, |object| u64::from(object.cost));
-                self.resident.insert(id, Resident { size, hidden: None });
-                self.traffic.loads += 1;
-                self.traffic.resident += size;
+                self.load(scene, id, None);
             }
         }
-        self.traffic.peak = self.traffic.peak.max(self.traffic.resident);
         for id in visible.newly_hidden() {
             if let Some(resident) = self.resident.get_mut(&id) {
                 resident.hidden = Some(self.frame);
@@ -95,6 +93,28 @@ impl Cache {
         }
     }
 
+    /// Loads an object that will become visible, or keeps it in memory, until it has not been announced for
+    /// as many frames as a hidden object stays. Call this after [`update`](Self::update).
+    pub fn announce(&mut self, scene: &Scene, id: ObjectId) {
+        match self.resident.get_mut(&id) {
+            Some(Resident { hidden: None, .. }) => return,
+            Some(resident) => resident.hidden = Some(self.frame),
+            None => {
+                self.load(scene, id, Some(self.frame));
+                self.traffic.ahead += 1;
+            }
+        }
+        self.waiting.push_back((self.frame, id));
+    }
+
+    fn load(&mut self, scene: &Scene, id: ObjectId, hidden: Option<u64>) {
+        let size = scene.object(id).map_or(0, |object| u64::from(object.cost));
+        self.resident.insert(id, Resident { size, hidden });
+        self.traffic.loads += 1;
+        self.traffic.resident += size;
+        self.traffic.peak = self.traffic.peak.max(self.traffic.resident);
+    }
+
     /// Returns true if the object is in memory, so that it can be drawn.
     pub fn holds(&self, id: ObjectId) -> bool {
         self.resident.contains_key(&id)
@@ -111,6 +131,58 @@ mod tests {
     use super::*;
     use crate::built_in;
     use crate::walkthrough::{World, cullers};
+    use std::sync::Arc;
+    use visibility_bake::{BakedSet, Grid};
+    use visibility_core::glam::DVec3;
+    use visibility_core::pvs::{Prefetch, PvsCuller, Viewcells};
+    use visibility_core::{Pipeline, Pose, View};
+
+    #[test]
+    fn what_a_prefetch_announces_is_there_before_it_becomes_visible() {
+        let world = World::new(built_in("office").unwrap(), (64, 36), Some(1)).unwrap();
+        let scene = &world.scene;
+        // From each viewcell along a straight line the objects are seen that are at most 8 metres away.
+        let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap();
+        let cells = grid.over(DVec3::ZERO, DVec3::new(20.0, 2.0, 2.0)).unwrap();
+        let near = |cell: &visibility_core::pvs::Viewcell| {
+            let middle = (cell.min + cell.max) * 0.5;
+            let distance = |id| (scene.bounds(id).unwrap().center().as_dvec3() - middle).length();
+            let mut row: Vec<u32> =
+                scene.ids().filter(|&id| distance(id) < 8.0).map(|id| id.index() as u32).collect();
+            row.sort_unstable();
+            row
+        };
+        let rows: Vec<Vec<u32>> = cells.iter().map(near).collect();
+        let set = BakedSet::new(scene, Viewcells::new(cells), &rows).unwrap();
+        let sets = Arc::new(set.for_scene(scene).unwrap());
+        let mut late = Vec::new();
+        for seconds in [0.0, 0.5] {
+            let mut pipeline = Pipeline::new().with(PvsCuller::new(sets.clone()));
+            let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(3));
+            let (mut prefetch, mut first) = (Prefetch::new(), 0);
+            // At the end no viewcell is near that is never reached.
+            for frame in 0..160 {
+                let eye = DVec3::new(1.0 + f64::from(frame) * 0.1, 1.0, 1.0);
+                let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+                let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
+                pipeline.cull(scene, &view, &mut visible);
+                cache.update(scene, &visible);
+                assert!(visible.iter(scene).all(|id| cache.holds(id)));
+                if frame == 0 {
+                    first = cache.traffic().loads;
+                }
+                // Ten frames a second.
+                for arrival in prefetch.search(&sets, eye, DVec3::X, 0.02, seconds) {
+                    cache.announce(scene, arrival.object);
+                }
+            }
+            let Traffic { loads, unloads, ahead, .. } = cache.traffic();
+            assert!(unloads > 0, "what is passed leaves");
+            late.push((loads - ahead - first, ahead));
+        }
+        assert!(late[0].0 > 50 && late[0].1 == 0, "{late:?}");
+        assert_eq!(late[1], (0, late[0].0), "all but the first are there in time, and no others");
+    }
 
     #[test]
     fn what_is_visible_is_always_in_memory_and_the_rest_leaves() {

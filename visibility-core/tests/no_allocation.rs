@@ -12,6 +12,7 @@ use visibility_core::{
     geometry::Plane,
     lod::{ContributionCuller, LodSelector},
     occlusion::Occlusion,
+    pvs::{Prefetch, Pvs, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells},
     scene::DrawRange,
 };
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator, LIVE};
@@ -361,4 +362,30 @@ fn warm_lists_of_clusters_allocate_nothing() {
     assert_eq!(run(), listed);
     assert_eq!(ALLOCATIONS.get() - before, 0);
     assert!(listed > 100_000, "{listed}");
+}
+
+#[test]
+fn warm_prefetches_allocate_nothing() {
+    let mut rng = Random(12);
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch((0..500).map(|_| random_box(&mut rng)));
+    let room = |i: u32| {
+        let x = f64::from(i) * 2.0;
+        Viewcell::from_box(DVec3::new(x, -5.0, -5.0), DVec3::new(x + 2.0, 5.0, 5.0))
+    };
+    let rows: Vec<Vec<u32>> = (0..50).map(|_| (0..500).filter(|_| rng.below(20) == 0).collect()).collect();
+    let before_it = |id: ViewcellId| id.0.checked_sub(1).map(ViewcellId);
+    let pvs = Pvs::new(PvsTargets::Objects, 500, &rows, before_it).unwrap();
+    let pairs = ids.into_iter().map(|id| (id, id.index() as u32));
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new((0..50).map(room)), pairs);
+    let (mut prefetch, mut found, mut before) = (Prefetch::new(), 0, 0);
+    for frame in 0..100 {
+        if frame == 50 {
+            before = ALLOCATIONS.get();
+        }
+        let eye = DVec3::X * f64::from(frame % 50);
+        found += prefetch.search(&sets, eye, DVec3::X * 4.0, 0.2, 5.0).len();
+    }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert!(found > 1000, "{found}");
 }

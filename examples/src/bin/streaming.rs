@@ -2,8 +2,12 @@
 //! objects in memory, and prints the cache's memory and traffic.
 
 use clap::Parser;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use visibility_bake::BakedSet;
 use visibility_core::VisibleSet;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Prefetch;
 use visibility_examples::built_in;
 use visibility_examples::streaming::Cache;
 use visibility_examples::walkthrough::{World, cullers};
@@ -24,6 +28,15 @@ struct Arguments {
     /// Number of frames that an object stays in memory after it became hidden.
     #[arg(long, default_value_t = 30)]
     patience: u64,
+
+    /// File of the program `bake` from which objects that will become visible are loaded ahead. Fits the
+    /// culler `baked:FILE`.
+    #[arg(long, value_name = "FILE")]
+    prefetch: Option<PathBuf>,
+
+    /// Seconds to look ahead, at 60 frames a second.
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0)]
+    ahead: f64,
 }
 
 fn main() -> ExitCode {
@@ -44,10 +57,26 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let world = World::new(source, (640, 360), Some(frames))?;
     let (_, mut pipeline) = cullers::parse(&arguments.culler, &world)?.remove(0);
     let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(arguments.patience));
+    let sets = match &arguments.prefetch {
+        Some(file) => Some(BakedSet::from_bytes(&std::fs::read(file)?)?.for_scene(&world.scene)?),
+        None => None,
+    };
+    let mut prefetch = Prefetch::new();
     println!("frame   visible  appeared  vanished  in memory  loads  unloads");
     for (frame, view) in world.views.iter().enumerate() {
         pipeline.cull(&world.scene, view, &mut visible);
         cache.update(&world.scene, &visible);
+        if let Some(sets) = &sets {
+            let (pose, walk) = &world.poses[frame];
+            let before = frame.checked_sub(1).map(|before| &world.poses[before]);
+            // The first frame of a walk has no velocity.
+            let step = before.filter(|(_, other)| other == walk).map(|(before, _)| pose.eye - before.eye);
+            let velocity = step.unwrap_or(DVec3::ZERO) * 60.0;
+            let reach = f64::from(world.source.near) * 2.0;
+            for arrival in prefetch.search(sets, pose.eye, velocity, reach, arguments.ahead) {
+                cache.announce(&world.scene, arrival.object);
+            }
+        }
         if frame % (frames / 20).max(1) == 0 {
             let traffic = cache.traffic();
             println!(
@@ -63,9 +92,10 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     }
     let traffic = cache.traffic();
     println!(
-        "{frames} frames: at most {:.1} % of all triangles in memory at a time; {} loads, {} unloads, {} spared by patience",
+        "{frames} frames: at most {:.1} % of all triangles in memory at a time; {} loads, {} of them ahead, {} unloads, {} spared by patience",
         traffic.peak as f64 / all * 100.0,
         traffic.loads,
+        traffic.ahead,
         traffic.unloads,
         traffic.spared,
     );

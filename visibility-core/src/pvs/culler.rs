@@ -68,6 +68,14 @@ impl ScenePvs {
     pub fn viewcells(&self) -> &Viewcells {
         &self.viewcells
     }
+
+    /// Returns the objects that may be hidden, by ascending index, each with its targets.
+    pub(super) fn objects(&self) -> impl Iterator<Item = (ObjectId, &[u32])> {
+        self.objects.windows(2).filter_map(|pair| {
+            let targets = &self.targets[pair[0].1 as usize..pair[1].1 as usize];
+            pair[0].0.map(|id| (id, targets))
+        })
+    }
 }
 
 /// Hides objects that the PVS excludes for all viewcells in which lines of sight of the view begin.

@@ -22,6 +22,7 @@
 
 mod culler;
 mod error;
+mod prefetch;
 mod reached;
 mod read;
 mod runs;
@@ -29,6 +30,7 @@ mod viewcells;
 
 pub use culler::{PvsCuller, ScenePvs};
 pub use error::PvsError;
+pub use prefetch::{Arrival, Prefetch};
 pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 
 use crate::binary_format::{Format, Writer};

@@ -167,6 +167,26 @@ impl Viewcells {
         found
     }
 
+    /// Calls `each` with the viewcells of all leaves whose bounding boxes, and whose ancestors' bounding
+    /// boxes, are accepted.
+    pub(super) fn for_each_accepted(
+        &self,
+        mut accepts: impl FnMut(DVec3, DVec3) -> bool,
+        mut each: impl FnMut(&Viewcell, ViewcellId),
+    ) {
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if !accepts(node.min, node.max) {
+                at = node.next as usize;
+                continue;
+            }
+            for &i in &self.order[node.start as usize..node.end as usize] {
+                each(&self.cells[i as usize], ViewcellId(i));
+            }
+            at += 1;
+        }
+    }
+
     /// Calls `each` with the viewcells that may touch the box from `min` to `max` in world space, boundaries
     /// included. `each` gets a viewcell if its own box meets the given box and, for each of its planes, a
     /// corner of the given box is inside or within rounding error. A box with a NaN touches no viewcell. The
@@ -174,25 +194,17 @@ impl Viewcells {
     /// number of all viewcells.
     pub fn for_each_touching(&self, min: DVec3, max: DVec3, mut each: impl FnMut(ViewcellId)) {
         let meets = |low: DVec3, high: DVec3| low.cmple(max).all() && min.cmple(high).all();
-        let (magnitude, mut at) = (min.abs().max(max.abs()), 0);
-        while let Some(node) = self.nodes.get(at) {
-            if !meets(node.min, node.max) {
-                at = node.next as usize;
-                continue;
+        let magnitude = min.abs().max(max.abs());
+        self.for_each_accepted(meets, |cell, id| {
+            // A NaN distance, from an infinite box, excludes nothing.
+            let beyond = |plane: &Plane| {
+                let far = DVec3::select(plane.normal.cmpge(DVec3::ZERO), max, min);
+                plane.signed_distance(far) < -plane.error_bound(magnitude)
+            };
+            if meets(cell.min, cell.max) && !cell.planes.iter().any(beyond) {
+                each(id);
             }
-            for &i in &self.order[node.start as usize..node.end as usize] {
-                let cell = &self.cells[i as usize];
-                // A NaN distance, from an infinite box, excludes nothing.
-                let beyond = |plane: &Plane| {
-                    let far = DVec3::select(plane.normal.cmpge(DVec3::ZERO), max, min);
-                    plane.signed_distance(far) < -plane.error_bound(magnitude)
-                };
-                if meets(cell.min, cell.max) && !cell.planes.iter().any(beyond) {
-                    each(ViewcellId(i));
-                }
-            }
-            at += 1;
-        }
+        });
     }
 }
 

@@ -1,0 +1,217 @@
+//! Prefetch: the objects that become visible along a path of the eye, in the order in which they do.
+//!
+//! Based on: the prediction of viewcells ahead in Thomas Funkhouser, Carlo Sequin and Seth Teller,
+//! "Management of Large Amounts of Data in Interactive Building Walkthroughs", 1992.
+
+use super::{ScenePvs, Viewcell, ViewcellId, Viewcells};
+use crate::ObjectId;
+use alloc::vec::Vec;
+use glam::DVec3;
+
+/// Margin for rounding, in units of the greatest absolute coordinate of path and viewcell. Each bound of a
+/// viewcell is moved outwards by it. The moved bound, its distance from the start of the path, and the
+/// caller's own point of the path are rounded by `EPSILON` of that coordinate at most, each; the quotient by
+/// `EPSILON` of the distance, at most twice the coordinate.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// An object that becomes visible along a path.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Arrival {
+    /// Seconds from now until the eye reaches the first viewcell from which the object is seen. Greater than
+    /// 0.
+    pub seconds: f64,
+    /// The object.
+    pub object: ObjectId,
+}
+
+/// Finds the objects that become visible while the eye keeps its velocity, so that they are loaded in time.
+/// Holds scratch memory; a search allocates nothing once it is large enough.
+///
+/// ```
+/// use visibility_core::pvs::{Prefetch, Pvs, PvsTargets, ScenePvs, Viewcell, Viewcells};
+/// use visibility_core::{glam::DVec3, Aabb, Scene};
+/// let mut scene = Scene::new();
+/// let [here, there] = [5.0, 15.0].map(|x| scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0,
+///     1.0, 1.0])));
+/// // From the first room only the first object is seen.
+/// let pvs = Pvs::new(PvsTargets::Objects, 2, &[vec![0], vec![0, 1]], |_| [])?;
+/// let rooms = [0.0, 10.0].map(|x| Viewcell::from_box(DVec3::new(x, -5.0, -5.0), DVec3::new(x + 10.0,
+///     5.0, 5.0)));
+/// let sets = ScenePvs::new(&scene, pvs, Viewcells::new(rooms), [(here, 0), (there, 1)]);
+/// let mut prefetch = Prefetch::new();
+/// // From x = 6 at 2 metres a second the second room is 2 seconds away.
+/// let ahead = prefetch.search(&sets, DVec3::new(6.0, 0.0, 0.0), DVec3::X * 2.0, 0.0, 10.0);
+/// assert_eq!((ahead.len(), ahead[0].object), (1, there));
+/// assert!((ahead[0].seconds - 2.0).abs() < 1e-9);
+/// assert!((prefetch.covered_seconds() - 7.0).abs() < 1e-9, "the rooms end at x = 20");
+/// # Ok::<(), visibility_core::pvs::PvsError>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Prefetch {
+    /// Viewcells near the path, with the part of the path (0 to 1) at which each is reached.
+    reached: Vec<(f64, ViewcellId)>,
+    /// Parts of the path on which the eye is in a viewcell: from, to.
+    inside: Vec<[f64; 2]>,
+    /// Part of the path at which each target is first seen. Infinite for a target that is not.
+    first: Vec<f64>,
+    seen: Vec<u64>,
+    row: Vec<u64>,
+    arrivals: Vec<Arrival>,
+    covered: f64,
+}
+
+impl Prefetch {
+    /// Makes empty scratch memory.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Returns the objects that are not visible now, and become visible within `seconds` while an eye at
+    /// `eye` (metres in world space) moves with `velocity` (metres a second): soonest first, of equal times
+    /// that of least [index](ObjectId::index) first.
+    ///
+    /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis: the distance
+    /// at which lines of sight begin, such as that of the corners of the near plane, or 0. An object is
+    /// listed no later than a [`PvsCuller`](super::PvsCuller) shows it. Objects that the PVS never hides are
+    /// not listed; those that changed in the scene since the [`ScenePvs`] was made are listed as if they had
+    /// not. While the eye is outside all viewcells every object counts as visible, which the list does not
+    /// tell: see [`covered_seconds`](Self::covered_seconds).
+    ///
+    /// Empty for numbers that are not finite, and for negative `reach` or `seconds`. Time is linear in the
+    /// number of objects, and in the bytes of the rows of the viewcells reached and the number of targets for
+    /// each.
+    pub fn search(
+        &mut self,
+        sets: &ScenePvs,
+        eye: DVec3,
+        velocity: DVec3,
+        reach: f64,
+        seconds: f64,
+    ) -> &[Arrival] {
+        self.arrivals.clear();
+        self.covered = 0.0;
+        let path = Path { start: eye, step: velocity * seconds };
+        let is_usable = |number: f64| (0.0..f64::INFINITY).contains(&number);
+        if !(is_usable(reach) && is_usable(seconds) && path.start.is_finite() && path.step.is_finite()) {
+            return &[];
+        }
+        self.follow(sets.viewcells(), &path, reach);
+        self.covered *= seconds;
+
+        let pvs = sets.pvs();
+        self.first.clear();
+        self.first.resize(pvs.target_count(), f64::INFINITY);
+        self.seen.clear();
+        for &(part, viewcell) in &self.reached {
+            if !pvs.write_bits(viewcell, &mut self.row) {
+                // The PVS does not know the viewcell, and hides nothing from it.
+                self.row.fill(u64::MAX);
+            }
+            self.seen.resize(self.row.len(), 0);
+            for (word, (seen, row)) in self.seen.iter_mut().zip(&self.row).enumerate() {
+                let mut new = row & !*seen;
+                *seen |= row;
+                while new != 0 {
+                    if let Some(first) = self.first.get_mut(word * 64 + new.trailing_zeros() as usize) {
+                        *first = part;
+                    }
+                    new &= new - 1;
+                }
+            }
+        }
+        for (object, targets) in sets.objects() {
+            let first = |&target: &u32| self.first.get(target as usize).copied().unwrap_or(0.0);
+            let part = targets.iter().map(first).fold(f64::INFINITY, f64::min);
+            if part > 0.0 && part <= 1.0 {
+                self.arrivals.push(Arrival { seconds: part * seconds, object });
+            }
+        }
+        let key = |arrival: &Arrival| (arrival.seconds, arrival.object.index());
+        self.arrivals.sort_unstable_by(|a, b| {
+            let ((a, i), (b, j)) = (key(a), key(b));
+            a.total_cmp(&b).then(i.cmp(&j))
+        });
+        &self.arrivals
+    }
+
+    /// Returns for how many seconds the eye of the last [search](Self::search) stays inside viewcells, at
+    /// most the seconds of the search. After that every object counts as visible.
+    pub fn covered_seconds(&self) -> f64 {
+        self.covered
+    }
+
+    /// Fills `reached`, soonest first, and `covered`, as a part of the path.
+    fn follow(&mut self, viewcells: &Viewcells, path: &Path, reach: f64) {
+        let Self { reached, inside, covered, .. } = self;
+        reached.clear();
+        inside.clear();
+        viewcells.for_each_accepted(
+            |min, max| path.part_in_box(min, max, reach).is_some(),
+            |cell, id| {
+                reached.extend(path.part_in_cell(cell, reach).map(|[from, _]| (from, id)));
+                inside.extend(path.part_in_cell(cell, 0.0));
+            },
+        );
+        reached.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        inside.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+        for &[from, to] in inside.iter() {
+            if from > *covered {
+                break;
+            }
+            *covered = covered.max(to);
+        }
+    }
+}
+
+/// A segment in world space, in metres: the points `start + t * step` for `t` from 0 to 1.
+struct Path {
+    start: DVec3,
+    step: DVec3,
+}
+
+impl Path {
+    /// Returns the first and the last `t` at which the point of the path is within `reach` of a box along
+    /// each axis. `None` if there is none. Errs towards a longer part.
+    fn part_in_box(&self, min: DVec3, max: DVec3, reach: f64) -> Option<[f64; 2]> {
+        let (mut from, mut to) = (0.0f64, 1.0f64);
+        for axis in 0..3 {
+            let (start, step) = (self.start[axis], self.step[axis]);
+            let magnitude = start.abs() + step.abs() + reach + min[axis].abs().max(max[axis].abs());
+            let margin = reach + ROUNDING * magnitude;
+            // Distances to the moved sides, positive inside.
+            for (height, slope) in [(start - min[axis] + margin, step), (max[axis] - start + margin, -step)] {
+                (from, to) = cut([from, to], height, slope)?;
+            }
+        }
+        Some([from, to])
+    }
+
+    /// As [`part_in_box`](Self::part_in_box), for a viewcell.
+    fn part_in_cell(&self, cell: &Viewcell, reach: f64) -> Option<[f64; 2]> {
+        let [mut from, mut to] = self.part_in_box(cell.min, cell.max, reach)?;
+        let magnitude = self.start.abs() + self.step.abs() + reach;
+        for plane in &cell.planes {
+            // The greatest height above the plane within reach.
+            let more = reach * plane.normal.abs().element_sum() + 4.0 * plane.error_bound(magnitude);
+            let height = plane.signed_distance(self.start) + more;
+            (from, to) = cut([from, to], height, plane.normal.dot(self.step))?;
+        }
+        Some([from, to])
+    }
+}
+
+/// Returns the part of a range of `t` in which `height + t * slope` is at least 0. `None` if it is empty. A
+/// NaN cuts nothing off.
+fn cut([from, to]: [f64; 2], height: f64, slope: f64) -> Option<(f64, f64)> {
+    let root = -height / slope;
+    let (from, to) = if slope > 0.0 {
+        (from.max(root), to)
+    } else if slope < 0.0 {
+        (from, to.min(root))
+    } else if height < 0.0 {
+        return None;
+    } else {
+        (from, to)
+    };
+    (from <= to).then_some((from, to))
+}

@@ -1,0 +1,145 @@
+//! Tests of the prefetch against small steps along the path, each of which looks at all viewcells.
+#![allow(missing_docs)]
+
+use visibility_core::geometry::Plane;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Prefetch, Pvs, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
+use visibility_core::{Aabb, ObjectId, Scene};
+use visibility_testing::Random;
+
+const OBJECTS: usize = 90;
+
+/// Returns a scene, and random rows for viewcells of 2 metres that fill most of a cube of 12 metres, some of
+/// them cut by a plane. Two objects share each target but the last, and some objects are never hidden.
+fn random_sets(random: &mut Random) -> (Scene, ScenePvs, Vec<Vec<u32>>) {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch((0..OBJECTS).map(|_| Aabb::from_arrays([0.0; 3], [1.0; 3])));
+    let mut cells = Vec::new();
+    for i in 0..216 {
+        let corner = DVec3::new(f64::from(i % 6), f64::from(i / 6 % 6), f64::from(i / 36)) * 2.0;
+        let mut cell = Viewcell::from_box(corner, corner + 2.0);
+        match random.below(10) {
+            0 => continue,
+            1 => {
+                let normal = random.vector(3.0);
+                cell.planes.push(Plane::new(normal, -normal.dot(corner + 1.0) + random.unit()));
+            }
+            _ => {}
+        }
+        cells.push(cell);
+    }
+    // Objects are seen from few viewcells, so that they appear all along a path.
+    let rows: Vec<Vec<u32>> =
+        cells.iter().map(|_| (0..50).filter(|_| random.below(12) == 0).collect()).collect();
+    let pvs = Pvs::new(PvsTargets::Objects, 50, &rows, |id| id.0.checked_sub(1).map(ViewcellId)).unwrap();
+    let pairs = ids.iter().take(80).flat_map(|&id| {
+        let target = id.index() as u32 / 2;
+        // Every seventh object has two targets.
+        let second = id.index().is_multiple_of(7).then_some((id, target + 9));
+        [(id, target)].into_iter().chain(second)
+    });
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new(cells), pairs);
+    (scene, sets, rows)
+}
+
+/// Returns whether a cube about a point, of a half side of `reach`, touches a viewcell, which may be larger by
+/// `slack` metres.
+fn touches(cell: &Viewcell, at: DVec3, reach: f64, slack: f64) -> bool {
+    let reach = reach + slack;
+    let in_box = (at - cell.min + reach).min_element() >= 0.0 && (cell.max - at + reach).min_element() >= 0.0;
+    in_box
+        && cell.planes.iter().all(|plane| {
+            let corner = at + plane.normal.signum() * reach;
+            plane.normal.dot(corner) + plane.offset >= 0.0
+        })
+}
+
+/// Returns whether some viewcell that the cube touches sees an object.
+fn is_seen(sets: &ScenePvs, rows: &[Vec<u32>], id: ObjectId, at: DVec3, reach: f64, slack: f64) -> bool {
+    let target = id.index() as u32 / 2;
+    let second = id.index().is_multiple_of(7).then_some(target + 9);
+    sets.viewcells().cells().iter().zip(rows).any(|(cell, row)| {
+        let is_listed = row.contains(&target) || second.is_some_and(|second| row.contains(&second));
+        is_listed && touches(cell, at, reach, slack)
+    })
+}
+
+#[test]
+fn objects_are_listed_when_steps_along_the_path_first_see_them() {
+    const STEPS: u32 = 300;
+    let mut random = Random(77);
+    let mut prefetch = Prefetch::new();
+    let (mut listed, mut uncovered) = (0, 0);
+    for round in 0..30 {
+        let (scene, sets, rows) = random_sets(&mut random);
+        let eye = random.vector(6.0) + 6.0;
+        // Along an axis too, and on the boundaries of viewcells.
+        let (eye, velocity) = match round % 3 {
+            0 => (eye, random.vector(4.0)),
+            1 => (eye, DVec3::Y * 3.0),
+            _ => (eye.round(), DVec3::X * -2.0),
+        };
+        let (reach, seconds) = ([0.0, 0.3][round % 2], 2.5);
+        let found = prefetch.search(&sets, eye, velocity, reach, seconds).to_vec();
+        let covered = prefetch.covered_seconds();
+        assert!(found.is_sorted_by_key(|arrival| arrival.seconds));
+        listed += found.len();
+        let step = seconds / f64::from(STEPS);
+        let times: Vec<f64> = (0..=STEPS).map(|i| f64::from(i) * step).collect();
+        for id in scene.ids() {
+            let arrival = found.iter().find(|arrival| arrival.object == id);
+            if id.index() >= 80 {
+                assert_eq!(arrival, None, "no target, so never hidden");
+                continue;
+            }
+            let is_seen = |time, slack| is_seen(&sets, &rows, id, eye + velocity * time, reach, slack);
+            let first = times.iter().copied().find(|&time| is_seen(time, 0.0));
+            match (arrival, first) {
+                (None, None | Some(0.0)) => {}
+                (None, Some(first)) => panic!("{id} is seen at {first}, but not listed"),
+                (Some(arrival), first) => {
+                    let time = arrival.seconds;
+                    assert!(first.is_none_or(|first| time <= first + 1e-12), "{id} late: {time}, {first:?}");
+                    // The viewcell is there at that time, and none was before.
+                    assert!(is_seen(time, 1e-9), "{id} is not seen at {time}");
+                    assert!(!is_seen((time - 1e-6).max(0.0), 0.0), "{id} is seen before {time}");
+                }
+            }
+        }
+        let is_inside = |&time: &f64| {
+            let at = eye + velocity * time;
+            sets.viewcells().cells().iter().any(|cell| touches(cell, at, 0.0, 1e-9))
+        };
+        let leaves = times.iter().copied().find(|time| !is_inside(time));
+        match leaves {
+            // A gap that the path grazes may lie between two steps.
+            None => assert!(covered > 0.0),
+            Some(leaves) => assert!(covered <= leaves && (leaves == 0.0 || covered > 0.0)),
+        }
+        if let Some(last) = times.iter().copied().take_while(is_inside).last().filter(|&last| covered < last)
+        {
+            let gap = eye + velocity * (covered + 1e-6);
+            let is_gap = !sets.viewcells().cells().iter().any(|cell| touches(cell, gap, 0.0, 0.0));
+            assert!(is_gap, "no gap at {covered}, inside up to {last}");
+        }
+        uncovered += usize::from(covered < seconds);
+    }
+    assert!(listed > 300 && uncovered > 5 && uncovered < 30, "{listed} {uncovered}");
+}
+
+#[test]
+fn numbers_that_make_no_sense_find_nothing() {
+    let (_, sets, _) = random_sets(&mut Random(3));
+    let mut prefetch = Prefetch::new();
+    let (eye, velocity) = (DVec3::splat(6.0), DVec3::X);
+    assert!(!prefetch.search(&sets, eye, velocity, 0.1, 3.0).is_empty());
+    for wrong in [f64::NAN, f64::INFINITY, -1.0] {
+        assert!(prefetch.search(&sets, eye, velocity, wrong, 3.0).is_empty());
+        assert!(prefetch.search(&sets, eye, velocity, 0.1, wrong).is_empty());
+        assert!(prefetch.search(&sets, eye, velocity * (wrong - 1.0) * f64::MAX, 0.1, 3.0).is_empty());
+        assert_eq!(prefetch.covered_seconds(), 0.0);
+    }
+    assert!(prefetch.search(&sets, DVec3::NAN, velocity, 0.1, 3.0).is_empty());
+    assert!(prefetch.search(&sets, eye, DVec3::ZERO, 0.1, 3.0).is_empty());
+    assert_eq!(prefetch.covered_seconds(), 3.0, "an eye that stands stays where it is");
+}
