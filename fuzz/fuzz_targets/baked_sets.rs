@@ -1,0 +1,74 @@
+//! Fuzz target: arbitrary bytes as a baked set or as a shard, and changed bytes of real ones with repaired
+//! checksums, are refused with a reason, or can be used to the last row.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use std::sync::{Arc, OnceLock};
+use visibility_bake::{BakedSet, SandwichBaker, Settings, Shard, assemble};
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Prefetch, PvsCuller, Viewcell, ViewcellId, Viewcells};
+use visibility_core::{Aabb, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_fuzz::mend;
+
+/// A scene of ten boxes, and the bytes of a set and a shard for three viewcells.
+struct Real {
+    scene: Scene,
+    bytes: [Vec<u8>; 2],
+}
+
+fn real() -> &'static Real {
+    static REAL: OnceLock<Real> = OnceLock::new();
+    REAL.get_or_init(|| {
+        let mut scene = Scene::new();
+        scene.insert_batch((0..10).map(|i| Aabb::from_arrays([i as f32, 5.0, 0.0], [i as f32 + 0.5, 6.0, 1.0])));
+        let cell = |x: f64| Viewcell::from_box(DVec3::splat(x), DVec3::splat(x + 1.0));
+        let cells = Viewcells::new([0.0, 1.0, 2.0].map(cell));
+        let rows = [vec![0, 1, 2, 3], vec![1, 2, 3, 7], vec![1, 2, 9]];
+        let shard = Shard::bake(SandwichBaker::new(&scene, &cells, Settings::default()));
+        let set = BakedSet::new(&scene, cells, &rows).expect("rows of the scene");
+        Real { scene, bytes: [set.to_bytes(), shard.to_bytes()] }
+    })
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some((&kind, changes)) = bytes.split_first() else { return };
+    ask(bytes);
+    let mut forged = real().bytes[usize::from(kind % 2)].clone();
+    // Each change is an offset and four new bytes; an offset near or past the end changes the length instead.
+    for change in changes.chunks_exact(6) {
+        let place = usize::from(u16::from_le_bytes([change[0], change[1]])) % (forged.len() + 2);
+        match forged.get_mut(place..place + 4) {
+            Some(bytes) => bytes.copy_from_slice(&change[2..]),
+            None => forged.resize(usize::from(change[2]) * 4, change[3]),
+        }
+    }
+    // A set holds rows with a header of their own.
+    if let Some(start) = forged.windows(8).position(|window| window == b"VISI-PVS") {
+        mend(&mut forged[start..]);
+    }
+    mend(&mut forged);
+    ask(&forged);
+});
+
+/// Reads bytes as a set and as a shard, and uses what is accepted.
+fn ask(bytes: &[u8]) {
+    let scene = &real().scene;
+    if let Ok(set) = BakedSet::from_bytes(bytes) {
+        let stored = set.to_bytes();
+        assert_eq!(BakedSet::from_bytes(&stored).expect("its own bytes").to_bytes(), stored);
+        for number in 0..=set.viewcells().cells().len() as u32 {
+            assert!(set.row(ViewcellId(number)).is_sorted_by(|a, b| a < b));
+        }
+        let Ok(sets) = set.for_scene(scene) else { return };
+        let sets = Arc::new(sets);
+        Prefetch::new().search(&sets, DVec3::splat(0.5), DVec3::ONE, 0.1, 3.0);
+        let pose = Pose::look_at(DVec3::splat(0.5), DVec3::new(5.0, 5.0, 0.0), DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).expect("a view");
+        Pipeline::new().with(PvsCuller::new(sets)).cull(scene, &view, &mut VisibleSet::new());
+    }
+    if let Ok(shard) = Shard::from_bytes(bytes) {
+        assert_eq!(shard.to_bytes(), bytes);
+        // Refused or taken, but without a panic.
+        let _ = assemble(3, [shard.clone(), shard]);
+    }
+}

@@ -1,0 +1,100 @@
+//! Tests that bytes of sets and shards that were changed, with repaired checksums, are refused or can be used
+//! to the last row.
+#![allow(missing_docs)]
+
+use std::sync::Arc;
+use visibility_bake::{BakedSet, SandwichBaker, Settings, Shard, assemble};
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Prefetch, PvsCuller, Viewcell, ViewcellId, Viewcells};
+use visibility_core::{Aabb, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_testing::Random;
+
+/// Repairs the length and the checksum of a header.
+fn mend(bytes: &mut [u8]) {
+    if bytes.len() < 40 {
+        return;
+    }
+    let length = bytes.len() as u64;
+    bytes[24..32].copy_from_slice(&length.to_le_bytes());
+    let sum = bytes[..32]
+        .iter()
+        .chain(&bytes[40..])
+        .fold(0xcbf2_9ce4_8422_2325_u64, |sum, &byte| (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+    bytes[32..40].copy_from_slice(&sum.to_le_bytes());
+}
+
+/// Changes a few bytes, cuts some off, or doubles some.
+fn forge(bytes: &[u8], random: &mut Random) -> Vec<u8> {
+    let mut forged = bytes.to_vec();
+    for _ in 0..=random.below(3) {
+        let place = random.below(forged.len());
+        match random.below(8) {
+            0 => forged.truncate(place.max(1)),
+            1 => forged.extend_from_within(place..),
+            // Numbers of four bytes that are near 0 or the greatest.
+            2 | 3 => {
+                let number = (random.below(5) as u32).wrapping_sub(2);
+                let end = forged.len().min(place + 4);
+                forged[place..end].copy_from_slice(&number.to_le_bytes()[..end - place]);
+            }
+            _ => forged[place] ^= 1 << random.below(8),
+        }
+    }
+    // A set holds rows with a header of their own.
+    if let Some(start) = forged.windows(8).position(|window| window == b"VISI-PVS") {
+        mend(&mut forged[start..]);
+    }
+    mend(&mut forged);
+    forged
+}
+
+/// Returns how many of the forged sets and of the forged shards were accepted.
+fn ask(rounds: usize) -> [usize; 2] {
+    let mut random = Random(41);
+    let mut scene = Scene::new();
+    scene.insert_batch((0..40).map(|i| Aabb::from_arrays([i as f32, 5.0, 0.0], [i as f32 + 0.5, 6.0, 1.0])));
+    let cell = |x: u32| Viewcell::from_box(DVec3::splat(x.into()), DVec3::splat(f64::from(x) + 1.0));
+    let cells = Viewcells::new((0..6).map(cell));
+    let rows: Vec<Vec<u32>> = (0..6).map(|_| (0..40).filter(|_| random.one_in(3)).collect()).collect();
+    let shard = Shard::bake(SandwichBaker::new(&scene, &cells, Settings::default())).to_bytes();
+    let set = BakedSet::new(&scene, cells, &rows).unwrap().to_bytes();
+    let pose = Pose::look_at(DVec3::splat(0.5), DVec3::new(5.0, 5.0, 0.0), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
+    let mut accepted = [0; 2];
+    for _ in 0..rounds {
+        if let Ok(set) = BakedSet::from_bytes(&forge(&set, &mut random)) {
+            accepted[0] += 1;
+            let stored = set.to_bytes();
+            assert_eq!(BakedSet::from_bytes(&stored).unwrap().to_bytes(), stored);
+            for number in 0..=set.viewcells().cells().len() as u32 {
+                assert!(set.row(ViewcellId(number)).is_sorted_by(|a, b| a < b));
+            }
+            if let Ok(sets) = set.for_scene(&scene) {
+                let sets = Arc::new(sets);
+                Prefetch::new().search(&sets, DVec3::splat(0.5), DVec3::ONE, 0.1, 3.0);
+                Pipeline::new().with(PvsCuller::new(sets)).cull(&scene, &view, &mut VisibleSet::new());
+            }
+        }
+        let bytes = forge(&shard, &mut random);
+        if let Ok(shard) = Shard::from_bytes(&bytes) {
+            accepted[1] += 1;
+            assert_eq!(shard.to_bytes(), bytes);
+            // Refused or taken, but without a panic.
+            let _ = assemble(6, [shard.clone(), shard]);
+        }
+    }
+    accepted
+}
+
+#[test]
+fn forged_bytes_are_refused_or_can_be_used() {
+    let accepted = ask(5000);
+    assert!(accepted.iter().all(|&accepted| accepted > 250 && accepted < 4750), "{accepted:?}");
+}
+
+/// The same at length: `cargo test --release -p visibility-bake --test forged_bytes -- --ignored`.
+#[test]
+#[ignore = "minutes"]
+fn many_forged_bytes_are_refused_or_can_be_used() {
+    ask(3_000_000);
+}
