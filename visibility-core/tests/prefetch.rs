@@ -42,8 +42,8 @@ fn random_sets(random: &mut Random) -> (Scene, ScenePvs, Vec<Vec<u32>>) {
     (scene, sets, rows)
 }
 
-/// Returns whether a cube about a point, of a half side of `reach`, touches a viewcell, which may be larger by
-/// `slack` metres.
+/// Returns whether a cube about a point, of a half side of `reach`, touches a viewcell, which may be larger
+/// by `slack` metres.
 fn touches(cell: &Viewcell, at: DVec3, reach: f64, slack: f64) -> bool {
     let reach = reach + slack;
     let in_box = (at - cell.min + reach).min_element() >= 0.0 && (cell.max - at + reach).min_element() >= 0.0;

@@ -1,5 +1,5 @@
-//! Pictures of a bake from above: a heat map of the gaps of all viewcells, and what is seen from the viewcells
-//! with the greatest gaps.
+//! Pictures of a bake from above: a heat map of the gaps of all viewcells, and what is seen from the
+//! viewcells with the greatest gaps.
 
 use super::Level;
 use super::report::{Cell, Report};

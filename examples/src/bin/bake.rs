@@ -48,8 +48,8 @@ struct Whole {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Folder for pictures: a heat map of the gaps of all viewcells (PNG and SVG), and the viewcells with the
-    /// greatest gaps. By default none.
+    /// Folder for pictures: a heat map of the gaps of all viewcells (PNG and SVG), and the viewcells with
+    /// the greatest gaps. By default none.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 }
