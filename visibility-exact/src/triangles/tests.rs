@@ -48,7 +48,8 @@ fn slivers_in_one_plane_are_one_piece() {
     assert!(merged > 450 && off > 250, "{merged} {off}");
 }
 
-/// Triangles of one plane, each on a side of the one before, slivers and folds among them: all corners of a piece are on the inner side of all its sides.
+/// Triangles of one plane, each on a side of the one before, slivers and folds among them: all corners of a
+/// piece are on the inner side of all its sides.
 #[test]
 fn pieces_are_convex() {
     let mut random = Random(9);
