@@ -23,8 +23,7 @@ pub use projection_plane::ProjectionPlane;
 
 use alloc::vec::Vec;
 use direction::Direction;
-use nearest::Source;
-use occluder::Occluder;
+use occluder::{Occluder, Source};
 use occluder_raster::OccluderRaster;
 use planes::{Candidate, Cone};
 use ray_map::RayMap;

@@ -3,7 +3,7 @@
 
 use super::direction::{CellBox, Direction, LocalBox};
 use super::occludees::Item;
-use super::occluder::Occluder;
+use super::occluder::{Occluder, Source};
 use super::pieces::Pieces;
 use super::planes::{Candidate, Cone};
 use super::surfaces::Surfaces;
@@ -59,15 +59,6 @@ impl PartialEq for Entry {
 }
 
 impl Eq for Entry {}
-
-/// Where an occluder is found again.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Source {
-    /// A piece, by index.
-    Piece(u32),
-    /// A part of the mesh of an object.
-    Part(ObjectId, u32),
-}
 
 /// The occluders of one direction that have been collected, and what is left of the hierarchy.
 #[derive(Debug)]

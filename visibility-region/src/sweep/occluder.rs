@@ -5,8 +5,17 @@ use super::pieces::{Piece, Pieces};
 use super::ray_map::{PixelRect, SIDE};
 use super::surfaces::Surfaces;
 use super::window::Window;
-use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{ObjectId, OccluderMesh};
+
+/// Where an occluder is found again.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Source {
+    /// A piece, by index.
+    Piece(u32),
+    /// A part of the mesh of an object.
+    Part(ObjectId, u32),
+}
 
 /// An occluder placed in local coordinates of a direction.
 #[derive(Clone, Copy, Debug)]

@@ -7,9 +7,8 @@
 //! would favour planes behind many small occluders, none of which covers a pixel.
 
 use super::direction::{Direction, LocalBox};
-use super::nearest::Source;
 use super::occludees::Item;
-use super::occluder::Occluder;
+use super::occluder::{Occluder, Source};
 use super::ray_map::SIDE;
 use crate::extent::quantile;
 use alloc::vec::Vec;
