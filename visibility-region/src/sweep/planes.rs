@@ -3,8 +3,10 @@
 //! Planes are put right behind the occluders that cover most of what is asked, each by itself, and at
 //! geometrically growing distances (Durand, Drettakis, Thollot and Puech, "Conservative Visibility
 //! Preprocessing Using Extended Projections", 2000, section 6.1, puts one behind each occluder and counts
-//! pixels). Planes are ranked by the largest share that one occluder before them covers. The sum of shares
-//! would favour planes behind many small occluders, none of which covers a pixel.
+//! pixels). Planes are chosen one after another, by the largest share that one occluder before the plane
+//! covers, times the gap between the plane and the nearest one chosen already. The sum of shares would favour
+//! planes behind many small occluders, none of which covers a pixel, and shares alone would put nearly all
+//! planes behind the nearest occluders, where a plane hides little that the next one does not hide as well.
 
 use super::direction::{Direction, LocalBox};
 use super::occludees::Item;
@@ -161,16 +163,82 @@ pub(crate) fn distances(
         }
         same
     });
-    behind.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.total_cmp(&b.0)));
-    behind.truncate(*behind_left);
-    *behind_left -= behind.len();
-    let mut all: Vec<f64> = behind.into_iter().map(|(d, _)| d).collect();
     let mut growth = GROWTH;
     while (0..GROWING).fold(cone.first, |d, _| d * growth) < cone.deepest {
         growth *= 1.05;
     }
-    let growing = core::iter::successors(Some(cone.first), |d| Some(d * growth));
-    all.extend(growing.take(GROWING).take_while(|d| *d < cone.deepest).filter(|d| range.contains(d)));
+    let growing = core::iter::successors(Some(cone.first), |d| Some(d * growth)).take(GROWING);
+    let mut all: Vec<f64> = growing.clone().filter(|d| *d < cone.deepest && range.contains(d)).collect();
+    // Gap between two planes: the ratio of their distances, less 1.
+    let gap = |a: f64, b: f64| a.max(b) / a.min(b) - 1.0;
+    // Each plane behind an occluder, with its share and the gap to the nearest chosen plane: 0 once chosen.
+    let mut open: Vec<(f64, f64, f64)> = behind
+        .into_iter()
+        .map(|(d, share)| (d, share, growing.clone().fold(f64::INFINITY, |least, g| least.min(gap(d, g)))))
+        .collect();
+    let value = |&(_, share, gap): &(f64, f64, f64)| share * gap;
+    while *behind_left > 0 {
+        let best = open.iter().max_by(|a, b| value(a).total_cmp(&value(b)));
+        let Some(&(chosen, ..)) = best.filter(|best| value(best) > 0.0) else { break };
+        all.push(chosen);
+        *behind_left -= 1;
+        for (d, _, least) in &mut open {
+            *least = least.min(gap(*d, chosen));
+        }
+    }
     all.sort_by(f64::total_cmp);
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::DVec3;
+
+    /// Returns the planes for occluders given by their greatest depths and shares.
+    fn planes_behind(occluders: impl Iterator<Item = (f64, f64)>) -> Vec<f64> {
+        let direction = Direction {
+            rows: [DVec3::X, DVec3::Y, DVec3::Z],
+            offset: [0.0; 3],
+            half: [0.5; 2],
+            exact: [None; 2],
+            depth: 1.0,
+            error: 1e-12,
+        };
+        let cone = Cone { slopes: [[-1.0, 1.0]; 2], first: 0.1, deepest: 100.0, near: 0.05 };
+        let candidate = |(ends, share)| Candidate {
+            begins: ends - 0.01,
+            ends,
+            share,
+            source: Source::Piece(0),
+            joins: false,
+        };
+        let occluders: Vec<Candidate> = occluders.map(candidate).collect();
+        let mut behind_left = BEHIND;
+        let planes = distances(&direction, &cone, &occluders, &(0.0..f64::INFINITY), &mut behind_left);
+        assert_eq!((behind_left, planes.len()), (0, BEHIND + GROWING));
+        assert!(planes.is_sorted());
+        planes
+    }
+
+    fn is_among(planes: &[f64], at: f64) -> bool {
+        planes.iter().any(|d| (d - at).abs() < 1e-6)
+    }
+
+    #[test]
+    fn planes_do_not_crowd_behind_the_nearest_occluders() {
+        let near = (0..100).map(|i| (2.0 + 0.01 * f64::from(i), 0.15));
+        let planes = planes_behind(near.chain([(20.0, 0.1), (21.0, 0.1)]));
+        assert!(is_among(&planes, 20.0) && is_among(&planes, 21.0), "{planes:?}");
+    }
+
+    #[test]
+    fn the_largest_occluder_gets_its_plane_among_many_small_ones() {
+        let at = |i: i32| 0.2 * 1.006f64.powi(i);
+        for large in [500, 703, 905] {
+            let occluders = (0..1000).map(|i| (at(i), if i == large { 0.2 } else { 0.01 }));
+            let planes = planes_behind(occluders);
+            assert!(is_among(&planes, at(large)), "{large}: {planes:?}");
+        }
+    }
 }
