@@ -5,6 +5,7 @@
 //! - [`World`] is a built-in scene with the views of its walks, [`Meshes`] the same on the card.
 //! - [`Painter`] draws objects into a [`Target`]: a picture and an item buffer, which tells what can be seen.
 //! - [`CardQueries`] implements core's `QueryDevice` by occlusion queries of the card.
+//! - [`Method`] is a way of culling and drawing a frame, [`Viewer`] what all methods need.
 //! - [`TwoPhaseCuller`] culls on the card by a depth pyramid of what the last frame saw.
 
 // The built-in scenes: recipes of the example programs, which use more of these modules than this crate does.
@@ -23,19 +24,25 @@ mod walk;
 
 mod gpu;
 mod meshes;
+mod methods;
 mod painter;
 mod picture;
 mod queries;
 mod target;
 mod two_phase;
 mod viewer;
+#[cfg(feature = "window")]
+mod window;
 mod world;
 
 pub use gpu::{Gpu, GpuError};
 pub use meshes::Meshes;
+pub use methods::{Culling, Method};
 pub use painter::Painter;
 pub use queries::{CardQueries, Delay};
 pub use target::{NO_ITEM, Target};
 pub use two_phase::TwoPhaseCuller;
 pub use viewer::Viewer;
+#[cfg(feature = "window")]
+pub use window::fly;
 pub use world::World;

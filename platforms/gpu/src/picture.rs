@@ -22,6 +22,30 @@ impl Viewer {
         write(path, self.target.size, &self.target.pixels(&self.gpu)?)
     }
 
+    /// Draws the scene from above, in colours that tell what was culled; see
+    /// [`save_from_above`](Self::save_from_above). Returns the view from above.
+    ///
+    /// # Errors
+    /// None is expected.
+    pub fn draw_from_above(
+        &mut self,
+        view: &View,
+        in_frustum: &VisibleSet,
+        visible: &VisibleSet,
+    ) -> Result<View, Box<dyn Error>> {
+        let own = self.painter.own_colors();
+        let scene = &self.world.scene;
+        let mut colors = own.clone();
+        for id in scene.ids().filter(|&id| !visible.contains(scene, id)) {
+            colors[id.index()] = if in_frustum.contains(scene, id) { HIDDEN } else { OUTSIDE };
+        }
+        let above = self.world.view_from_above(view, self.target.size)?;
+        self.painter.set_colors(&self.gpu, &colors);
+        self.draw_all(&above);
+        self.painter.set_colors(&self.gpu, &own);
+        Ok(above)
+    }
+
     /// Writes a picture of the scene from above to a PNG file: around the eye of a view, with objects of
     /// `visible` in their own colours, other objects of `in_frustum` red, and the rest grey. Where the scene
     /// has ceilings, it is cut above the eye.
@@ -35,17 +59,8 @@ impl Viewer {
         in_frustum: &VisibleSet,
         visible: &VisibleSet,
     ) -> Result<(), Box<dyn Error>> {
-        let own = self.painter.own_colors();
-        let scene = &self.world.scene;
-        let mut colors = own.clone();
-        for id in scene.ids().filter(|&id| !visible.contains(scene, id)) {
-            colors[id.index()] = if in_frustum.contains(scene, id) { HIDDEN } else { OUTSIDE };
-        }
-        let origin = scene.origin();
-        let above = self.world.view_from_above(view, self.target.size)?;
-        self.painter.set_colors(&self.gpu, &colors);
-        self.draw_all(&above);
-        self.painter.set_colors(&self.gpu, &own);
+        let above = self.draw_from_above(view, in_frustum, visible)?;
+        let origin = self.world.scene.origin();
         let mut pixels = self.target.pixels(&self.gpu)?;
         draw_outline(&mut pixels, self.target.size, view, &above, origin);
         write(path, self.target.size, &pixels)

@@ -75,7 +75,8 @@ impl CardQueries {
                 })],
             },
             primitive: Default::default(),
-            // Equal depth passes: what shows may lie on the surface of its box.
+            // What shows may lie on the surface of its box. Boxes are drawn nearer than they are; where a
+            // card rounds that away, equal depth passes.
             depth_stencil: Some(depth_test(wgpu::CompareFunction::GreaterEqual, false)),
             multisample: Default::default(),
             fragment: None,

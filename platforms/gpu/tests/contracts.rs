@@ -4,13 +4,17 @@
 //! on the processor. Without an adapter the tests say so and pass; with the variable
 //! `VISIBILITY_GPU=required` they fail.
 
+use glam::{DVec3, Vec3};
 use visibility_core::occlusion::{HardwareQueries, LateAnswers};
 use visibility_core::{
-    Culler, FrustumCuller, ObjectId, OcclusionCuller, Pipeline, Pose, Scene, View, VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pipeline, Pose, Scene, View, VisibleSet,
 };
-use visibility_gpu::{CardQueries, Delay, Gpu, GpuError, NO_ITEM, Target, TwoPhaseCuller, Viewer};
+use visibility_gpu::{
+    CardQueries, Delay, Gpu, GpuError, Meshes, NO_ITEM, Painter, Target, TwoPhaseCuller, Viewer,
+};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::ItemBuffer;
+use visibility_testing::Random;
 
 const SCENES: [&str; 5] = ["plpcity:2,2", "london:12,12", "town:3", "forest:200,84", "office:2,16"];
 const SIZE: [u32; 2] = [320, 180];
@@ -265,12 +269,71 @@ fn pictures_of_any_size_are_read_back_whole() {
 fn an_empty_scene_is_drawn() {
     let Some(gpu) = gpu() else { return };
     let scene = Scene::new();
-    let meshes = visibility_gpu::Meshes::new(&gpu, &scene);
-    let mut painter = visibility_gpu::Painter::new(&gpu, &meshes);
+    let meshes = Meshes::new(&gpu, &scene);
+    let mut painter = Painter::new(&gpu, &meshes);
     let target = Target::new(&gpu, 8, 8);
-    let pose = Pose::look_at(glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
     painter.look(&gpu, &target, view.clip_from(scene.origin()).as_mat4());
     painter.draw(&gpu, &target, &meshes, &[]);
     assert_eq!(target.visible(&gpu).unwrap(), [0; 0]);
+}
+
+/// Adds an object that is a rectangle across the x axis.
+fn add_rectangle(scene: &mut Scene, x: f32, [y0, z0]: [f32; 2], [y1, z1]: [f32; 2]) {
+    let corners = [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| Vec3::new(x, y, z));
+    let id = scene.insert(Object::new(Aabb::from_points(corners)));
+    let [a, b, c, d] = corners;
+    scene.set_triangles(id, [[a, b, c], [a, c, d]].as_slice()).unwrap();
+}
+
+/// Posters on a wall, without any distance between them: posters and wall have the same depth, but for
+/// rounding. The first frame draws the wall alone, so the second tests the posters against the wall.
+#[test]
+fn a_poster_on_a_wall_is_not_hidden() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = Random(1);
+    let target = Target::new(&gpu, 256, 256);
+    let mut judged = 0;
+    for round in 0..24 {
+        // Coordinates are up to a hundred thousand times the distance of the wall.
+        let distance = 10.0_f64.powf(random.range(0.0, 2.0));
+        let spread = distance * 10.0_f64.powf(random.range(0.0, 5.0));
+        let eye = random.vector(spread);
+        let wall = (eye.x + distance) as f32;
+        let mut scene = Scene::new();
+        for _ in 0..60 {
+            let middle = [eye.y, eye.z].map(|at| at + random.range(-0.5, 0.5) * distance);
+            let half = [(); 2].map(|()| distance * 10.0_f64.powf(random.range(-2.3, -1.0)));
+            let corner = |sign: f64| [0, 1].map(|axis: usize| (middle[axis] + sign * half[axis]) as f32);
+            add_rectangle(&mut scene, wall, corner(-1.0), corner(1.0));
+        }
+        let corner = |sign: f64| [eye.y, eye.z].map(|at| (at + sign * 3.0 * distance) as f32);
+        add_rectangle(&mut scene, wall, corner(-1.0), corner(1.0));
+        let meshes = Meshes::new(&gpu, &scene);
+        let mut painter = Painter::new(&gpu, &meshes);
+        // Often almost straight at the wall, where no slope of depth makes up for rounding.
+        let turn = 10.0_f64.powf(random.range(-6.0, 0.5));
+        let target_point = eye + DVec3::new(1.0, random.range(-turn, turn), random.range(-turn, turn));
+        let pose = Pose::look_at(eye, target_point, DVec3::Z);
+        let view = View::perspective(pose, 1.2, 1.0, 0.1, f64::INFINITY).unwrap();
+        painter.look(&gpu, &target, view.clip_from(scene.origin()).as_mat4());
+        let all: Vec<ObjectId> = scene.ids().collect();
+        painter.draw(&gpu, &target, &meshes, &all);
+        let shown = target.visible(&gpu).unwrap();
+        let mut culler = TwoPhaseCuller::new(&gpu, &scene, &meshes, &painter, &target);
+        let mut visible = VisibleSet::new();
+        for only_the_wall in [true, false] {
+            visible.fill(&scene, &view);
+            visible.retain(&scene, |id, _| !only_the_wall || id.index() == 60);
+            visible.finish(&scene);
+            culler.draw(&gpu, &target, &meshes, &painter, &visible).unwrap();
+        }
+        let states = culler.states(&gpu).unwrap();
+        for object in shown {
+            assert!(states[object].0, "round {round}: object {object} is hidden");
+            judged += 1;
+        }
+    }
+    assert!(judged > 300, "{judged}");
 }

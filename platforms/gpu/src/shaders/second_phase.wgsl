@@ -9,15 +9,13 @@
 @group(0) @binding(4) var<storage, read_write> second_commands: array<u32>;
 @group(0) @binding(5) var<storage, read> pyramid: array<f32>;
 
-// Bound on the rounding error of a clip coordinate, here and of the vertices drawn, relative to the sum of the
-// magnitudes of its four products: each side rounds the matrix, four products and three sums, so 9 * 2^-24
-// suffices for each. 2^-20 is 16 * 2^-24.
+// Bound on the difference between a clip coordinate here and one of the vertices drawn, relative to the sum of the
+// magnitudes of its four products. The matrix is the same. Each side rounds a product once and a sum at most three
+// times, so 8 * 2^-24 for both; this is twice as much.
 const ROUNDING = 0x1p-20;
-// Allowance for the card's interpolation of depth over a triangle, relative to the depth.
+// Allowance for the card's interpolation of depth over a triangle, relative to the depth. No standard bounds its
+// error; Mesa's software rasterizer needs none of it.
 const INTERPOLATION = 0x1p-14;
-// Greatest distance by which cards move vertices, to whole parts of a pixel: 4 bits are the fewest that Vulkan,
-// Direct3D and Metal allow.
-const SUBPIXEL = 0x1p-4;
 // Greatest number of columns and rows of a level that are looked at, less one.
 const MOST = 3u;
 
@@ -44,9 +42,10 @@ fn is_hidden(low: vec3<f32>, high: vec3<f32>) -> bool {
         most = max(most, above / select(vec2(w_most), vec2(w), above > vec2(0.0)));
         nearest = max(nearest, (position.z + error.z) / w);
     }
-    // In pixels, with y downwards.
-    let left_top = vec2(least.x * 0.5 + 0.5, 0.5 - most.y * 0.5) * camera.size - SUBPIXEL;
-    let right_bottom = vec2(most.x * 0.5 + 0.5, 0.5 - least.y * 0.5) * camera.size + SUBPIXEL;
+    // In pixels, with y downwards. Whole pixels are looked at, whose samples are in their middles: cards move
+    // vertices by less than half a pixel.
+    let left_top = vec2(least.x * 0.5 + 0.5, 0.5 - most.y * 0.5) * camera.size;
+    let right_bottom = vec2(most.x * 0.5 + 0.5, 0.5 - least.y * 0.5) * camera.size;
     if any(right_bottom < vec2(0.0)) || any(left_top >= camera.size) {
         return true;
     }
