@@ -143,3 +143,30 @@ fn numbers_that_make_no_sense_find_nothing() {
     assert!(prefetch.search(&sets, eye, DVec3::ZERO, 0.1, 3.0).is_empty());
     assert_eq!(prefetch.covered_seconds(), 3.0, "an eye that stands stays where it is");
 }
+
+#[test]
+fn a_path_along_a_slanted_face_reaches_the_viewcell_wherever_rounding_may_say_so() {
+    let mut random = Random(5);
+    let mut scene = Scene::new();
+    let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    let mut prefetch = Prefetch::new();
+    let mut reached = 0;
+    for _ in 0..1000 {
+        let [normal, other, middle] = [3.0, 3.0, 90.0].map(|size| random.vector(size));
+        let along = normal.cross(other);
+        let start = middle - along;
+        let mut cell = Viewcell::from_box(middle - 0.5, middle + 0.5);
+        cell.planes.push(Plane::through(middle, normal));
+        let pvs = Pvs::new(PvsTargets::Objects, 1, &[vec![0]], |_| []).unwrap();
+        let sets = ScenePvs::new(&scene, pvs, Viewcells::new([cell.clone()]), [(id, 0)]);
+        let found = prefetch.search(&sets, start, along, 0.0, 2.0).first().map(|arrival| arrival.seconds);
+        let mut times = (0..=200).map(|i| f64::from(i) / 100.0);
+        let first = times.find(|&time| cell.contains(start + along * time));
+        // Where the path begins in the box, the object may be visible at once.
+        if let Some(first) = first.filter(|_| along.abs().max_element() > 0.6) {
+            assert!(found.is_some_and(|found| found <= first), "{found:?}, {first}");
+            reached += 1;
+        }
+    }
+    assert!(reached > 300, "{reached}");
+}
