@@ -6,6 +6,7 @@
 //! - [`Painter`] draws objects into a [`Target`]: a picture and an item buffer, which tells what can be seen.
 //! - [`CardQueries`] implements core's `QueryDevice` by occlusion queries of the card.
 //! - [`Method`] is a way of culling and drawing a frame, [`Viewer`] what all methods need.
+//! - [`CardMap`] implements core's `OcclusionMap` by the same pyramid, read back.
 //! - [`TwoPhaseCuller`] culls on the card by a depth pyramid of what the last frame saw.
 
 // The built-in scenes: recipes of the example programs, which use more of these modules than this crate does.
@@ -22,11 +23,13 @@ mod source;
 #[path = "../../../examples/src/walk.rs"]
 mod walk;
 
+mod card_map;
 mod gpu;
 mod meshes;
 mod methods;
 mod painter;
 mod picture;
+mod pyramid;
 mod queries;
 mod target;
 mod two_phase;
@@ -35,6 +38,7 @@ mod viewer;
 mod window;
 mod world;
 
+pub use card_map::CardMap;
 pub use gpu::{Gpu, GpuError};
 pub use meshes::Meshes;
 pub use methods::{Culling, Method};

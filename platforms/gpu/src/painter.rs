@@ -11,11 +11,27 @@ use wgpu::BufferUsages;
 /// The camera as shaders have it; see `shaders/camera.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Camera {
+pub(crate) struct Camera {
     clip_from_scene: [f32; 16],
     size: [f32; 2],
     half_pixel: f32,
     unused: f32,
+}
+
+impl Camera {
+    /// Makes the camera of pictures of `size` pixels.
+    pub(crate) fn new(clip_from_scene: Mat4, size: [u32; 2]) -> Self {
+        let size = size.map(|side| side as f32);
+        // A displacement of d metres moves a point by d |row| / w in normalized coordinates, of which a pixel
+        // has 2 / size.
+        let half = |axis: usize| 1.0 / (clip_from_scene.row(axis).truncate().length() * size[axis]);
+        Self {
+            clip_from_scene: clip_from_scene.to_cols_array(),
+            size,
+            half_pixel: half(0).max(half(1)),
+            unused: 0.0,
+        }
+    }
 }
 
 /// Draws objects of a scene into [`Target`]s, and holds the camera.
@@ -87,16 +103,7 @@ impl Painter {
 
     /// Sets the camera of all that is submitted from here on.
     pub fn look(&self, gpu: &Gpu, target: &Target, clip_from_scene: Mat4) {
-        let size = target.size.map(|side| side as f32);
-        // A displacement of d metres moves a point by d |row| / w in normalized coordinates, of which a pixel
-        // has 2 / size.
-        let half = |axis: usize| 1.0 / (clip_from_scene.row(axis).truncate().length() * size[axis]);
-        let camera = Camera {
-            clip_from_scene: clip_from_scene.to_cols_array(),
-            size,
-            half_pixel: half(0).max(half(1)),
-            unused: 0.0,
-        };
+        let camera = Camera::new(clip_from_scene, target.size);
         gpu.queue.write_buffer(&self.camera, 0, bytemuck::bytes_of(&camera));
     }
 

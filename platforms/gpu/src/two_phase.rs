@@ -9,8 +9,8 @@
 //! Whatever the first phase draws, the second hides no object that a pixel of the whole picture shows: that
 //! object is at least as near, at that pixel, as anything drawn, and so is its box.
 
+use crate::pyramid::{Pyramid, Step};
 use crate::{Gpu, GpuError, Meshes, Painter, Target};
-use bytemuck::{Pod, Zeroable};
 use visibility_core::visible_set::BitsError;
 use visibility_core::{Aabb, Scene, VisibleSet};
 use wgpu::BufferUsages;
@@ -24,59 +24,11 @@ pub struct TwoPhaseCuller {
     first_commands: wgpu::Buffer,
     second_commands: wgpu::Buffer,
     choose: Step,
-    /// The levels of the pyramid, finest first.
-    levels: Vec<Step>,
+    pyramid: Pyramid,
     test: Step,
     read_back: wgpu::Buffer,
     /// Scratch: one bit for each object.
     bits: Vec<u32>,
-}
-
-/// A dispatch of a compute shader.
-#[derive(Debug)]
-struct Step {
-    pipeline: wgpu::ComputePipeline,
-    bindings: wgpu::BindGroup,
-    groups: [u32; 2],
-}
-
-impl Step {
-    /// Makes a dispatch of an entry point of `shader`, with resources numbered from 0.
-    fn new(
-        gpu: &Gpu,
-        shader: &wgpu::ShaderModule,
-        entry: &str,
-        resources: &[wgpu::BindingResource<'_>],
-        groups: [u32; 2],
-    ) -> Self {
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry),
-            layout: None,
-            module: shader,
-            entry_point: Some(entry),
-            compilation_options: Default::default(),
-            cache: None,
-        });
-        let bindings = gpu.bind(&pipeline.get_bind_group_layout(0), resources);
-        Self { pipeline, bindings, groups }
-    }
-
-    fn run(&self, encoder: &mut wgpu::CommandEncoder) {
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &self.bindings, &[]);
-        pass.dispatch_workgroups(self.groups[0], self.groups[1], 1);
-    }
-}
-
-/// A level of the pyramid; see `shaders/pyramid.wgsl`.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Level {
-    start: u32,
-    start_below: u32,
-    size: [u32; 2],
-    size_below: [u32; 2],
 }
 
 impl TwoPhaseCuller {
@@ -108,30 +60,14 @@ impl TwoPhaseCuller {
             each_object,
         );
 
-        let sizes = levels(target.size);
-        let numbers: u64 =
-            sizes.iter().map(|level| u64::from(level.size[0]) * u64::from(level.size[1])).sum();
-        let pyramid = gpu.zeros("pyramid", numbers * 4, BufferUsages::STORAGE);
-        let shader = gpu.shader("pyramid", include_str!("shaders/pyramid.wgsl"));
-        let levels = sizes.iter().enumerate().map(|(i, level)| {
-            let buffer = gpu.buffer("level", &[*level], BufferUsages::UNIFORM);
-            let groups = level.size.map(|side| side.div_ceil(8));
-            let mut resources = vec![buffer.as_entire_binding(), pyramid.as_entire_binding()];
-            if i > 0 {
-                return Step::new(gpu, &shader, "halve", &resources, groups);
-            }
-            resources.push(wgpu::BindingResource::TextureView(&target.depth));
-            Step::new(gpu, &shader, "copy", &resources, groups)
-        });
-        let levels = levels.collect();
-
+        let pyramid = Pyramid::new(gpu, &target.depth, target.size);
         let source = concat!(include_str!("shaders/camera.wgsl"), include_str!("shaders/second_phase.wgsl"));
-        let resources = [&painter.camera, &boxes, &candidates, &states, &second_commands, &pyramid];
+        let resources = [&painter.camera, &boxes, &candidates, &states, &second_commands, &pyramid.numbers];
         let resources = resources.map(wgpu::Buffer::as_entire_binding);
         let test = Step::new(gpu, &gpu.shader("second phase", source), "test", &resources, each_object);
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let read_back = gpu.zeros("states read back", states.size(), usage);
-        Self { candidates, states, first_commands, second_commands, choose, levels, test, read_back, bits }
+        Self { candidates, states, first_commands, second_commands, choose, pyramid, test, read_back, bits }
     }
 
     /// Forgets what the last frame saw: the first phase of the next frame draws nothing.
@@ -157,7 +93,7 @@ impl TwoPhaseCuller {
         gpu.submit(|encoder| {
             self.choose.run(encoder);
             painter.record_all(encoder, target, meshes, &self.first_commands, true);
-            self.levels.iter().for_each(|level| level.run(encoder));
+            self.pyramid.record(encoder);
             self.test.run(encoder);
             painter.record_all(encoder, target, meshes, &self.second_commands, false);
         });
@@ -176,20 +112,4 @@ impl TwoPhaseCuller {
             states.map(|state| (state & 1 != 0, state != 0)).collect()
         })
     }
-}
-
-/// Lists the levels of the pyramid of a picture, down to a single number.
-fn levels(size: [u32; 2]) -> Vec<Level> {
-    let mut levels = vec![Level { start: 0, start_below: 0, size, size_below: size }];
-    let mut last = levels[0];
-    while last.size != [1, 1] {
-        last = Level {
-            start: last.start + last.size[0] * last.size[1],
-            start_below: last.start,
-            size: last.size.map(|side| side.div_ceil(2)),
-            size_below: last.size,
-        };
-        levels.push(last);
-    }
-    levels
 }

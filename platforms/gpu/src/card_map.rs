@@ -1,0 +1,227 @@
+//! A hierarchical z-buffer that the card draws and reduces, as core's [`OcclusionMap`].
+//!
+//! Occluders are drawn on the card, a compute shader makes the pyramid, and the pyramid is read back: each
+//! [`flush`](OcclusionMap::flush) that has new occluders waits for the card. Boxes are tested on the
+//! processor, as `shaders/second_phase.wgsl` tests them (Greene, Kass and Miller, "Hierarchical Z-Buffer
+//! Visibility", 1993).
+
+use crate::Gpu;
+use crate::painter::{Camera, depth_test};
+use crate::pyramid::Pyramid;
+use crate::target::DEPTH;
+use glam::{Affine3A, DVec3, Mat4, Vec3, Vec4Swizzles};
+use visibility_core::occlusion::Occlusion;
+use visibility_core::view::ViewPlanes;
+use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
+use wgpu::BufferUsages;
+
+/// As in `shaders/second_phase.wgsl`.
+const ROUNDING: f32 = 1.0 / (1 << 20) as f32;
+const INTERPOLATION: f32 = 1.0 / (1 << 14) as f32;
+/// Greatest number of columns and rows of a level that are looked at.
+const MOST: u32 = 4;
+
+/// Occlusion map of a graphics card, for views with reversed depth. Views of other conventions hide nothing.
+#[derive(Debug)]
+pub struct CardMap {
+    gpu: Gpu,
+    size: [u32; 2],
+    depth: wgpu::TextureView,
+    pipeline: wgpu::RenderPipeline,
+    bindings: wgpu::BindGroup,
+    camera: wgpu::Buffer,
+    pyramid: Pyramid,
+    read_back: wgpu::Buffer,
+    clip_from_scene: Mat4,
+    clip_planes: Option<ViewPlanes>,
+    /// Corners of the triangles of all occluders of the frame.
+    corners: Vec<[f32; 3]>,
+    /// Number of corners that the numbers take into account.
+    flushed: usize,
+    /// Numbers of the pyramid; empty if nothing is hidden.
+    numbers: Vec<f32>,
+}
+
+impl CardMap {
+    /// Makes a map of `width` by `height` pixels, at least 1 each.
+    pub fn new(gpu: &Gpu, width: u32, height: u32) -> Self {
+        let size = [width.max(1), height.max(1)];
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("depth of occluders"),
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: DEPTH,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let depth = texture.create_view(&Default::default());
+        let source = concat!(include_str!("shaders/camera.wgsl"), include_str!("shaders/occluders.wgsl"));
+        let shader = gpu.shader("occluders", source);
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("occluders"),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &shader,
+                entry_point: None,
+                compilation_options: Default::default(),
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: 12,
+                    step_mode: wgpu::VertexStepMode::Vertex,
+                    attributes: &wgpu::vertex_attr_array![0 => Float32x3],
+                })],
+            },
+            primitive: Default::default(),
+            depth_stencil: Some(depth_test(wgpu::CompareFunction::Greater, true)),
+            multisample: Default::default(),
+            fragment: None,
+            multiview_mask: None,
+            cache: None,
+        });
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let camera = gpu.zeros("camera of occluders", size_of::<Camera>() as u64, usage);
+        let bindings = gpu.bind(&pipeline.get_bind_group_layout(0), &[camera.as_entire_binding()]);
+        let pyramid = Pyramid::new(gpu, &depth, size);
+        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        let read_back = gpu.zeros("pyramid read back", pyramid.numbers.size(), usage);
+        Self {
+            gpu: gpu.clone(),
+            size,
+            depth,
+            pipeline,
+            bindings,
+            camera,
+            pyramid,
+            read_back,
+            clip_from_scene: Mat4::ZERO,
+            clip_planes: None,
+            corners: Vec::new(),
+            flushed: 0,
+            numbers: Vec::new(),
+        }
+    }
+
+    /// Returns whether no pixel can show anything of a box.
+    fn is_hidden(&self, bounds: &Aabb) -> bool {
+        let rows = [0, 1, 2, 3].map(|row| self.clip_from_scene.row(row));
+        let extent = bounds.min.abs().max(bounds.max.abs()).extend(1.0);
+        let error = rows.map(|row| ROUNDING * extent.dot(row.abs()));
+        let size = self.size.map(|side| side as f32);
+        let (mut least, mut most, mut nearest) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2], 0.0_f32);
+        for corner in 0..8 {
+            let pick =
+                |axis: usize| if corner >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+            let position = self.clip_from_scene * Vec3::new(pick(0), pick(1), pick(2)).extend(1.0);
+            let w = position.w - error[3];
+            // False also for numbers that are not finite.
+            let beyond_near = w > 0.0 && position.z + error[2] < w;
+            if !beyond_near {
+                return false;
+            }
+            let w_most = position.w + error[3];
+            for axis in 0..2 {
+                let [below, above] = [position.xy()[axis] - error[axis], position.xy()[axis] + error[axis]];
+                least[axis] = least[axis].min(below / if below > 0.0 { w_most } else { w });
+                most[axis] = most[axis].max(above / if above > 0.0 { w } else { w_most });
+            }
+            nearest = nearest.max((position.z + error[2]) / w);
+        }
+        let first = [(least[0] * 0.5 + 0.5) * size[0], (0.5 - most[1] * 0.5) * size[1]];
+        let last = [(most[0] * 0.5 + 0.5) * size[0], (0.5 - least[1] * 0.5) * size[1]];
+        if last[0] < 0.0 || last[1] < 0.0 || first[0] >= size[0] || first[1] >= size[1] {
+            // Outside of the picture: what the frustum is for.
+            return false;
+        }
+        let pixel = |at: f32, axis: usize| at.clamp(0.0, size[axis] - 1.0) as u32;
+        let (mut x, mut y) =
+            ([pixel(first[0], 0), pixel(last[0], 0)], [pixel(first[1], 1), pixel(last[1], 1)]);
+        let mut level = 0;
+        while x[1] - x[0] >= MOST || y[1] - y[0] >= MOST {
+            level += 1;
+            (x, y) = (x.map(|x| x / 2), y.map(|y| y / 2));
+        }
+        let Some(level) = self.pyramid.levels.get(level) else { return false };
+        let numbers =
+            (y[0]..=y[1]).flat_map(|y| (x[0]..=x[1]).map(move |x| level.start + y * level.size[0] + x));
+        let farthest = |index: u32| self.numbers.get(index as usize).copied().unwrap_or(0.0);
+        nearest * (1.0 + INTERPOLATION) < numbers.map(farthest).fold(1.0, f32::min)
+    }
+}
+
+impl OcclusionMap for CardMap {
+    fn name(&self) -> &str {
+        "z-buffer on the card"
+    }
+
+    /// Approximate: occluders cover pixels whose middles they cover. For a picture of the same size, with one
+    /// sample a pixel, nothing visible is hidden.
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        self.corners.clear();
+        self.numbers.clear();
+        self.flushed = 0;
+        self.clip_from_scene =
+            if view.depth().is_reversed() { view.clip_from(origin).as_mat4() } else { Mat4::NAN };
+        self.clip_planes = Some(view.clip_planes_from(origin));
+        let camera = Camera::new(self.clip_from_scene, self.size);
+        self.gpu.queue.write_buffer(&self.camera, 0, bytemuck::bytes_of(&camera));
+    }
+
+    fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        if !self.clip_planes.as_ref().is_some_and(|planes| occluder.is_inside(planes, transform)) {
+            return;
+        }
+        let corners =
+            occluder.triangles().iter().flatten().map(|&corner| occluder.positions()[corner as usize]);
+        self.corners.extend(corners.map(|corner| transform.transform_point3(corner).to_array()));
+    }
+
+    fn flush(&mut self) {
+        if self.flushed == self.corners.len() {
+            return;
+        }
+        let count = self.corners.len() as u32;
+        let buffer = self.gpu.buffer("occluders", &self.corners, BufferUsages::VERTEX);
+        self.gpu.submit(|encoder| {
+            let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store };
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("occluders"),
+                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                    view: &self.depth,
+                    depth_ops: Some(ops),
+                    stencil_ops: None,
+                }),
+                ..Default::default()
+            });
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, &self.bindings, &[]);
+            pass.set_vertex_buffer(0, buffer.slice(..));
+            pass.draw(0..count, 0..1);
+            drop(pass);
+            self.pyramid.record(encoder);
+            encoder.copy_buffer_to_buffer(&self.pyramid.numbers, 0, &self.read_back, 0, None);
+        });
+        self.flushed = self.corners.len();
+        self.numbers.clear();
+        let numbers = &mut self.numbers;
+        // A lost device hides nothing.
+        let _ = self
+            .gpu
+            .read(&self.read_back, |bytes| numbers.extend(bytemuck::pod_collect_to_vec::<u8, f32>(bytes)));
+    }
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        if !bounds.is_finite() {
+            return Occlusion::Visible;
+        }
+        if !self.numbers.is_empty() && self.is_hidden(bounds) {
+            Occlusion::Hidden
+        } else {
+            Occlusion::Partial
+        }
+    }
+}
