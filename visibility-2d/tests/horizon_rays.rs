@@ -94,8 +94,50 @@ fn prism(random: &mut Random, floor: bool, top: bool) -> Option<OccluderMesh> {
     Some(mesh.with_two_sided(random.below(2) == 0))
 }
 
+/// Makes walls around a yard or along a crooked line, no convex solid: of one height or of several, on the
+/// ground or raised, and some with a gap, a triangle turned around, or a corner moved so that panels lean.
+fn walls(random: &mut Random) -> Option<OccluderMesh> {
+    let count = 3 + random.below(6);
+    let (is_ring, is_even) = (random.below(3) > 0, random.below(2) == 0);
+    let middle = random.vec3(-9.0, 9.0);
+    let corners: Vec<Vec3> = (0..count)
+        .map(|i| {
+            let angle = (i as f32 + 0.8 * random.unit() as f32) / count as f32 * std::f32::consts::TAU;
+            let radius = random.fine_range(0.4, 5.0) as f32;
+            Vec3::new(middle.x + radius * angle.cos(), middle.y + radius * angle.sin(), 0.0)
+        })
+        .collect();
+    let even = [middle.z.min(0.0), middle.z.max(0.0) + 0.5];
+    let mut triangles = Vec::new();
+    for i in 0..count - usize::from(!is_ring) {
+        let uneven = [random.fine_range(-6.0, -0.5) as f32, random.fine_range(-0.4, 6.0) as f32];
+        let [low, high] = if is_even { even } else { uneven };
+        let at = |i: usize, z: f32| Vec3::new(corners[i % count].x, corners[i % count].y, z);
+        // The upper edge slopes in one of four.
+        let end = if random.below(4) == 0 { high + 0.5 } else { high };
+        if random.below(2) == 0 {
+            triangles.push([at(i, low), at(i + 1, low), at(i + 1, end)]);
+            triangles.push([at(i, low), at(i + 1, end), at(i, high)]);
+        } else {
+            triangles.push([at(i, low), at(i + 1, low), at(i, high)]);
+            triangles.push([at(i + 1, low), at(i + 1, end), at(i, high)]);
+        }
+    }
+    let index = random.below(triangles.len());
+    match random.below(8) {
+        0 => drop(triangles.remove(index)),
+        1 => triangles[index].swap(0, 1),
+        2 => triangles[index][0] += random.vec3(-0.5, 0.5),
+        3 => triangles[index][2].z = triangles[index][0].z - 1.0,
+        _ => {}
+    }
+    let mesh = OccluderMesh::from_triangles(&triangles).ok()?;
+    Some(mesh.with_two_sided(random.below(2) == 0))
+}
+
 fn occluder(random: &mut Random) -> Option<Occluder> {
-    let mesh = match random.below(4) {
+    let mesh = match random.below(6) {
+        4 | 5 => walls(random)?,
         0 => {
             let middle = random.vec3(-9.0, 9.0);
             let half = random.vec3(0.1, 3.0);

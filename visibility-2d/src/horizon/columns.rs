@@ -180,16 +180,35 @@ impl Columns {
             }
             let mut outline = core::mem::take(&mut self.outline);
             if outline.project(frame, posts, error, face, self.per_face) {
-                self.draw(face, &outline.upper, &outline.lower, &outline.error);
+                self.draw(face, &outline, false);
+            }
+            self.outline = outline;
+        }
+    }
+
+    /// Adds a wall of upright panels, two posts each. Their front is to the right of the way from the first
+    /// post to the second; their back hides only if `two_sided`. `error` bounds the distance of each post from
+    /// the exact one, in metres.
+    pub(crate) fn draw_wall(&mut self, frame: &Frame, posts: &[Post], error: f64, two_sided: bool) {
+        for face in 0..FACES {
+            if self.seen[face].is_empty() {
+                continue;
+            }
+            let mut outline = core::mem::take(&mut self.outline);
+            if outline.project_wall(frame, posts, error, face, self.per_face) {
+                while outline.next_run(two_sided) {
+                    self.draw(face, &outline, true);
+                }
             }
             self.outline = outline;
         }
     }
 
     /// Adds what is between two outlines, each from its first to its last column, to the columns of a face
-    /// that both span.
-    fn draw(&mut self, face: usize, upper: &[Corner], lower: &[Corner], error: &CornerError) {
-        let ([first, .., last], [low_first, .., low_last]) = (upper, lower) else { return };
+    /// that both span. `bends` is whether the outlines may bend inwards, as those of walls do.
+    fn draw(&mut self, face: usize, outline: &Outline, bends: bool) {
+        let Outline { upper, lower, error, .. } = outline;
+        let ([first, .., last], [low_first, .., low_last]) = (&upper[..], &lower[..]) else { return };
         let begin = first.column.max(low_first.column) + error.column;
         let end = last.column.min(low_last.column) - error.column;
         let seen = self.seen[face].clone();
@@ -204,6 +223,29 @@ impl Columns {
         let [highs, lows, inverse_depths] = sides;
         sample(&mut highs[begin..=end], &mut inverse_depths[begin..=end], begin, upper, error, 1.0);
         sample(&mut lows[begin..=end], &mut inverse_depths[begin..=end], begin, lower, error, -1.0);
+        if bends {
+            let corners = |outline: &[Corner]| 1..outline.len() - 1;
+            for corner in &upper[corners(upper)] {
+                lower_at(
+                    &mut highs[begin..=end],
+                    &mut inverse_depths[begin..=end],
+                    begin,
+                    corner,
+                    error,
+                    1.0,
+                );
+            }
+            for corner in &lower[corners(lower)] {
+                lower_at(
+                    &mut lows[begin..=end],
+                    &mut inverse_depths[begin..=end],
+                    begin,
+                    corner,
+                    error,
+                    -1.0,
+                );
+            }
+        }
         let count = self.per_face.div_ceil(BLOCK);
         let blocks = &mut self.blocks[face * count..][..count];
         for column in begin..end {
@@ -263,7 +305,32 @@ fn sample(
     }
 }
 
-/// Adds a step to a column of a block. If the column is full, the lowest top goes.
+/// Lowers the right side of each column that the exact corner may be in, from the right side of column
+/// `begin` on, to the height (times `sense`) and the inverse depth of a corner, less the error bounds.
+fn lower_at(
+    heights: &mut [f64],
+    inverse_depths: &mut [f64],
+    begin: usize,
+    corner: &Corner,
+    error: &CornerError,
+    sense: f64,
+) {
+    let last = (begin + heights.len() - 1) as f64;
+    let (from, to) = (corner.column - error.column, corner.column + error.column);
+    if to < begin as f64 || from > last {
+        return;
+    }
+    let range = from.max(begin as f64) as usize - begin..to.min(last) as usize + 1 - begin;
+    let Some(heights) = heights.get_mut(range.clone()) else { return };
+    let height = sense * corner.height - 4.0 * error.height;
+    let inverse_depth = corner.inverse_depth - 4.0 * error.inverse_depth;
+    for (h, w) in heights.iter_mut().zip(&mut inverse_depths[range]) {
+        *h = h.min(height);
+        *w = w.min(inverse_depth);
+    }
+}
+
+/// Adds a step to a column of a block. If the column is full, the step that spans the least height goes.
 fn insert(block: &mut Block, column: usize, step: Step) {
     // Most columns are drawn once.
     if block.high.iter().all(|high| high[column] == f32::NEG_INFINITY) {
@@ -280,7 +347,8 @@ fn insert(block: &mut Block, column: usize, step: Step) {
             (new.low, new.high) = (new.low.min(old.low), new.high.max(old.high));
         }
     }
-    let mut lowest = 0;
+    let span = |step: &Step| step.high - step.low;
+    let mut least = 0;
     for index in 0..STEPS {
         let old = &mut steps[index];
         if old.inverse_depth > 0.0 && old.inverse_depth < new.inverse_depth && old.meets(&new) {
@@ -291,11 +359,11 @@ fn insert(block: &mut Block, column: usize, step: Step) {
             *old = Step::OPEN;
             block.set_step(index, column, *old);
         }
-        if steps[index].high < steps[lowest].high {
-            lowest = index;
+        if span(&steps[index]) < span(&steps[least]) {
+            least = index;
         }
     }
-    if steps[lowest].high < new.high {
-        block.set_step(lowest, column, new);
+    if span(&steps[least]) < span(&new) {
+        block.set_step(least, column, new);
     }
 }

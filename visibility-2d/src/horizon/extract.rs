@@ -2,7 +2,7 @@
 //!
 //! A convex solid of the mesh, or a convex part, is one as it is. City models have houses without a floor:
 //! those are found among the other triangles, by shared vertices, as prisms that are open at the bottom
-//! only. Other triangles hide nothing here.
+//! only. Upright panels of other triangles make walls, in `walls.rs`. The rest hides nothing here.
 
 use super::frame::UpAxis;
 use super::outline::Post;
@@ -17,9 +17,20 @@ const MAX_POSTS: usize = 32;
 /// left out: posts and rails of a house hide next to nothing beside its walls.
 const LEAST_FACE: f64 = 1.0 / 16.0;
 
-/// A convex solid, as the hull of posts.
+/// What the posts of a [`Solid`] stand for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Shape {
+    /// The hull of all posts.
+    Convex,
+    /// Upright panels, each between two successive posts, its front to the right of the way from the first to
+    /// the second. Their backs hide only if `two_sided`.
+    Wall { two_sided: bool },
+}
+
+/// A convex solid as the hull of posts, or a wall.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Solid {
+    pub(crate) shape: Shape,
     /// Posts of the solid, a range of the list that the solid was added to.
     pub(crate) first: u32,
     pub(crate) count: u32,
@@ -51,15 +62,19 @@ impl Solids {
         self.posts.clear();
     }
 
-    /// Adds the solids of a mesh under a transform.
-    pub(crate) fn add_mesh(&mut self, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis) {
+    /// Adds the convex solids of a mesh under a transform, and its [`walls`](super::walls) if `walls`.
+    pub(crate) fn add_mesh(&mut self, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis, walls: bool) {
         let begin = self.solids.len();
         let pieces = if mesh.parts().is_empty() { core::slice::from_ref(mesh) } else { mesh.parts() };
         for piece in pieces {
             if piece.is_convex() {
                 self.add_convex(piece, transform, up);
             } else {
-                self.add_open_prisms(piece, transform, up);
+                let mut rest = components(piece);
+                rest.retain(|triangles| self.add_open_prism(piece, triangles, transform, up).is_none());
+                if walls {
+                    self.add_walls(piece, &rest.concat(), transform, up);
+                }
             }
         }
         self.drop_small(begin);
@@ -77,7 +92,7 @@ impl Solids {
             }
             // A convex mesh may be dented by two steps of `f32` of its largest coordinate, a cuboid not.
             let dent = if mesh.is_cuboid() { 0.0 } else { 4.0 * f64::from(f32::EPSILON) * size };
-            self.finish(first, transform, size, dent, f64::NEG_INFINITY);
+            self.finish(first, transform, size, Shape::Convex, dent, f64::NEG_INFINITY);
         }
     }
 
@@ -93,17 +108,25 @@ impl Solids {
     }
 
     /// Adds the solid of the posts from `first` on. `size` is the greatest sum of [`placed`].
-    fn finish(&mut self, first: usize, transform: &Affine3A, size: f64, dent: f64, open_below: f64) {
+    pub(crate) fn finish(
+        &mut self,
+        first: usize,
+        transform: &Affine3A,
+        size: f64,
+        shape: Shape,
+        dent: f64,
+        open_below: f64,
+    ) {
         let count = self.posts.len() - first;
         let is_finite = self.posts[first..]
             .iter()
             .all(|p| p.x.is_finite() && p.y.is_finite() && p.low.is_finite() && p.high.is_finite());
-        if !(2..=MAX_POSTS).contains(&count) || !is_finite || first > u32::MAX as usize {
+        if count < 2 || !is_finite || first > u32::MAX as usize {
             self.posts.truncate(first);
             return;
         }
         let error = dent + rounding(transform, size);
-        self.solids.push(Solid { first: first as u32, count: count as u32, error, dent, open_below });
+        self.solids.push(Solid { shape, first: first as u32, count: count as u32, error, dent, open_below });
     }
 
     /// Drops the solids from `begin` on that are small beside the largest of these.
@@ -135,15 +158,9 @@ impl Solids {
         }
     }
 
-    /// Adds the prisms among the triangles of a mesh that is no convex solid. A prism is a set of triangles,
-    /// joined by shared vertices, whose vertices have two heights, whose sides are upright and bound their
-    /// hull on the plan, and whose edges all join two triangles but for those at the lower height.
-    fn add_open_prisms(&mut self, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis) {
-        for component in components(mesh) {
-            self.add_open_prism(mesh, &component, transform, up);
-        }
-    }
-
+    /// Adds a prism that may be open at the bottom: triangles, joined by shared vertices, whose vertices have
+    /// two heights, whose sides are upright and bound their hull on the plan, and whose edges all join two
+    /// triangles but for those at the lower height. `None` if the triangles are no such prism.
     fn add_open_prism(
         &mut self,
         mesh: &OccluderMesh,
@@ -218,13 +235,13 @@ impl Solids {
         }
         let first = self.posts.len();
         self.posts.extend(hull.iter().map(|p| Post { x: p[0], y: p[1], low, high }));
-        self.finish(first, transform, size, 0.0, low);
+        self.finish(first, transform, size, Shape::Convex, 0.0, low);
         Some(())
     }
 }
 
 /// Returns a point under a transform, with the sum of the magnitudes of its largest coordinate's terms.
-fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
+pub(crate) fn placed(p: DVec3, transform: &Affine3A) -> (DVec3, f64) {
     if *transform == Affine3A::IDENTITY {
         return (p, p.abs().max_element());
     }
@@ -296,7 +313,7 @@ mod tests {
     fn count(triangles: &[[Vec3; 3]], two_sided: bool, transform: Affine3A) -> usize {
         let mesh = OccluderMesh::from_triangles(triangles).unwrap().with_two_sided(two_sided);
         let mut solids = Solids::default();
-        solids.add_mesh(&mesh, &transform, UpAxis::Z);
+        solids.add_mesh(&mesh, &transform, UpAxis::Z, false);
         solids.solids.len()
     }
 

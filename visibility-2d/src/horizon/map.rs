@@ -2,10 +2,11 @@
 
 use super::column_query::QueryEye;
 use super::columns::Columns;
-use super::extract::{Solid, Solids};
+use super::extract::{Shape, Solid, Solids};
 use super::frame::{Frame, UpAxis};
 use super::occluders::solids_of_mesh;
 use super::outline::Post;
+use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::{Occlusion, Occlusion64};
 use visibility_core::scene::Boxes64;
@@ -49,6 +50,8 @@ pub struct Horizon {
     pub(crate) columns: Columns,
     clip_planes: ViewPlanes,
     scratch: Solids,
+    /// Scratch: the posts of the panels of a wall that are beyond the near plane.
+    panels: Vec<Post>,
 }
 
 impl Horizon {
@@ -61,6 +64,7 @@ impl Horizon {
             columns: Columns::new(DEFAULT_COLUMNS),
             clip_planes: ViewPlanes::NONE,
             scratch: Solids::default(),
+            panels: Vec::new(),
         }
     }
 
@@ -95,13 +99,27 @@ impl Horizon {
     pub(crate) fn add_solid(&mut self, solid: &Solid, posts: &[Post]) {
         let frame = &self.frame;
         let doubt = 2.0 * (frame.error + solid.error);
-        let is_whole = frame.eye[2] > solid.open_below + doubt + f64::EPSILON * frame.eye[2].abs()
-            && posts.iter().all(|post| {
-                let is_beyond = |height| frame.is_beyond_near([post.x, post.y, height], solid.error);
-                is_beyond(post.low) && (post.high == post.low || is_beyond(post.high))
-            });
-        if is_whole {
-            self.columns.draw_solid(frame, posts, solid.error);
+        let is_beyond_near = |post: &Post| {
+            let is_beyond = |height| frame.is_beyond_near([post.x, post.y, height], solid.error);
+            is_beyond(post.low) && (post.high == post.low || is_beyond(post.high))
+        };
+        match solid.shape {
+            Shape::Convex => {
+                if frame.eye[2] > solid.open_below + doubt + f64::EPSILON * frame.eye[2].abs()
+                    && posts.iter().all(is_beyond_near)
+                {
+                    self.columns.draw_solid(frame, posts, solid.error);
+                }
+            }
+            Shape::Wall { two_sided } => {
+                self.panels.clear();
+                for panel in posts.chunks_exact(2) {
+                    if panel.iter().all(is_beyond_near) {
+                        self.panels.extend_from_slice(panel);
+                    }
+                }
+                self.columns.draw_wall(frame, &self.panels, solid.error, two_sided);
+            }
         }
     }
 

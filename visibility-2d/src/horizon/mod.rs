@@ -20,6 +20,8 @@
 //!   nowhere less than at the outlines.
 //! - Nothing stands on a ground by assumption. A wall that begins above the street hides what is above its
 //!   lower edge only.
+//! - A wall that is no convex solid counts where its panels follow each other without a gap: see `walls.rs`
+//!   and `outline.rs`.
 //! - Boxes are rounded outwards and nearer, outlines inwards and farther, by bounds derived in `outline.rs`
 //!   and `column_query.rs`.
 
@@ -32,6 +34,7 @@ mod frame;
 mod map;
 mod occluders;
 mod outline;
+mod walls;
 
 pub use culler::HorizonCuller;
 pub(crate) use extract::{Solids, convex_hull};

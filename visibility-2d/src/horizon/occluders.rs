@@ -12,7 +12,8 @@ use visibility_core::{ObjectId, OccluderMesh, Scene};
 /// the occluder meshes in advance. Shared by the cullers of all views.
 ///
 /// Solids are closed convex meshes or convex parts of meshes, and upright prisms that are open at the bottom,
-/// such as the houses of city models. All other triangles hide nothing. An occluder that has changed since
+/// such as the houses of city models. Of other meshes, chains of upright panels are walls: two triangles with
+/// corners over two points of the plan are a panel. All other triangles hide nothing. An occluder that has changed since
 /// the last [`sync`](Self::sync) hides nothing until the next one.
 ///
 /// ```
@@ -101,7 +102,7 @@ impl HorizonOccluders {
             && scene.object(id).is_ok_and(|object| object.occluder)
             && let Some((mesh, transform)) = scene.occluder(id)
         {
-            self.solids.add_mesh(mesh, transform, self.up);
+            self.solids.add_mesh(mesh, transform, self.up, true);
         }
         self.ranges[id.index()] = [begin as u32, self.solids.solids.len() as u32];
         self.used += self.solids.solids.len() - begin;
@@ -112,7 +113,7 @@ impl HorizonOccluders {
         self.up
     }
 
-    /// Returns the number of solids.
+    /// Returns the number of solids, a wall counting as one.
     pub fn solid_count(&self) -> usize {
         self.used
     }
@@ -133,5 +134,5 @@ impl HorizonOccluders {
 /// Returns the solids of one mesh under a transform in `scratch`, which is cleared before.
 pub(crate) fn solids_of_mesh(scratch: &mut Solids, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis) {
     scratch.clear();
-    scratch.add_mesh(mesh, transform, up);
+    scratch.add_mesh(mesh, transform, up, true);
 }

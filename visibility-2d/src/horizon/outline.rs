@@ -5,6 +5,11 @@
 //! picture, whichever posts are left out. That needs no exact predicates: a wrong choice makes the outline
 //! smaller, never larger.
 //!
+//! A wall is a list of upright panels between two posts each. Its *runs* are panels that follow each other in
+//! one direction of the picture, each from where the one before ends. By continuity a line of sight of any
+//! column between the ends of a run meets the plan of one of its panels. Unlike the outlines of a convex
+//! solid, those of a run may bend both ways and jump, so within a column they are bounded at their corners too.
+//!
 //! # Rounding
 //! With `u = 2^-53`. Coordinates relative to the eye are off by at most `e`: the eye's error, the post's own,
 //! and `4u` of the magnitudes of both for the subtraction and for cutting. For a depth `x >= c` with `e < c /
@@ -69,6 +74,9 @@ pub(crate) struct Outline {
     pub(crate) error: CornerError,
     cut: Vec<Relative>,
     projected: Vec<Projected>,
+    /// Runs of a wall: the panel that the next run begins with, and the number of panels in no run so far.
+    next_panel: usize,
+    panels_left: usize,
 }
 
 /// A post relative to the eye: depth and lateral coordinate in a face, heights of its ends, in metres.
@@ -80,12 +88,32 @@ struct Relative {
     high: f64,
 }
 
+impl Relative {
+    /// Returns the post of the panel from this post to a deeper one that is at the given depth.
+    fn towards(&self, other: &Self, depth: f64) -> Self {
+        let part = (depth - self.depth) / (other.depth - self.depth);
+        let at = |from: f64, to: f64| from + (to - from) * part;
+        let (lateral, low, high) =
+            (at(self.lateral, other.lateral), at(self.low, other.low), at(self.high, other.high));
+        Self { depth, lateral, low, high }
+    }
+}
+
+/// A post in a face of the picture: its column, the heights of its ends, its inverse depth in 1/m.
 #[derive(Clone, Copy, Debug)]
 struct Projected {
     column: f64,
     low: f64,
     high: f64,
     inverse_depth: f64,
+}
+
+impl Projected {
+    /// Returns the upper and the lower end.
+    fn corners(&self) -> (Corner, Corner) {
+        let corner = |height| Corner { column: self.column, height, inverse_depth: self.inverse_depth };
+        (corner(self.high), corner(self.low))
+    }
 }
 
 impl Outline {
@@ -100,6 +128,102 @@ impl Outline {
         face: usize,
         columns: usize,
     ) -> bool {
+        let Some((nearest, e)) = self.place(frame, posts, error, face) else { return false };
+        self.cut_at(nearest);
+        self.project_cut(e, columns);
+        self.projected.sort_unstable_by(|a, b| a.column.total_cmp(&b.column));
+        self.upper.clear();
+        self.lower.clear();
+        for p in &self.projected {
+            let (high, low) = p.corners();
+            push_to_hull(&mut self.upper, high, 1.0);
+            push_to_hull(&mut self.lower, low, -1.0);
+        }
+        self.upper.len() > 1 && self.lower.len() > 1
+    }
+
+    /// Projects the panels of a wall, two posts each, in one face of `columns` columns. `error` bounds the
+    /// distance of each post from the exact one, in metres. Returns whether there are panels in the face;
+    /// false also where rounding leaves them undecided. [`next_run`](Self::next_run) then gives the outlines.
+    pub(crate) fn project_wall(
+        &mut self,
+        frame: &Frame,
+        posts: &[Post],
+        error: f64,
+        face: usize,
+        columns: usize,
+    ) -> bool {
+        let Some((nearest, e)) = self.place(frame, posts, error, face) else { return false };
+        let mut kept = 0;
+        for i in (1..self.cut.len()).step_by(2) {
+            let (a, b) = (self.cut[i - 1], self.cut[i]);
+            if a.depth < nearest && b.depth < nearest {
+                continue;
+            }
+            self.cut[kept] = if a.depth < nearest { a.towards(&b, nearest) } else { a };
+            self.cut[kept + 1] = if b.depth < nearest { b.towards(&a, nearest) } else { b };
+            kept += 2;
+        }
+        self.cut.truncate(kept);
+        self.project_cut(e, columns);
+        // A ring of panels has no first one: begin where a run does.
+        let count = kept / 2;
+        self.panels_left = count;
+        self.next_panel = (0..count).find(|&i| !self.continues((i + count - 1) % count, i)).unwrap_or(0);
+        count > 0
+    }
+
+    /// Replaces the outlines by those of the next run of panels of a wall: panels that follow each other in
+    /// one direction of the picture. Panels whose columns ascend show their back, and count only if
+    /// `two_sided`. Returns false after the last run.
+    pub(crate) fn next_run(&mut self, two_sided: bool) -> bool {
+        let count = self.projected.len() / 2;
+        while self.panels_left > 0 {
+            let first = self.next_panel;
+            let mut length = 1;
+            while length < self.panels_left
+                && self.continues((first + length - 1) % count, (first + length) % count)
+            {
+                length += 1;
+            }
+            self.panels_left -= length;
+            self.next_panel = (first + length) % count;
+            let ascends = self.ascends(first);
+            if ascends && !two_sided {
+                continue;
+            }
+            self.upper.clear();
+            self.lower.clear();
+            for k in 0..length {
+                let panel = (first + if ascends { k } else { length - 1 - k }) % count * 2;
+                for end in [panel + usize::from(!ascends), panel + usize::from(ascends)] {
+                    let (high, low) = self.projected[end].corners();
+                    self.upper.push(high);
+                    self.lower.push(low);
+                }
+            }
+            return true;
+        }
+        false
+    }
+
+    /// Returns whether the columns of a panel ascend from its first post to its second.
+    fn ascends(&self, panel: usize) -> bool {
+        self.projected[2 * panel].column < self.projected[2 * panel + 1].column
+    }
+
+    /// Returns whether panel `b` begins where panel `a` ends and goes on in the same direction.
+    fn continues(&self, a: usize, b: usize) -> bool {
+        let (end, begin) = (&self.projected[2 * a + 1], &self.projected[2 * b]);
+        end.column == begin.column
+            && end.inverse_depth == begin.inverse_depth
+            && self.ascends(a) == self.ascends(b)
+    }
+
+    /// Places posts relative to the eye, in `cut`. Returns the least depth that is drawn and a bound on the
+    /// error of coordinates, both in metres. `None` if all posts are behind the face, or if rounding leaves
+    /// the picture undecided.
+    fn place(&mut self, frame: &Frame, posts: &[Post], error: f64, face: usize) -> Option<(f64, f64)> {
         self.cut.clear();
         let (mut deepest, mut size) = (0.0f64, 0.0f64);
         for post in posts {
@@ -112,14 +236,15 @@ impl Outline {
         // Lines of sight of a face that meet the solid nearer than this see little of it.
         let nearest = deepest * (1.0 / 64.0);
         let e = frame.error + error + 8.0 * U * size + f64::MIN_POSITIVE;
-        // Written so that NaN gives false.
-        // The other bounds keep all quotients finite.
-        if !(e < nearest * 0.125 && size < nearest * 1e30 && nearest > 1e-100 && size < 1e100) {
-            return false;
-        }
-        self.cut_at(nearest);
+        // Written so that NaN gives `None`. The other bounds keep all quotients finite.
+        let is_decided = e < nearest * 0.125 && size < nearest * 1e30 && nearest > 1e-100 && size < 1e100;
+        is_decided.then_some((nearest, e))
+    }
+
+    /// Projects the posts of `cut`, whose coordinates are off by at most `e`, and bounds the errors.
+    fn project_cut(&mut self, e: f64, columns: usize) {
         let half = 0.5 * columns as f64;
-        let (mut tangent, mut height) = (0.0f64, 0.0f64);
+        let (mut tangent, mut height, mut least) = (0.0f64, 0.0f64, 0.0f64);
         self.projected.clear();
         for p in &self.cut {
             let inverse_depth = 1.0 / p.depth;
@@ -127,24 +252,15 @@ impl Outline {
             let (low, high) = (p.low * inverse_depth, p.high * inverse_depth);
             tangent = tangent.max(t.abs());
             height = height.max(low.abs()).max(high.abs());
+            least = least.max(inverse_depth);
             self.projected.push(Projected { column: half + half * t, low, high, inverse_depth });
         }
-        let least = self.projected.iter().fold(0.0f64, |most, p| most.max(p.inverse_depth));
         let d = 2.0 * e * least;
         self.error = CornerError {
             column: half * d * (1.0 + tangent) + 8.0 * U * half * (1.0 + tangent),
             height: d * (1.0 + height) + STEPS * U * height,
             inverse_depth: (d + STEPS * U) * least,
         };
-        self.projected.sort_unstable_by(|a, b| a.column.total_cmp(&b.column));
-        self.upper.clear();
-        self.lower.clear();
-        for p in &self.projected {
-            let corner = |height| Corner { column: p.column, height, inverse_depth: p.inverse_depth };
-            push_to_hull(&mut self.upper, corner(p.high), 1.0);
-            push_to_hull(&mut self.lower, corner(p.low), -1.0);
-        }
-        self.upper.len() > 1 && self.lower.len() > 1
     }
 
     /// Replaces the posts nearer than `nearest` by those in which the hull of all posts meets that depth.
@@ -158,11 +274,7 @@ impl Outline {
             for j in 0..count {
                 let (a, b) = (self.cut[i], self.cut[j]);
                 if near(&a) && !near(&b) {
-                    let part = (nearest - a.depth) / (b.depth - a.depth);
-                    let at = |from: f64, to: f64| from + (to - from) * part;
-                    let (lateral, low, high) =
-                        (at(a.lateral, b.lateral), at(a.low, b.low), at(a.high, b.high));
-                    self.cut.push(Relative { depth: nearest, lateral, low, high });
+                    self.cut.push(a.towards(&b, nearest));
                 }
             }
         }

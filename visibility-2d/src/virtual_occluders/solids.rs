@@ -57,7 +57,7 @@ impl PlanSolids {
         for id in scene.ids() {
             let Some((mesh, transform)) = scene.occluder(id) else { continue };
             found.clear();
-            found.add_mesh(mesh, transform, self.up);
+            found.add_mesh(mesh, transform, self.up, false);
             for solid in &found.solids {
                 let posts = found.posts(solid);
                 let is_exact = is_prism(posts, solid.dent);

@@ -1,0 +1,194 @@
+//! Walls of a mesh that is no convex solid: chains of upright panels.
+//!
+//! Houses with a yard, a bay or a hipped roof are not convex, but their walls stand upright. A *panel* is a
+//! pair of triangles that share an edge and whose corners are over two points of the plan: a trapezoid between
+//! two upright sides, where each line of sight that passes between its upper and its lower edge ends. Panels
+//! that follow each other around corners are a wall, and hide as one.
+//!
+//! # Why no gap opens between panels
+//! Panels follow each other if they have a point of the plan in common to the last bit, in coordinates of the
+//! mesh. The transform must take upright lines to upright lines, which is decided without rounding. The exact
+//! panels then have that point of the plan in common, wherever it is.
+
+use super::extract::{Shape, Solids, placed};
+use super::frame::UpAxis;
+use super::outline::Post;
+use alloc::vec::Vec;
+use core::cmp::Ordering;
+use visibility_core::OccluderMesh;
+use visibility_core::glam::{Affine3A, Vec3};
+
+/// Most panels of a wall. A longer chain is cut, which costs a column of the picture.
+const MAX_PANELS: usize = 64;
+
+/// Least height of a panel, as a part of the height of its mesh. Lower ones, such as the edge of a table,
+/// hide next to nothing and take as long.
+const LEAST_HEIGHT: f32 = 1.0 / 4.0;
+
+/// Most panels that are considered to follow another one, so that many panels at one point of the plan take
+/// time in proportion.
+const MOST_BESIDE: usize = 16;
+
+/// An upright trapezoid in mesh coordinates, its front to the right of the way from its first side to its
+/// second.
+#[derive(Clone, Copy, Debug)]
+struct Panel {
+    sides: [Side; 2],
+}
+
+/// An upright side of a panel.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    /// Position on the plan.
+    at: [f32; 2],
+    low: f32,
+    high: f32,
+}
+
+impl Side {
+    fn new(a: [f32; 3], b: [f32; 3]) -> Self {
+        Self { at: [a[0], a[1]], low: a[2].min(b[2]), high: a[2].max(b[2]) }
+    }
+
+    /// Returns the height that two sides at one point of the plan have in common, negative if none.
+    fn overlap(&self, other: &Self) -> f32 {
+        self.high.min(other.high) - self.low.max(other.low)
+    }
+}
+
+/// Compares points of the plan. Zero equals negative zero.
+fn compare(a: &[f32; 2], b: &[f32; 2]) -> Ordering {
+    a.partial_cmp(b).unwrap_or(Ordering::Equal)
+}
+
+impl Solids {
+    /// Adds the walls among some triangles of a mesh under a transform. None under a transform that leans, or
+    /// that takes the plan to a line.
+    pub(super) fn add_walls(
+        &mut self,
+        mesh: &OccluderMesh,
+        triangles: &[u32],
+        transform: &Affine3A,
+        up: UpAxis,
+    ) {
+        let Some(is_mirrored) = is_mirrored_on_plan(transform, up) else { return };
+        let panels = panels(mesh, triangles, up);
+        for mut chain in chains(&panels) {
+            // In a mirror image, the front is to the right of the way back.
+            if is_mirrored {
+                chain.reverse();
+            }
+            let (first, mut size) = (self.posts.len(), 0.0f64);
+            for index in chain {
+                let [from, to] = panels[index].sides;
+                for side in if is_mirrored { [to, from] } else { [from, to] } {
+                    let mut place = |height: f32| {
+                        let p = up.join([side.at[0], side.at[1], height].map(f64::from));
+                        let (p, by) = placed(p, transform);
+                        size = size.max(by);
+                        up.split(p)
+                    };
+                    let ([x, y, a], [_, _, b]) = (place(side.low), place(side.high));
+                    self.posts.push(Post { x, y, low: a.min(b), high: a.max(b) });
+                }
+            }
+            let shape = Shape::Wall { two_sided: mesh.is_two_sided() };
+            self.finish(first, transform, size, shape, 0.0, f64::NEG_INFINITY);
+        }
+    }
+}
+
+/// Returns whether a transform mirrors the plan. `None` if it does not take upright lines to upright lines, or
+/// takes the plan to a line. Decided without rounding.
+fn is_mirrored_on_plan(transform: &Affine3A, up: UpAxis) -> Option<bool> {
+    let m = transform.matrix3;
+    let axes = [m.x_axis, m.y_axis, m.z_axis];
+    let [x, y, z] = up.rows().map(|row| up.split_f32(Vec3::from(axes[row])).map(f64::from));
+    // Products of two numbers of `f32` are exact, so the sign of their difference is.
+    let (a, b) = (x[0] * y[1], x[1] * y[0]);
+    (z[0] == 0.0 && z[1] == 0.0 && (a > b || a < b)).then_some(a < b)
+}
+
+/// Returns the panels among some triangles of a mesh.
+fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
+    let at = |vertex: u32| up.split_f32(mesh.positions()[vertex as usize]);
+    let is_over = |a: [f32; 3], b: [f32; 3]| a[0] == b[0] && a[1] == b[1];
+    let [_, _, least] = up.split_f32((mesh.bounds().max - mesh.bounds().min) * LEAST_HEIGHT);
+    let mut panels = Vec::new();
+    for &index in triangles {
+        let (t, edges) = (mesh.triangles()[index as usize], mesh.triangle_edges()[index as usize]);
+        for corner in 0..3 {
+            let edge = &mesh.edges()[edges[corner] as usize];
+            // Each pair once: from the triangle that is the left one of the edge.
+            let Some(right) = edge.right.filter(|_| edge.left == index) else { continue };
+            let [u, v, w] = [t[corner], t[(corner + 1) % 3], t[(corner + 2) % 3]];
+            let other = mesh.triangles()[right as usize];
+            let Some(x) = other.into_iter().find(|&i| i != u && i != v) else { continue };
+            let [u, v, w, x] = [u, v, w, x].map(at);
+            let sides = match () {
+                () if is_over(u, v) => continue,
+                () if is_over(w, u) && is_over(x, v) => [[u, w], [v, x]],
+                () if is_over(w, v) && is_over(x, u) => [[u, x], [v, w]],
+                () => continue,
+            };
+            // Whether the corner of this triangle is above the edge, and that of the other one below, or
+            // the reverse. Otherwise, the triangles are folded onto each other.
+            let (over_u, over_v) = (sides[0][1][2] > sides[0][0][2], sides[1][1][2] > sides[1][0][2]);
+            let is_proper = sides.iter().all(|[a, b]| a[2] != b[2]);
+            if !is_proper || over_u == over_v {
+                continue;
+            }
+            let [a, b] = sides.map(|[a, b]| Side::new(a, b));
+            if (a.high - a.low).max(b.high - b.low) < least {
+                continue;
+            }
+            // A triangle that runs from `u` to `v` and then up has its front to the right of that way.
+            let is_up = if is_over(w, u) { over_u } else { over_v };
+            panels.push(Panel { sides: if is_up { [a, b] } else { [b, a] } });
+        }
+    }
+    panels
+}
+
+/// Returns chains of panels, each beginning where the one before ends, at a common height. Each panel is in
+/// one chain.
+fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
+    let sorted = |side: usize| {
+        let mut order: Vec<usize> = (0..panels.len()).collect();
+        order.sort_unstable_by(|&a, &b| compare(&panels[a].sides[side].at, &panels[b].sides[side].at));
+        order
+    };
+    let (by_begin, by_end) = (sorted(0), sorted(1));
+    let range = |order: &[usize], side: usize, at: &[f32; 2]| {
+        let place = |i: &usize| compare(&panels[*i].sides[side].at, at);
+        order.partition_point(|i| place(i).is_lt())..order.partition_point(|i| place(i).is_le())
+    };
+    let mut is_used = alloc::vec![false; panels.len()];
+    let mut chains = Vec::new();
+    // Chains that have a first panel, then rings.
+    let has_former = |&i: &usize| range(&by_end, 1, &panels[i].sides[0].at).is_empty();
+    let firsts = (0..panels.len()).filter(has_former).chain(0..panels.len());
+    for first in firsts {
+        if is_used[first] {
+            continue;
+        }
+        let mut chain = alloc::vec![first];
+        is_used[first] = true;
+        let mut end = panels[first].sides[1];
+        while chain.len() < MAX_PANELS {
+            let next = by_begin[range(&by_begin, 0, &end.at)]
+                .iter()
+                .take(MOST_BESIDE)
+                .filter(|&&i| !is_used[i])
+                .map(|&i| (end.overlap(&panels[i].sides[0]), i))
+                .filter(|(overlap, _)| *overlap > 0.0)
+                .max_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, next)) = next else { break };
+            chain.push(next);
+            is_used[next] = true;
+            end = panels[next].sides[1];
+        }
+        chains.push(chain);
+    }
+    chains
+}

@@ -1,0 +1,122 @@
+//! Walls of meshes that are no convex solids: what they hide, and what a wall with a gap, a wall above the
+//! ground and a wall that leans leave visible.
+#![allow(missing_docs)]
+
+use visibility_2d::horizon::{Horizon, UpAxis};
+use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
+use visibility_core::occlusion::Occlusion;
+use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
+
+/// Makes panels from corner to corner of a plan, each with its lower and upper height. The front is to the
+/// right of the way.
+fn panels(plan: &[[f32; 2]], heights: impl Fn(usize) -> [f32; 2]) -> Vec<[Vec3; 3]> {
+    let panel = |(i, ends): (usize, &[[f32; 2]])| {
+        let at = |end: usize, height: usize| Vec3::new(ends[end][0], ends[end][1], heights(i)[height]);
+        [[at(0, 0), at(1, 0), at(1, 1)], [at(0, 0), at(1, 1), at(0, 1)]]
+    };
+    plan.windows(2).enumerate().flat_map(panel).collect()
+}
+
+/// A crooked wall before the eye, from left to right, whose front is towards the eye. No two neighbouring
+/// panels are in one plane, and no corner is on a side of a column.
+const CROOKED: [[f32; 2]; 5] = [[9.0, 7.3], [11.0, 3.1], [8.0, 0.07], [12.0, -3.3], [9.0, -7.1]];
+
+/// A box low behind the middle of the wall, across the picture of its three inner corners.
+const BEHIND: [[f32; 3]; 2] = [[20.0, -8.0, 0.5], [22.0, 8.0, 1.0]];
+
+/// Returns whether triangles, placed by `transform`, hide a box from an eye at a height of 1.6 m that looks
+/// along x.
+fn hides(triangles: &[[Vec3; 3]], two_sided: bool, transform: Affine3A, bounds: [[f32; 3]; 2]) -> bool {
+    let mesh = OccluderMesh::from_triangles(triangles).unwrap().with_two_sided(two_sided);
+    let eye = DVec3::new(0.0, 0.0, 1.6);
+    let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.2, 1.5, 0.1, f64::INFINITY).unwrap();
+    let mut horizon = Horizon::new(UpAxis::Z);
+    horizon.begin(&view, DVec3::ZERO);
+    horizon.add(&mesh, &transform);
+    horizon.flush();
+    horizon.test(&Aabb::from_arrays(bounds[0], bounds[1])) == Occlusion::Hidden
+}
+
+fn stands(_: usize) -> [f32; 2] {
+    [0.0, 3.0]
+}
+
+#[test]
+fn panels_around_corners_hide_as_one_wall() {
+    let wall = panels(&CROOKED, stands);
+    assert!(hides(&wall, true, Affine3A::IDENTITY, BEHIND));
+    assert!(hides(&wall, false, Affine3A::IDENTITY, BEHIND));
+    // What is above the wall shows.
+    assert!(!hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, 0.5], [22.0, 8.0, 6.0]]));
+    // Panels of several heights hide what all of them hide.
+    let uneven = |i: usize| [[-0.5, 0.0, -0.2, 0.1][i], [3.0, 2.5, 4.0, 3.5][i]];
+    assert!(hides(&panels(&CROOKED, uneven), true, Affine3A::IDENTITY, BEHIND));
+    let low = |i: usize| [0.0, [3.0, 1.2, 4.0, 3.5][i]];
+    assert!(!hides(&panels(&CROOKED, low), true, Affine3A::IDENTITY, BEHIND));
+}
+
+#[test]
+fn a_wall_of_one_side_hides_what_is_behind_its_front() {
+    let back: Vec<_> = panels(&CROOKED, stands).iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    assert!(!hides(&back, false, Affine3A::IDENTITY, BEHIND));
+    assert!(hides(&back, true, Affine3A::IDENTITY, BEHIND));
+    // A mirror image keeps the fronts of its triangles.
+    let mirrored = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(1.0, -1.0, 1.0)));
+    assert!(hides(&panels(&CROOKED, stands), false, mirrored, BEHIND));
+    assert!(!hides(&back, false, mirrored, BEHIND));
+    let upside_down =
+        Affine3A::from_mat3_translation(Mat3::from_diagonal(Vec3::new(1.0, 1.0, -1.0)), Vec3::Z * 3.0);
+    assert!(hides(&panels(&CROOKED, stands), false, upside_down, BEHIND));
+    assert!(!hides(&back, false, upside_down, BEHIND));
+}
+
+#[test]
+fn a_wall_with_a_gap_hides_nothing_behind_the_gap() {
+    let wall = panels(&CROOKED, stands);
+    for missing in 2..6 {
+        let mut open = wall.clone();
+        open.remove(missing);
+        assert!(!hides(&open, true, Affine3A::IDENTITY, BEHIND), "without triangle {missing}");
+    }
+    // A gap narrower than a column, between two corners.
+    let mut left = panels(&CROOKED[..3], stands);
+    let right = CROOKED.map(|[x, y]| [x, if y == 0.07 { 0.069 } else { y }]);
+    left.extend(panels(&right[2..], stands));
+    assert!(!hides(&left, true, Affine3A::IDENTITY, BEHIND));
+}
+
+/// Lines of sight pass beneath a panel that does not reach the ground, and those of them that meet nothing else
+/// see what is behind.
+#[test]
+fn a_raised_panel_hides_nothing_beneath_it() {
+    for raised in 0..4 {
+        let wall = panels(&CROOKED, |i| [if i == raised { 1.2 } else { 0.0 }, 3.0]);
+        assert!(!hides(&wall, true, Affine3A::IDENTITY, BEHIND), "panel {raised}");
+        let high = [[20.0, -8.0, 1.7], [22.0, 8.0, 2.0]];
+        assert!(hides(&wall, true, Affine3A::IDENTITY, high), "panel {raised}");
+    }
+    // The ground falls away behind the wall: its foot is at the level of the street, and the box is lower.
+    let wall = panels(&CROOKED, stands);
+    assert!(!hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, -4.0], [22.0, 8.0, -3.5]]));
+}
+
+#[test]
+fn what_leans_is_no_wall() {
+    let wall = panels(&CROOKED, stands);
+    let lean = Affine3A::from_quat(Quat::from_rotation_y(1e-3));
+    assert!(!hides(&wall, true, lean, BEHIND));
+    // Turned about the vertical it stays a wall.
+    let turned = Affine3A::from_rotation_translation(Quat::from_rotation_z(0.05), Vec3::new(0.3, 0.1, 0.0));
+    assert!(hides(&wall, true, turned, BEHIND));
+    // A corner that is moved by a millimetre at its top.
+    let moved: Vec<_> = wall
+        .iter()
+        .map(|t| t.map(|p| if p.y == 0.07 && p.z == 3.0 { p + Vec3::X * 1e-3 } else { p }))
+        .collect();
+    assert!(!hides(&moved, true, Affine3A::IDENTITY, BEHIND));
+    // Two triangles that are folded onto each other cover half of their panel.
+    let mut folded = wall.clone();
+    folded[3] = [folded[3][0], folded[3][1], Vec3::new(8.0, 0.07, 2.0)];
+    assert!(!hides(&folded, true, Affine3A::IDENTITY, BEHIND));
+}
