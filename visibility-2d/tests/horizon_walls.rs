@@ -86,8 +86,8 @@ fn a_wall_with_a_gap_hides_nothing_behind_the_gap() {
     assert!(!hides(&left, true, Affine3A::IDENTITY, BEHIND));
 }
 
-/// Lines of sight pass beneath a panel that does not reach the ground, and those of them that meet nothing else
-/// see what is behind.
+/// Lines of sight pass beneath a panel that does not reach the ground, and those of them that meet nothing
+/// else see what is behind.
 #[test]
 fn a_raised_panel_hides_nothing_beneath_it() {
     for raised in 0..4 {

@@ -187,8 +187,8 @@ impl Columns {
     }
 
     /// Adds a wall of upright panels, two posts each. Their front is to the right of the way from the first
-    /// post to the second; their back hides only if `two_sided`. `error` bounds the distance of each post from
-    /// the exact one, in metres.
+    /// post to the second; their back hides only if `two_sided`. `error` bounds the distance of each post
+    /// from the exact one, in metres.
     pub(crate) fn draw_wall(&mut self, frame: &Frame, posts: &[Post], error: f64, two_sided: bool) {
         for face in 0..FACES {
             if self.seen[face].is_empty() {

@@ -13,8 +13,8 @@ use visibility_core::{ObjectId, OccluderMesh, Scene};
 ///
 /// Solids are closed convex meshes or convex parts of meshes, and upright prisms that are open at the bottom,
 /// such as the houses of city models. Of other meshes, chains of upright panels are walls: two triangles with
-/// corners over two points of the plan are a panel. All other triangles hide nothing. An occluder that has changed since
-/// the last [`sync`](Self::sync) hides nothing until the next one.
+/// corners over two points of the plan are a panel. All other triangles hide nothing. An occluder that has
+/// changed since the last [`sync`](Self::sync) hides nothing until the next one.
 ///
 /// ```
 /// use visibility_2d::horizon::{HorizonOccluders, UpAxis};

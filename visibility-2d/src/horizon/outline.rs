@@ -8,7 +8,8 @@
 //! A wall is a list of upright panels between two posts each. Its *runs* are panels that follow each other in
 //! one direction of the picture, each from where the one before ends. By continuity a line of sight of any
 //! column between the ends of a run meets the plan of one of its panels. Unlike the outlines of a convex
-//! solid, those of a run may bend both ways and jump, so within a column they are bounded at their corners too.
+//! solid, those of a run may bend both ways and jump, so within a column they are bounded at their corners
+//! too.
 //!
 //! # Rounding
 //! With `u = 2^-53`. Coordinates relative to the eye are off by at most `e`: the eye's error, the post's own,

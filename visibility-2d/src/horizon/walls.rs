@@ -1,9 +1,9 @@
 //! Walls of a mesh that is no convex solid: chains of upright panels.
 //!
 //! Houses with a yard, a bay or a hipped roof are not convex, but their walls stand upright. A *panel* is a
-//! pair of triangles that share an edge and whose corners are over two points of the plan: a trapezoid between
-//! two upright sides, where each line of sight that passes between its upper and its lower edge ends. Panels
-//! that follow each other around corners are a wall, and hide as one.
+//! pair of triangles that share an edge and whose corners are over two points of the plan: a trapezoid
+//! between two upright sides, where each line of sight that passes between its upper and its lower edge ends.
+//! Panels that follow each other around corners are a wall, and hide as one.
 //!
 //! # Why no gap opens between panels
 //! Panels follow each other if they have a point of the plan in common to the last bit, in coordinates of the
@@ -98,15 +98,15 @@ impl Solids {
     }
 }
 
-/// Returns whether a transform mirrors the plan. `None` if it does not take upright lines to upright lines, or
-/// takes the plan to a line. Decided without rounding.
+/// Returns whether a transform mirrors the plan. `None` if it does not take upright lines to upright lines,
+/// or takes the plan to a line. Decided without rounding.
 fn is_mirrored_on_plan(transform: &Affine3A, up: UpAxis) -> Option<bool> {
     let m = transform.matrix3;
     let axes = [m.x_axis, m.y_axis, m.z_axis];
     let [x, y, z] = up.rows().map(|row| up.split_f32(Vec3::from(axes[row])).map(f64::from));
     // Products of two numbers of `f32` are exact, so the sign of their difference is.
     let (a, b) = (x[0] * y[1], x[1] * y[0]);
-    (z[0] == 0.0 && z[1] == 0.0 && (a > b || a < b)).then_some(a < b)
+    (z[0] == 0.0 && z[1] == 0.0 && a != b).then_some(a < b)
 }
 
 /// Returns the panels among some triangles of a mesh.
