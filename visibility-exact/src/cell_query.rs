@@ -130,7 +130,8 @@ impl<'a> CellQuery<'a> {
                 for _ in 0..PAST.min(left) {
                     left -= 1;
                     self.rays += 1;
-                    let wider = 1.05 + 2.0 * self.random.unit().powi(2);
+                    let part = self.random.unit();
+                    let wider = 1.05 + 2.0 * part * part;
                     let to = center + half * wider * self.random.on_cube();
                     let from = self.search.cell.exit(p, to);
                     found.extend(self.see_first(from, to - from).map(|object| (from, object)));

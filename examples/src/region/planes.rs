@@ -70,7 +70,7 @@ impl PlaneMap {
     }
 }
 
-/// Returns some planes of each direction, [`MOST`] at most, nearest first.
+/// Returns some planes of each direction, few enough to draw, nearest first.
 pub fn shown(planes: &[PlaneMap]) -> impl Iterator<Item = Vec<&PlaneMap>> {
     planes.chunk_by(|a, b| a.direction == b.direction).map(|row| {
         let count = row.len().min(MOST);
