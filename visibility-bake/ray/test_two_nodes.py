@@ -107,7 +107,8 @@ def check(program, work, nodes):
     with open(report, encoding="utf-8") as file:
         found = json.load(file)
     assert found["baked"] == SHARDS and found["already_there"] == 0, found
-    assert found["lost"], "no attempt was lost with the node"
+    # The attempt that went with the node was made again, be it as a copy because Ray was slow to notice.
+    assert found["attempts"] > SHARDS and (found["lost"] or found["copies"]), found
     assert len(found["shards_by_node"]) == 2, "the killed node baked nothing before"
     assert found["most_in_flight"] == 6, "three slots, and twice as many tasks"
 
@@ -127,7 +128,7 @@ exec "{program}" "$@"
     assert same_bytes(), "other bytes after going on"
     with open(report, encoding="utf-8") as file:
         found = json.load(file)
-    assert found["baked"] == 2 and found["already_there"] == SHARDS - 2 and found["copies"] == 1, found
+    assert found["baked"] == 2 and found["already_there"] == SHARDS - 2 and found["copies"] >= 1, found
 
     # Refused input ends the driver with what the program says, and is not tried again.
     refused = subprocess.run(command(report, ["--gap", "7"]), capture_output=True, text=True, check=False)
