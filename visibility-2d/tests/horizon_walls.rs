@@ -120,3 +120,33 @@ fn what_leans_is_no_wall() {
     folded[3] = [folded[3][0], folded[3][1], Vec3::new(8.0, 0.07, 2.0)];
     assert!(!hides(&folded, true, Affine3A::IDENTITY, BEHIND));
 }
+
+/// Coordinates and transforms at the ends of `f32`: no panic, and a wall that is nowhere hides nothing.
+#[test]
+fn hostile_walls_hide_nothing() {
+    let bad = [f32::NAN, f32::INFINITY, f32::MAX, 0.0];
+    for value in bad {
+        for entry in 0..12 {
+            let mut columns = Affine3A::IDENTITY.to_cols_array();
+            columns[entry] = value;
+            // A scale or a position of zero along one axis may leave a wall that hides.
+            let transform = Affine3A::from_cols_array(&columns);
+            let is_hidden = hides(&panels(&CROOKED, stands), true, transform, BEHIND);
+            assert!(!is_hidden || value == 0.0, "{value} as entry {entry}");
+        }
+    }
+    for scale in [1e-44, 1e-38, 1e-20, 1e18, 1e37] {
+        let wall: Vec<_> = panels(&CROOKED, stands).iter().map(|t| t.map(|p| p * scale)).collect();
+        if OccluderMesh::from_triangles(&wall).is_ok() {
+            assert!(!hides(&wall, true, Affine3A::IDENTITY, BEHIND), "{scale}");
+        }
+    }
+    // Hundreds of panels over one point of the plan, all of one height.
+    let star: Vec<_> = (0..400)
+        .flat_map(|i| {
+            let angle = i as f32 * 0.0157;
+            panels(&[[9.0, 0.0], [9.0 + 5.0 * angle.cos(), 5.0 * angle.sin()]], stands)
+        })
+        .collect();
+    assert!(!hides(&star, true, Affine3A::IDENTITY, BEHIND));
+}
