@@ -7,15 +7,15 @@
 
 mod shared_scenes;
 
-use shared_scenes::scene;
+use shared_scenes::{assert_none_hidden, scene};
 use visibility_core::glam::DVec3;
 use visibility_core::{Pose, View, cells::CellId, pvs::Viewcells};
-use visibility_examples::built_in;
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::pvs::solids::boxes;
 use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects, sets_of, settings};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
+use visibility_examples::{SceneSource, built_in};
 
 /// Makes `count` views from random positions in random cells in random directions. Positions inside `solids`
 /// (minimum and maximum corner) are avoided.
@@ -158,6 +158,42 @@ fn check_walks(sizes: &str, frames: Option<usize>) {
 #[test]
 fn walks_through_portals_report_little_more_than_shows() {
     check_walks("2,16", Some(32));
+}
+
+/// Makes the world of a scene that brings no cells, for a program that makes them.
+fn without_cells(mut source: SceneSource, size: (u32, u32), frames: usize) -> World {
+    source.cells = None;
+    let mut world = World::new(source, size, Some(frames)).unwrap();
+    world.makes_cells = true;
+    world
+}
+
+/// Walks a scene with cells made from its triangles. Fails if a culler in `list` hides a visible object, or
+/// if the second culler reports more than `share` of the objects that the first reports.
+fn check_made(source: SceneSource, frames: usize, list: &str, share: f64) {
+    let world = without_cells(source, (640, 360), frames);
+    let pipelines = cullers::parse(list, &world).unwrap();
+    let trials: Vec<_> = pipelines.into_iter().map(|(name, pipeline)| run(name, pipeline, &world)).collect();
+    assert_none_hidden(&world, &trials);
+    let [all, left] = [0, 1].map(|i| trials[i].mean_visible());
+    assert!(left <= share * all, "{}: {left} of {all} objects", world.source.name);
+}
+
+#[test]
+fn cells_are_made_where_a_culler_asks_and_the_scene_brings_none() {
+    check_made(built_in("office:2,8").unwrap(), 24, "frustum,portals,pvs:cells,pvs", 0.6);
+    check_made(built_in("town:1").unwrap(), 8, "frustum,portals,pvs", 1.0);
+    // A world makes none unless it is asked to.
+    let mut world = without_cells(built_in("office:1,2").unwrap(), (64, 36), 1);
+    world.makes_cells = false;
+    assert!(cullers::parse("portals", &world).is_err());
+}
+
+#[test]
+#[ignore = "a minute"]
+fn made_cells_of_buildings_from_files_hide_nothing_visible() {
+    check_made(scene("clinic"), 112, "frustum,portals,portals:rectangle", 0.5);
+    check_made(scene("oa_dm2"), 96, "frustum,portals,portals:rectangle", 0.5);
 }
 
 #[test]

@@ -54,7 +54,8 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let source = built_in(&arguments.scene)?;
     let frames = source.walks.iter().map(|walk| walk.keys.len()).sum::<usize>() * 10;
     let all = source.triangle_count() as f64;
-    let world = World::new(source, (640, 360), Some(frames))?;
+    let mut world = World::new(source, (640, 360), Some(frames))?;
+    world.makes_cells = true;
     let (_, mut pipeline) = cullers::parse(&arguments.culler, &world)?.remove(0);
     let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(arguments.patience));
     let sets = match &arguments.prefetch {

@@ -40,7 +40,8 @@ struct Arguments {
     cameras: Option<PathBuf>,
 
     /// Cullers to compare, separated by commas. a+b runs b after a, and `auto` is the best of all for the
-    /// scene. All but `frustum` itself run after the frustum.
+    /// scene. All but `frustum` itself run after the frustum. `portals` and `pvs` need cells and portals; if
+    /// the scene brings none, they are made from its opaque triangles.
     #[arg(long, default_value = "frustum,hzb", value_name = "LIST")]
     cullers: String,
 
@@ -97,7 +98,8 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let (objects, triangles) = (source.objects.len(), source.triangle_count());
     let loaded = start.elapsed();
     let start = Instant::now();
-    let world = World::new(source, arguments.size.into(), arguments.frames)?;
+    let mut world = World::new(source, arguments.size.into(), arguments.frames)?;
+    world.makes_cells = true;
     println!(
         "{}: {objects} objects, {triangles} triangles, {} walks, {} frames; made in {:.0} ms, hierarchy in {:.0} ms",
         world.source.name,

@@ -31,7 +31,8 @@ pub enum Detail {
 /// Returns a message that says why the world has no cells or why the cells cannot be baked.
 pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<ScenePvs>, String> {
     world.prepared.get(&format!("sets of {detail:?}, cells {origin:?}"), || {
-        if origin == Origin::Given {
+        let is_made = || world.makes_cells && world.source.cells.is_none();
+        if origin == Origin::Given || origin == Origin::Polygons && is_made() {
             let cells = world.cells()?;
             return bake(&world.scene, &cells.graph, &cells.viewcells, detail);
         }

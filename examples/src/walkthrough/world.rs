@@ -1,9 +1,12 @@
 //! World to cull: a scene source converted to a [`Scene`], with a [`View`] for every frame.
 
 use super::prepared::Prepared;
+use crate::pvs::built;
 use crate::source::SourceCells;
 use crate::{SceneSource, SourceError, frames};
 use glam::DVec3;
+use std::sync::OnceLock;
+use std::time::Instant;
 use visibility_core::{
     Aabb, Object, ObjectId, Pose, Scene, View, cells::CellId, occlusion::Preparation, pvs::Viewcells,
     view::ViewError,
@@ -23,6 +26,11 @@ pub struct World {
     pub size: (u32, u32),
     /// Cache of the data that cullers precompute from the world.
     pub prepared: Prepared,
+    /// Whether [`cells`](Self::cells) makes the cells of a scene that brings none, from its opaque
+    /// triangles. False for a new world.
+    pub makes_cells: bool,
+    /// Cells made from the opaque triangles, or why there are none. Empty until they are first asked for.
+    made_cells: OnceLock<Result<SourceCells, String>>,
 }
 
 impl World {
@@ -86,7 +94,8 @@ impl World {
         }
         // Occluders are two-sided: scenes are drawn with both faces, and files may have any winding.
         scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
-        Self { source, scene, views, poses, size, prepared: Prepared::default() }
+        let (prepared, made_cells) = (Prepared::default(), OnceLock::new());
+        Self { source, scene, views, poses, size, prepared, makes_cells: false, made_cells }
     }
 
     /// Returns the objects in the form that the item buffer takes: index and triangles, by ascending index.
@@ -94,13 +103,57 @@ impl World {
         (0..).zip(self.source.objects.iter().map(|object| object.triangles.as_slice()))
     }
 
-    /// Returns the cells and portals that the scene brings, with the objects in each cell.
+    /// Returns the cells and portals of the scene, with the objects in each cell: those that the scene
+    /// brings. If it brings none and [`makes_cells`](Self::makes_cells) is true, cells are made from its
+    /// opaque triangles on the first call, which says on standard error what it made and how long that
+    /// took.
     ///
     /// # Errors
     ///
-    /// Returns a message if the scene has no cells.
+    /// Returns a message if the scene has no cells and none can or may be made.
     pub fn cells(&self) -> Result<&SourceCells, String> {
-        self.source.cells.as_ref().ok_or_else(|| "this scene has no cells and portals".to_owned())
+        if let Some(cells) = &self.source.cells {
+            return Ok(cells);
+        }
+        if !self.makes_cells {
+            return Err("this scene has no cells and portals".to_owned());
+        }
+        self.made_cells.get_or_init(|| self.make_cells()).as_ref().map_err(Clone::clone)
+    }
+
+    /// Makes cells from the opaque triangles of the scene, and lists the objects in each. Prints a line
+    /// before and a line after on standard error, and a word if most cameras of the walks stand in the
+    /// open.
+    fn make_cells(&self) -> Result<SourceCells, String> {
+        if self.origin() != DVec3::ZERO {
+            return Err("cells are made of triangles only where the world's origin is zero".to_owned());
+        }
+        let name = &self.source.name;
+        eprintln!("{name} brings no cells: making cells and portals from its opaque triangles ...");
+        let start = Instant::now();
+        let mut cells = built::cells(&self.source, built::Origin::Polygons)?;
+        let ids: Vec<ObjectId> = self.scene.ids().collect();
+        let pairs = objects_in_cells(&self.scene, &ids, &cells.viewcells);
+        cells.graph.set_objects(pairs).map_err(|error| error.to_string())?;
+        eprintln!(
+            "{name}: {} cells and {} portals made in {:.2} s",
+            cells.graph.cell_count(),
+            cells.graph.portals().len(),
+            start.elapsed().as_secs_f64()
+        );
+        let eyes = || self.source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
+        let is_open = |&eye: &DVec3| {
+            let cell = cells.viewcells.locate(eye);
+            cell.is_none_or(|cell| cells.names[cell.index()].ends_with("outside"))
+        };
+        let (open, all) = (eyes().filter(is_open).count(), eyes().count());
+        if 2 * open > all {
+            eprintln!(
+                "{name}: {open} of {all} cameras stand in the open, where cells hide little; \
+                 hzb, horizon or view-cdt suit such scenes better"
+            );
+        }
+        Ok(cells)
     }
 
     /// Returns the cells and portals for culling from a point: those with a cell per doorway where doorways
@@ -120,8 +173,7 @@ impl World {
 }
 
 /// Returns all pairs of a cell and an object whose bounds meet the cell, touching included: a wall between
-/// two rooms is in both. Pairs are grouped by object. The cost is the number of objects times the number of
-/// cells.
+/// two rooms is in both. Pairs are grouped by object.
 pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) -> Vec<(CellId, ObjectId)> {
     let mut pairs = Vec::new();
     for &id in ids {
@@ -129,15 +181,7 @@ pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) 
         let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
         // Cells are made from coordinates of f64, while bounds have been rounded to f32.
         let slack = 1e-6 * min.abs().max(max.abs()).max_element();
-        let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5 + slack);
-        for (number, cell) in (0..).zip(viewcells.cells()) {
-            let meets = cell.min.cmple(middle + half).all()
-                && (middle - half).cmple(cell.max).all()
-                && cell.planes.iter().all(|p| p.signed_distance(middle) + p.normal.abs().dot(half) >= 0.0);
-            if meets {
-                pairs.push((CellId(number), id));
-            }
-        }
+        viewcells.for_each_touching(min - slack, max + slack, |cell| pairs.push((CellId(cell.0), id)));
     }
     pairs
 }
