@@ -14,7 +14,7 @@ const KILLS: usize = 10;
 /// Starts a bake of some seconds' work, which writes its state often.
 fn bake(out: &Path, threads: &str) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bake"));
-    command.args(["london:2,2", "--size", "16,16,4", "--gap", "100%", "--save", "0.02"]);
+    command.args(["london:2,2", "--cells", "walks", "--size", "16,16,4", "--gap", "100%", "--save", "0.02"]);
     command.args(["--threads", threads, "-o"]).arg(out).stdout(Stdio::null());
     command.spawn().expect("the program starts")
 }

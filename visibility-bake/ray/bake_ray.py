@@ -211,7 +211,7 @@ def assemble(program, job, out, files, folder, count):
 def read_arguments():
     parser = argparse.ArgumentParser(
         description="Bake what can be seen from each viewcell of a scene on a Ray cluster.",
-        epilog="Options after -- are those of `bake` that say what is baked: --size, --over, --gap and others.",
+        epilog="Options after -- are those of `bake` that say what is baked: --size, --cells, --gap and others.",
     )
     parser.add_argument("scene", help="scene as `bake` takes it; a file must have the same path on all nodes")
     parser.add_argument("-o", "--out", required=True, metavar="FILE", help="file to write")

@@ -13,7 +13,7 @@ import time
 
 import ray
 
-SCENE = ["london:3,3", "--gap", "100%"]
+SCENE = ["london:3,3", "--cells", "walks", "--gap", "100%"]
 SHARDS = 12
 HERE = os.path.dirname(os.path.abspath(__file__))
 

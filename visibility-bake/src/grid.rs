@@ -19,8 +19,8 @@ use visibility_core::pvs::Viewcell;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Grid {
-    origin: DVec3,
-    size: DVec3,
+    pub(crate) origin: DVec3,
+    pub(crate) size: DVec3,
 }
 
 /// A grid that cannot be made.
@@ -28,15 +28,26 @@ pub struct Grid {
 pub enum GridError {
     /// The size of a box is not positive and finite on each axis, or the origin is not finite.
     Size,
-    /// The box or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`].
+    /// The box or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or a flood of
+    /// free space would take more than four gigabytes.
     TooMany,
+    /// The distance that a camera keeps from surfaces is not positive, or too small for viewcells so large.
+    Radius,
 }
 
 impl fmt::Display for GridError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Size => write!(f, "the size of viewcells must be positive and finite"),
-            Self::TooMany => write!(f, "more than {} viewcells, or a place that is not finite", Grid::LIMIT),
+            Self::TooMany => write!(
+                f,
+                "more than {} viewcells, or more memory than a flood may take, or a place that is not finite",
+                Grid::LIMIT
+            ),
+            Self::Radius => write!(
+                f,
+                "the distance to surfaces must be positive, and not less than about a hundredth of a viewcell"
+            ),
         }
     }
 }
@@ -121,18 +132,18 @@ impl Grid {
     }
 
     /// Returns the place in the grid of the box that contains a point.
-    fn place(&self, p: DVec3) -> Result<[i64; 3], GridError> {
+    pub(crate) fn place(&self, p: DVec3) -> Result<[i64; 3], GridError> {
         let at = ((p - self.origin) / self.size).floor();
         // Beyond 2^52 boxes have no extent.
         let is_near = at.abs().cmplt(DVec3::splat(4.5e15)).all();
         if is_near { Ok(at.to_array().map(|at| at as i64)) } else { Err(GridError::TooMany) }
     }
 
-    fn face(&self, axis: usize, place: i64) -> f64 {
+    pub(crate) fn face(&self, axis: usize, place: i64) -> f64 {
         self.origin[axis] + place as f64 * self.size[axis]
     }
 
-    fn cell(&self, place: [i64; 3]) -> Viewcell {
+    pub(crate) fn cell(&self, place: [i64; 3]) -> Viewcell {
         let corner = |step: i64| DVec3::from_array([0, 1, 2].map(|axis| self.face(axis, place[axis] + step)));
         Viewcell::from_box(corner(0), corner(1))
     }

@@ -1,7 +1,8 @@
 //! From a level to a file: what can be seen from each viewcell of a scene, with bounds on the error, baked on
 //! one machine or in shards on many.
 //!
-//! - A [`Grid`] makes viewcells.
+//! - A [`Grid`] makes viewcells: over a box, along a walk, [where a camera can be](Grid::free), or
+//!   [above walkable triangles](Grid::above).
 //! - [`SandwichBaker`] finds for each viewcell the objects that are seen for certain and those that are not
 //!   proven hidden, by methods from cheap to exact, until what lies between is below a stated
 //!   [gap](Settings::gap).
@@ -19,6 +20,7 @@
 mod baked_set;
 mod cell_sandwich;
 mod fingerprint;
+mod free_space;
 mod grid;
 mod method_times;
 mod sandwich_baker;
@@ -28,6 +30,7 @@ mod shard;
 pub use baked_set::{BakedSet, BakedSetError};
 pub use cell_sandwich::CellSandwich;
 pub use fingerprint::scene_fingerprint;
+pub use free_space::CameraRange;
 pub use grid::{Grid, GridError};
 pub use method_times::MethodTimes;
 pub use sandwich_baker::{BakeScratch, SandwichBaker, SandwichOutcome, bake_fingerprint};

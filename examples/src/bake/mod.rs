@@ -2,22 +2,20 @@
 
 pub mod pictures;
 pub mod report;
+pub mod viewcells;
 
+use crate::open;
 use crate::region::world;
 use crate::walkthrough::World;
-use crate::{SceneSource, open};
 use clap::Args;
-use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
-use visibility_bake::{
-    BakedSet, CellSandwich, Grid, GridError, SandwichBaker, SandwichOutcome, Settings, bake_fingerprint,
-};
+use viewcells::Places;
+use visibility_bake::{BakedSet, CellSandwich, SandwichBaker, SandwichOutcome, Settings, bake_fingerprint};
 use visibility_core::bake::{Bake, Progress};
-use visibility_core::glam::DVec3;
-use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::pvs::Viewcells;
 
 /// What is baked: the same for all shards of a bake.
 #[derive(Args, Clone, Debug)]
@@ -27,14 +25,9 @@ pub struct Job {
     #[arg(value_name = "SCENE")]
     pub scene: String,
 
-    /// Size of a viewcell in metres along x, y and z.
-    #[arg(long, value_name = "X,Y,Z", value_parser = size, default_value = "4,4,2")]
-    pub size: [f64; 3],
-
-    /// Box to fill with viewcells. By default the viewcells are those that the scene's walks pass.
-    #[arg(long, value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", value_parser = crate::region::cells::parse,
-        allow_hyphen_values = true)]
-    pub over: Option<[f64; 6]>,
+    /// Where viewcells are.
+    #[command(flatten)]
+    pub places: Places,
 
     /// Part of the reported triangles that may be neither seen nor proven hidden, as in 5% or 0.05.
     #[arg(long, value_parser = share, default_value = "5%")]
@@ -47,10 +40,6 @@ pub struct Job {
     /// Number of rays aimed at each object.
     #[arg(long, default_value_t = 200)]
     pub rays: u32,
-}
-
-fn size(text: &str) -> Result<[f64; 3], String> {
-    crate::region::cells::parse_size(text)
 }
 
 /// Reads a part from text: a number from 0 to 1, or a percentage.
@@ -78,10 +67,10 @@ impl Level {
     ///
     /// Returns a message if the scene cannot be loaded, or there are no viewcells or too many.
     pub fn open(job: &Job) -> Result<Self, String> {
-        let source = open(&job.scene).map_err(|error| error.to_string())?;
-        let viewcells = viewcells(job, &source)?;
+        let world = world(open(&job.scene).map_err(|error| error.to_string())?);
+        let viewcells = Viewcells::new(viewcells::make(&job.places, &world)?);
         let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
-        Ok(Self { world: world(source), viewcells: Viewcells::new(viewcells), settings })
+        Ok(Self { world, viewcells, settings })
     }
 
     /// Prepares the bake of all viewcells.
@@ -109,31 +98,6 @@ impl Level {
 fn clock() -> Duration {
     static FIRST: OnceLock<Instant> = OnceLock::new();
     FIRST.get_or_init(Instant::now).elapsed()
-}
-
-fn viewcells(job: &Job, source: &SceneSource) -> Result<Vec<Viewcell>, String> {
-    let text = |error: GridError| error.to_string();
-    let size = DVec3::from_array(job.size);
-    if let Some([a, b, c, d, e, f]) = job.over {
-        let (min, max) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
-        return Grid::new(min, size).and_then(|grid| grid.over(min, max)).map_err(text);
-    }
-    // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it,
-    // under all that stands there.
-    let first = source.walks.iter().flat_map(|walk| &walk.keys).next().map_or(DVec3::ZERO, |key| key.eye);
-    let grid = Grid::new(first - size * 0.5, size).map_err(text)?;
-    let mut all = Vec::new();
-    for walk in &source.walks {
-        let eyes: Vec<DVec3> = walk.keys.iter().map(|key| key.eye).collect();
-        all.extend(grid.along(&eyes).map_err(text)?);
-    }
-    if all.is_empty() {
-        return Err("the scene has no walks: say with --over where viewcells should be".to_owned());
-    }
-    // Walks may pass the same boxes.
-    all.sort_by(|a, b| a.min.to_array().partial_cmp(&b.min.to_array()).unwrap_or(Ordering::Equal));
-    all.dedup();
-    Ok(all)
 }
 
 /// Where and how long a bake runs.

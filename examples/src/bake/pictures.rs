@@ -173,9 +173,13 @@ mod tests {
     #[test]
     fn a_bake_has_its_pictures() {
         let folder = std::env::temp_dir().join(format!("bake-pictures-{}", std::process::id()));
-        let [size, over] = [[16.0, 16.0, 4.0], [0.0; 3]];
-        let over = Some([over[0], over[1], over[2], 64.0, 32.0, 4.0]);
-        let job = Job { scene: "london:1,1".into(), size, over, gap: 1.0, clearance: 1e-4, rays: 20 };
+        #[derive(clap::Parser)]
+        struct Arguments {
+            #[command(flatten)]
+            job: Job,
+        }
+        let arguments = "bake london:1,1 --size 16,16,4 --over 0,0,0,64,32,4 --gap 100% --rays 20";
+        let Arguments { job } = clap::Parser::parse_from(arguments.split(' '));
         let level = Level::open(&job).unwrap();
         let settings =
             Run { threads: 1, limit: None, save_every: Duration::from_secs(60), state: folder.join("state") };

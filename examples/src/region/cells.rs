@@ -46,7 +46,8 @@ pub fn parse_size(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
-fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+/// Reads N finite numbers separated by commas. The error is a message for a person.
+pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let read = |part: &str| {
         let number = part.trim().parse::<f64>().map_err(|error| format!("{part}: {error}"))?;
         if number.is_finite() { Ok(number) } else { Err(format!("{part} is not finite")) }

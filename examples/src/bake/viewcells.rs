@@ -1,0 +1,182 @@
+//! Viewcells of a bake: where the users of a scene can be.
+
+use crate::load;
+use crate::region::cells;
+use crate::walkthrough::World;
+use clap::Args;
+use glam::{DVec3, Vec3};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use visibility_bake::{CameraRange, Grid, GridError};
+use visibility_core::pvs::Viewcell;
+
+/// Where viewcells are.
+#[derive(Args, Clone, Debug)]
+pub struct Places {
+    /// Places of the viewcells: `free` for the boxes of a grid that a walking camera reaches from the
+    /// scene's walks (or --from) without passing through opaque objects, with those that the walks pass;
+    /// `walks` for the boxes that the walks pass; `grid` for all boxes over the scene, or over --over;
+    /// `graph` for the scene's own cells; or a file (.glb, .gltf, .vscn) of walkable triangles, such as
+    /// a navigation mesh, for the boxes above them. By default `free`, and `grid` with --over. An eye
+    /// outside all viewcells sees everything.
+    #[arg(long, value_name = "PLACES|FILE")]
+    pub cells: Option<Kind>,
+
+    /// Size of a viewcell in metres along x, y and z.
+    #[arg(long, value_name = "X,Y,Z", value_parser = size, default_value = "4,4,2")]
+    pub size: [f64; 3],
+
+    /// Box to fill with viewcells, or that `free` does not leave.
+    #[arg(long, value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", value_parser = corners,
+        allow_hyphen_values = true)]
+    pub over: Option<[f64; 6]>,
+
+    /// Point where a camera can be, from which `free` begins in place of the walks. May be given several
+    /// times.
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub from: Vec<[f64; 3]>,
+
+    /// Least and greatest height of a walking camera above what is below it, in metres, falls and jumps
+    /// included. For `free` and files of walkable triangles.
+    #[arg(long, value_name = "LOW,HIGH", value_parser = heights, default_value = "1,3",
+        allow_hyphen_values = true)]
+    pub heights: [f64; 2],
+
+    /// The camera flies: `free` has no limit of height.
+    #[arg(long, conflicts_with = "heights")]
+    pub fly: bool,
+
+    /// Least distance in metres that the camera keeps from opaque objects, for `free`.
+    #[arg(long, value_name = "METRES", default_value_t = 0.25)]
+    pub radius: f64,
+}
+
+/// How viewcells are placed.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Kind {
+    /// In the free space that the scene's walks reach, and along the walks.
+    Free,
+    /// Along the scene's walks.
+    Walks,
+    /// Over a box.
+    Grid,
+    /// The scene's cells.
+    Graph,
+    /// Above the triangles of a file.
+    Above(PathBuf),
+}
+
+impl FromStr for Kind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "free" => Ok(Self::Free),
+            "walks" => Ok(Self::Walks),
+            "grid" => Ok(Self::Grid),
+            "graph" => Ok(Self::Graph),
+            file if Path::new(file).extension().is_some() => Ok(Self::Above(file.into())),
+            other => Err(format!("`{other}` is none of free, walks, grid and graph, and no file")),
+        }
+    }
+}
+
+fn size(text: &str) -> Result<[f64; 3], String> {
+    cells::parse_size(text)
+}
+
+fn point(text: &str) -> Result<[f64; 3], String> {
+    cells::numbers(text)
+}
+
+fn corners(text: &str) -> Result<[f64; 6], String> {
+    let corners: [f64; 6] = cells::numbers(text)?;
+    let is_inverted = (0..3).any(|axis| corners[axis] > corners[axis + 3]);
+    if is_inverted { Err("a maximum is less than its minimum".to_owned()) } else { Ok(corners) }
+}
+
+fn heights(text: &str) -> Result<[f64; 2], String> {
+    let [low, high] = cells::numbers(text)?;
+    if low <= high { Ok([low, high]) } else { Err("the greatest height is less than the least".to_owned()) }
+}
+
+/// Makes the viewcells of a world.
+///
+/// # Errors
+///
+/// Returns a message if there are none or too many, or a file cannot be read.
+pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
+    let text = |error: GridError| error.to_string();
+    let source = &world.source;
+    let double = |point: Vec3| point.as_dvec3();
+    let (low, high) = source.bounds().map_or((DVec3::ZERO, DVec3::ZERO), |(a, b)| (double(a), double(b)));
+    let size = DVec3::from_array(places.size);
+    let over = places.over.map(|[a, b, c, d, e, f]| (DVec3::new(a, b, c), DVec3::new(d, e, f)));
+    let kind = match &places.cells {
+        Some(kind) => kind.clone(),
+        None if over.is_some() => Kind::Grid,
+        None => Kind::Free,
+    };
+    // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it,
+    // under all that stands there.
+    let mut eyes = source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
+    let corner = match (&kind, over) {
+        (Kind::Grid, Some((min, _))) => min,
+        _ => eyes.next().map_or(low, |first| first - size * 0.5),
+    };
+    let grid = Grid::new(corner, size).map_err(text)?;
+    let camera = CameraRange {
+        radius: places.radius,
+        heights: (!places.fly).then_some(places.heights),
+        up: double(source.up),
+    };
+    let found = match kind {
+        Kind::Walks => along(world, &grid).map_err(text)?,
+        Kind::Free => {
+            let (from, mut all): (Vec<DVec3>, _) = if places.from.is_empty() {
+                let eyes = source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
+                (eyes.collect(), along(world, &grid).map_err(text)?)
+            } else {
+                (places.from.iter().copied().map(DVec3::from_array).collect(), Vec::new())
+            };
+            let (min, max) = over.unwrap_or((low, high));
+            all.extend(grid.free(&world.scene, &from, &camera, min, max).map_err(text)?);
+            all
+        }
+        Kind::Grid => {
+            let (min, max) = over.unwrap_or((low, high));
+            grid.over(min, max).map_err(text)?
+        }
+        Kind::Graph => source
+            .cells
+            .as_ref()
+            .ok_or("the scene has no cells: take another value of --cells")?
+            .viewcells
+            .cells()
+            .to_vec(),
+        Kind::Above(file) => {
+            let walkable = load(&file).map_err(|error| error.to_string())?;
+            let triangles = walkable.objects.iter().flat_map(|object| &object.triangles);
+            let triangles: Vec<[DVec3; 3]> = triangles.map(|corners| corners.map(double)).collect();
+            grid.above(&triangles, &camera).map_err(text)?
+        }
+    };
+    if found.is_empty() {
+        return Err("there are no viewcells: say with --cells or --over where they should be".to_owned());
+    }
+    // Walks may pass the same boxes. The first of them stays.
+    let mut known = HashSet::new();
+    let is_new =
+        |cell: &Viewcell| !cell.planes.is_empty() || known.insert(cell.min.to_array().map(f64::to_bits));
+    Ok(found.into_iter().filter(is_new).collect())
+}
+
+fn along(world: &World, grid: &Grid) -> Result<Vec<Viewcell>, GridError> {
+    let mut all = Vec::new();
+    for walk in &world.source.walks {
+        let eyes: Vec<DVec3> = walk.keys.iter().map(|key| key.eye).collect();
+        all.extend(grid.along(&eyes)?);
+    }
+    Ok(all)
+}

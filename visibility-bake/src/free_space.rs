@@ -1,0 +1,517 @@
+//! Viewcells where a camera can be: a flood of free space from given points, and boxes above walkable
+//! triangles.
+//!
+//! The flood walks voxels. The diagonal of a voxel is less than the radius that the camera keeps free around
+//! itself. A voxel that touches a solid surface therefore contains no position of the camera: each of its
+//! points is nearer to that surface than the radius. A path of the camera is in voxels that touch no surface,
+//! and it passes from one to the next through their common face: where it passes through an edge or a corner,
+//! it touches the voxels beside it too, so they are free as well. A flood of free voxels through faces thus
+//! reaches every position that a path of the camera reaches.
+
+use crate::grid::{Grid, GridError};
+use std::collections::{BTreeSet, HashMap, VecDeque};
+use visibility_core::Scene;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_core::scene::Triangle;
+
+/// How a camera moves, for [`Grid::free`] and [`Grid::above`].
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct CameraRange {
+    /// Least distance in metres that the camera keeps from every solid surface.
+    pub radius: f64,
+    /// Least and greatest height in metres of the camera above a surface that is less steep than 60 degrees,
+    /// on the vertical line through the camera. `None` for a camera that flies.
+    pub heights: Option<[f64; 2]>,
+    /// Direction that points up. The axis nearest to it counts.
+    pub up: DVec3,
+}
+
+impl Default for CameraRange {
+    /// A person: a quarter of a metre to every surface, 1 to 3 m above what is below, z up.
+    fn default() -> Self {
+        Self { radius: 0.25, heights: Some([1.0, 3.0]), up: DVec3::Z }
+    }
+}
+
+impl CameraRange {
+    /// Returns the axis that points up or down, and the range of the camera's coordinate on it, relative to
+    /// the surface.
+    fn vertical(&self) -> (usize, Option<[f64; 2]>) {
+        let up = self.up.abs();
+        let axis = (0..2).fold(2, |most, axis| if up[axis] > up[most] { axis } else { most });
+        let sign = self.up[axis] >= 0.0;
+        (axis, self.heights.map(|[low, high]| if sign { [low, high] } else { [-high, -low] }))
+    }
+}
+
+/// Most voxels of a viewcell.
+const CELL_VOXELS: usize = 1 << 21;
+
+/// Most voxels of a flood: two gigabytes of them.
+const ALL_VOXELS: usize = 1 << 33;
+
+/// Part of the extent of a voxel by which it counts as larger, for rounding.
+const SLACK: f64 = 1e-6;
+
+impl Grid {
+    /// Returns the viewcells that a camera reaches from some points, those of the points first, then in the
+    /// order in which the flood reaches them. Solid are the triangles of the objects flagged as occluders.
+    /// The flood does not leave the box from `min` to `max`. A point where the camera cannot be is
+    /// replaced by the nearest place in the same viewcell where it can be, and ignored if there is none.
+    ///
+    /// No viewcell is left out that holds a position that the camera can reach in the box without coming
+    /// nearer to a solid surface than the [radius](CameraRange::radius) and without leaving the
+    /// [heights](CameraRange::heights). Time and memory are in proportion to the volume flooded, divided by
+    /// the cube of the radius.
+    ///
+    /// # Errors
+    /// [`GridError::Radius`] if the radius is not positive, or less than about a hundredth of a viewcell;
+    /// [`GridError::TooMany`].
+    ///
+    /// ```
+    /// use visibility_bake::{CameraRange, Grid};
+    /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Object, Scene};
+    /// // A floor of 12 m, and a wall across it.
+    /// let floor = [[0.0, 0.0, 0.0], [12.0, 0.0, 0.0], [12.0, 2.0, 0.0], [0.0, 2.0, 0.0]];
+    /// let wall = [[7.0, 0.0, 0.0], [7.0, 2.0, 0.0], [7.0, 2.0, 4.0], [7.0, 0.0, 4.0]];
+    /// let mut scene = Scene::new();
+    /// for corners in [floor, wall] {
+    ///     let [a, b, c, d] = corners.map(Vec3::from_array);
+    ///     let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points([a, b, c, d])) });
+    ///     scene.set_triangles(id, [[a, b, c], [a, c, d]])?;
+    /// }
+    /// let grid = Grid::new(DVec3::ZERO, DVec3::new(2.0, 2.0, 2.0))?;
+    /// let eye = DVec3::new(1.0, 1.0, 1.7);
+    /// let box_of_all = (DVec3::ZERO, DVec3::new(12.0, 2.0, 4.0));
+    /// let cells = grid.free(&scene, &[eye], &CameraRange::default(), box_of_all.0, box_of_all.1)?;
+    /// // Four along the floor up to the wall, on each of two storeys of viewcells.
+    /// assert_eq!(cells.len(), 8);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn free(
+        &self,
+        scene: &Scene,
+        from: &[DVec3],
+        camera: &CameraRange,
+        min: DVec3,
+        max: DVec3,
+    ) -> Result<Vec<Viewcell>, GridError> {
+        if !min.is_finite() || !max.is_finite() {
+            return Err(GridError::TooMany);
+        }
+        if !min.cmple(max).all() {
+            return Ok(Vec::new());
+        }
+        let mut flood = Flood::new(self, scene, camera, [min, max])?;
+        for &point in from {
+            if min.cmple(point).all() && point.cmple(max).all() {
+                flood.start(point)?;
+            }
+        }
+        flood.run()?;
+        Ok(flood.found.iter().map(|&place| self.cell(place)).collect())
+    }
+
+    /// Returns the viewcells that hold positions of a camera above walkable triangles, such as those of a
+    /// navigation mesh, given in world space: at the [heights](CameraRange::heights) above a point of one of
+    /// them (0 for a camera that flies). In ascending order of z, y and x. A triangle that is not finite
+    /// counts for nothing.
+    ///
+    /// # Errors
+    /// [`GridError::TooMany`].
+    ///
+    /// ```
+    /// use visibility_bake::{CameraRange, Grid};
+    /// use visibility_core::glam::DVec3;
+    /// let grid = Grid::new(DVec3::ZERO, DVec3::new(4.0, 4.0, 2.0))?;
+    /// let floor = [[0.5, 0.5, 0.1], [7.5, 0.5, 0.1], [0.5, 1.5, 0.1]].map(DVec3::from_array);
+    /// // Two viewcells on the floor, and two above them.
+    /// assert_eq!(grid.above(&[floor], &CameraRange::default())?.len(), 4);
+    /// # Ok::<(), visibility_bake::GridError>(())
+    /// ```
+    pub fn above(&self, walkable: &[[DVec3; 3]], camera: &CameraRange) -> Result<Vec<Viewcell>, GridError> {
+        let (up, heights) = camera.vertical();
+        let heights = heights.unwrap_or([0.0; 2]);
+        let axes = [(up + 1) % 3, (up + 2) % 3];
+        let slack = SLACK * self.size.min_element();
+        let mut found = BTreeSet::new();
+        for triangle in walkable {
+            if !triangle.iter().all(|p| p.is_finite()) {
+                continue;
+            }
+            let (min, max) = extent(triangle);
+            let (first, last) = (self.place(min - slack)?, self.place(max + slack)?);
+            let limits = axes.map(|axis| [first[axis], last[axis]]);
+            let columns = limits.map(|[first, last]| last.abs_diff(first) + 1);
+            if columns[0].saturating_mul(columns[1]) > Self::LIMIT as u64 {
+                return Err(GridError::TooMany);
+            }
+            let local = triangle.map(|p| p - self.origin);
+            let step = axes.map(|axis| self.size[axis]);
+            let mut overflows = false;
+            for_each_column(local, axes, up, step, limits, slack, |column, [low, high]| {
+                let step = self.size[up];
+                let first = ((low + heights[0] - slack) / step).floor();
+                let last = ((high + heights[1] + slack) / step).floor();
+                if !(last - first < Self::LIMIT as f64 && first.abs().max(last.abs()) < 4.5e15) {
+                    overflows = true;
+                    return;
+                }
+                for level in first as i64..=last as i64 {
+                    let mut place = [0; 3];
+                    (place[axes[0]], place[axes[1]], place[up]) = (column[0], column[1], level);
+                    let [x, y, z] = place;
+                    found.insert([z, y, x]);
+                }
+            });
+            if overflows || found.len() > Self::LIMIT {
+                return Err(GridError::TooMany);
+            }
+        }
+        Ok(found.into_iter().map(|[z, y, x]| self.cell([x, y, z])).collect())
+    }
+}
+
+/// A flood of free voxels, viewcell by viewcell.
+struct Flood<'a> {
+    grid: &'a Grid,
+    camera: CameraRange,
+    /// Places in the grid of the first and last viewcell on each axis.
+    limits: [[i64; 3]; 2],
+    /// Number of voxels of a viewcell on each axis.
+    counts: [usize; 3],
+    /// Solid triangles relative to the grid's origin, and whether the camera can be above it.
+    solids: Vec<([DVec3; 3], bool)>,
+    /// Indices of the solid triangles that may touch a column of viewcells.
+    columns: HashMap<[i64; 2], Vec<u32>>,
+    cells: HashMap<[i64; 3], Voxels>,
+    /// Viewcells with voxels to go on from.
+    waiting: VecDeque<[i64; 3]>,
+    /// Viewcells reached, in order.
+    found: Vec<[i64; 3]>,
+}
+
+/// The voxels of a viewcell, along x first.
+struct Voxels {
+    /// A bit for each voxel where the camera can be.
+    free: Vec<u64>,
+    /// A bit for each voxel that the flood has reached.
+    reached: Vec<u64>,
+    /// Voxels to go on from, which may be reached or not free.
+    entered: Vec<u32>,
+    is_found: bool,
+}
+
+impl<'a> Flood<'a> {
+    fn new(
+        grid: &'a Grid,
+        scene: &Scene,
+        camera: &CameraRange,
+        [min, max]: [DVec3; 2],
+    ) -> Result<Self, GridError> {
+        // A voxel's diagonal is a little less than the radius.
+        let edge = camera.radius * 0.99 / 3f64.sqrt();
+        let counts = (grid.size / edge).ceil();
+        if !(camera.radius > 0.0 && counts.element_product() <= CELL_VOXELS as f64) {
+            return Err(GridError::Radius);
+        }
+        let counts = counts.to_array().map(|count| count.max(1.0) as usize);
+        let (first, mut last) = (grid.place(min)?, grid.place(max)?);
+        for axis in 0..3 {
+            // A viewcell that only touches the box from outside is not of it.
+            let is_outside = grid.face(axis, last[axis]) == max[axis];
+            last[axis] = (last[axis] - i64::from(is_outside)).max(first[axis]);
+        }
+        let limits = [first, last];
+        let (up, heights) = camera.vertical();
+        let axes = [(up + 1) % 3, (up + 2) % 3];
+        let slack = SLACK * grid.size.min_element();
+        let mut solids = Vec::new();
+        let mut columns: HashMap<[i64; 2], Vec<u32>> = HashMap::new();
+        let mut entries = 0;
+        for id in scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder)) {
+            for triangle in scene.triangles(id).unwrap_or_default() {
+                if !triangle.iter().all(|p| p.is_finite()) {
+                    continue;
+                }
+                let local = triangle.map(|p| p.as_dvec3() + (scene.origin() - grid.origin));
+                let number = solids.len() as u32;
+                solids.push((local, heights.is_some() && is_floor(triangle, up)));
+                let (low, high) = extent(&local);
+                let limits = axes.map(|axis| {
+                    let place = |x: f64| (x / grid.size[axis]).floor();
+                    // Places beyond the limits do not matter, so saturated ones do no harm.
+                    let first = (place(low[axis] - slack) as i64).max(limits[0][axis]);
+                    [first, (place(high[axis] + slack) as i64).min(limits[1][axis])]
+                });
+                let step = axes.map(|axis| grid.size[axis]);
+                for_each_column(local, axes, up, step, limits, slack, |column, _| {
+                    columns.entry(column).or_default().push(number);
+                    entries += 1;
+                });
+                if entries > 16 * Grid::LIMIT || solids.len() >= u32::MAX as usize {
+                    return Err(GridError::TooMany);
+                }
+            }
+        }
+        Ok(Self {
+            grid,
+            camera: *camera,
+            limits,
+            counts,
+            solids,
+            columns,
+            cells: HashMap::new(),
+            waiting: VecDeque::new(),
+            found: Vec::new(),
+        })
+    }
+
+    /// Enters the free voxel nearest to a point, among those of the point's viewcell.
+    fn start(&mut self, point: DVec3) -> Result<(), GridError> {
+        let mut place = self.grid.place(point)?;
+        (0..3).for_each(|axis| place[axis] = place[axis].min(self.limits[1][axis]));
+        let counts = self.counts;
+        let edge = self.grid.size / DVec3::from_array(counts.map(|count| count as f64));
+        let corner = self.grid.cell(place).min;
+        let voxels = self.voxels(place)?;
+        let distance = |&voxel: &usize| {
+            let at = DVec3::from_array(split(voxel, counts).map(|at| at as f64 + 0.5));
+            (corner + at * edge).distance_squared(point)
+        };
+        let all = 0..counts.iter().product();
+        let nearest =
+            all.filter(|&voxel| bit(&voxels.free, voxel)).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        if let Some(voxel) = nearest {
+            self.enter(place, [voxel as u32])?;
+        }
+        Ok(())
+    }
+
+    fn run(&mut self) -> Result<(), GridError> {
+        while let Some(place) = self.waiting.pop_front() {
+            self.spread(place)?;
+        }
+        Ok(())
+    }
+
+    /// Notes voxels of a viewcell to go on from.
+    fn enter(&mut self, place: [i64; 3], entered: impl IntoIterator<Item = u32>) -> Result<(), GridError> {
+        let voxels = self.voxels(place)?;
+        let is_waiting = !voxels.entered.is_empty();
+        let open = |voxel: &u32| bit(&voxels.free, *voxel as usize) && !bit(&voxels.reached, *voxel as usize);
+        voxels.entered.extend(entered.into_iter().filter(open));
+        if !is_waiting && !voxels.entered.is_empty() {
+            if !voxels.is_found {
+                voxels.is_found = true;
+                self.found.push(place);
+            }
+            self.waiting.push_back(place);
+        }
+        Ok(())
+    }
+
+    /// Floods a viewcell from the voxels entered, and enters its neighbours.
+    fn spread(&mut self, place: [i64; 3]) -> Result<(), GridError> {
+        let counts = self.counts;
+        let Some(voxels) = self.cells.get_mut(&place) else { return Ok(()) };
+        let mut stack = std::mem::take(&mut voxels.entered);
+        let mut beyond: [Vec<u32>; 6] = Default::default();
+        let strides = [1, counts[0], counts[0] * counts[1]];
+        while let Some(voxel) = stack.pop() {
+            let voxel = voxel as usize;
+            if bit(&voxels.reached, voxel) {
+                continue;
+            }
+            voxels.reached[voxel / 64] |= 1 << (voxel % 64);
+            let at = split(voxel, counts);
+            for axis in 0..3 {
+                let wrap = strides[axis] * (counts[axis] - 1);
+                for (side, is_last) in [at[axis] == 0, at[axis] + 1 == counts[axis]].into_iter().enumerate() {
+                    let next = match (side, is_last) {
+                        (0, false) => voxel - strides[axis],
+                        (_, false) => voxel + strides[axis],
+                        (_, true) => {
+                            let other = if side == 0 { voxel + wrap } else { voxel - wrap };
+                            beyond[axis * 2 + side].push(other as u32);
+                            continue;
+                        }
+                    };
+                    if bit(&voxels.free, next) && !bit(&voxels.reached, next) {
+                        stack.push(next as u32);
+                    }
+                }
+            }
+        }
+        for (side, entered) in beyond.into_iter().enumerate() {
+            let (axis, mut other) = (side / 2, place);
+            other[axis] += if side % 2 == 0 { -1 } else { 1 };
+            let is_within = self.limits[0][axis] <= other[axis] && other[axis] <= self.limits[1][axis];
+            if is_within && !entered.is_empty() {
+                self.enter(other, entered)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the voxels of a viewcell, made when it is first asked for.
+    fn voxels(&mut self, place: [i64; 3]) -> Result<&mut Voxels, GridError> {
+        let count: usize = self.counts.iter().product();
+        if !self.cells.contains_key(&place) {
+            if (self.cells.len() + 1).saturating_mul(count) > ALL_VOXELS || self.cells.len() >= Grid::LIMIT {
+                return Err(GridError::TooMany);
+            }
+            let voxels = self.voxelize(place);
+            self.cells.insert(place, voxels);
+        }
+        self.cells.get_mut(&place).ok_or(GridError::TooMany)
+    }
+
+    /// Finds the voxels of a viewcell where the camera can be.
+    fn voxelize(&self, place: [i64; 3]) -> Voxels {
+        let count: usize = self.counts.iter().product();
+        let (up, heights) = self.camera.vertical();
+        let axes = [(up + 1) % 3, (up + 2) % 3];
+        let strides = [1, self.counts[0], self.counts[0] * self.counts[1]];
+        let size = self.grid.size;
+        let edge = size / DVec3::from_array(self.counts.map(|count| count as f64));
+        let slack = SLACK * edge.min_element();
+        let corner = DVec3::from_array(place.map(|place| place as f64)) * size;
+        let mut solid = vec![0u64; count.div_ceil(64)];
+        // Voxels at the right height above a surface: all for a camera that flies.
+        let mut stood = vec![if heights.is_some() { 0 } else { u64::MAX }; count.div_ceil(64)];
+        let step = axes.map(|axis| edge[axis]);
+        let limits = axes.map(|axis| [0, self.counts[axis] as i64 - 1]);
+        let levels = self.counts[up] as f64 - 1.0;
+        let mark = |bits: &mut [u64], column: [i64; 2], first: f64, last: f64| {
+            let base = column[0] as usize * strides[axes[0]] + column[1] as usize * strides[axes[1]];
+            if first <= levels && last >= 0.0 {
+                for level in first.max(0.0) as usize..=last.min(levels) as usize {
+                    let voxel = base + level * strides[up];
+                    bits[voxel / 64] |= 1 << (voxel % 64);
+                }
+            }
+        };
+        let near = self.columns.get(&axes.map(|axis| place[axis]));
+        for &number in near.into_iter().flatten() {
+            let (triangle, is_floor) = self.solids[number as usize];
+            let local = triangle.map(|p| p - corner);
+            let (low, high) = extent(&local);
+            let meets = |offsets: [f64; 2]| {
+                low[up] + offsets[0] <= size[up] + slack && high[up] + offsets[1] >= -slack
+            };
+            let stands = heights.filter(|&heights| is_floor && meets(heights));
+            if !meets([0.0; 2]) && stands.is_none() {
+                continue;
+            }
+            for_each_column(local, axes, up, step, limits, slack, |column, [low, high]| {
+                let level = |height: f64| (height / edge[up]).floor();
+                mark(&mut solid, column, level(low - slack), level(high + slack));
+                if let Some(heights) = stands {
+                    mark(
+                        &mut stood,
+                        column,
+                        level(low + heights[0] - slack),
+                        level(high + heights[1] + slack),
+                    );
+                }
+            });
+        }
+        let free = solid.iter().zip(&stood).map(|(solid, stood)| stood & !solid).collect();
+        Voxels { free, reached: vec![0; count.div_ceil(64)], entered: Vec::new(), is_found: false }
+    }
+}
+
+/// Returns whether a triangle is less steep than 60 degrees. A triangle without area is not.
+fn is_floor(triangle: &Triangle, up: usize) -> bool {
+    let [a, b, c]: [DVec3; 3] = triangle.map(Vec3::as_dvec3);
+    let normal = (b - a).cross(c - a);
+    normal[up].abs() > 0.5 * normal.length()
+}
+
+fn extent(triangle: &[DVec3; 3]) -> (DVec3, DVec3) {
+    let [a, b, c] = *triangle;
+    (a.min(b).min(c), a.max(b).max(c))
+}
+
+fn bit(bits: &[u64], at: usize) -> bool {
+    bits[at / 64] >> (at % 64) & 1 == 1
+}
+
+/// Returns the place of a voxel on each axis.
+fn split(voxel: usize, counts: [usize; 3]) -> [usize; 3] {
+    [voxel % counts[0], voxel / counts[0] % counts[1], voxel / counts[0] / counts[1]]
+}
+
+/// Calls `each` with the columns of a grid that a triangle touches, and with the least and greatest
+/// coordinate of the triangle on the axis `up` in that column. Columns are `step` wide on the two `axes`, the
+/// first begins at 0, and each counts as larger by `slack` on all sides. Those outside `limits` (first and
+/// last) are left out.
+fn for_each_column(
+    triangle: [DVec3; 3],
+    axes: [usize; 2],
+    up: usize,
+    step: [f64; 2],
+    limits: [[i64; 2]; 2],
+    slack: f64,
+    mut each: impl FnMut([i64; 2], [f64; 2]),
+) {
+    let whole = Polygon { corners: triangle.to_vec() };
+    let range = |polygon: &Polygon, side: usize| {
+        let [least, most] = polygon.range(axes[side]);
+        let place = |x: f64| (x / step[side]).floor();
+        let first = place(least - slack).max(limits[side][0] as f64) as i64;
+        first..=place(most + slack).min(limits[side][1] as f64) as i64
+    };
+    let between = |side: usize, place: i64| {
+        [place as f64 * step[side] - slack, (place + 1) as f64 * step[side] + slack]
+    };
+    for row in range(&whole, 1) {
+        let strip = whole.clipped(axes[1], between(1, row));
+        if strip.corners.is_empty() {
+            continue;
+        }
+        for column in range(&strip, 0) {
+            let piece = strip.clipped(axes[0], between(0, column));
+            if !piece.corners.is_empty() {
+                each([column, row], piece.range(up));
+            }
+        }
+    }
+}
+
+/// A convex polygon.
+struct Polygon {
+    corners: Vec<DVec3>,
+}
+
+impl Polygon {
+    /// Returns the least and greatest coordinate on an axis.
+    fn range(&self, axis: usize) -> [f64; 2] {
+        self.corners
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], p| [low.min(p[axis]), high.max(p[axis])])
+    }
+
+    /// Returns the part between two coordinates on an axis.
+    fn clipped(&self, axis: usize, [low, high]: [f64; 2]) -> Self {
+        let mut corners = Vec::with_capacity(self.corners.len() + 2);
+        corners.extend_from_slice(&self.corners);
+        for (sign, limit) in [(1.0, low), (-1.0, -high)] {
+            let inside = |p: DVec3| p[axis] * sign - limit;
+            let from = std::mem::take(&mut corners);
+            for (number, &q) in from.iter().enumerate() {
+                let p = from[(number + from.len() - 1) % from.len()];
+                let (a, b) = (inside(p), inside(q));
+                if (a < 0.0) != (b < 0.0) {
+                    corners.push(p + (q - p) * (a / (a - b)));
+                }
+                if b >= 0.0 {
+                    corners.push(q);
+                }
+            }
+        }
+        Self { corners }
+    }
+}

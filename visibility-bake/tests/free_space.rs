@@ -1,0 +1,217 @@
+//! Tests of viewcells in free space: cameras that walk at random through houses never leave them, and closed
+//! rooms have none. The oracle measures distances to boxes and knows nothing of voxels.
+#![allow(missing_docs)]
+
+use std::collections::HashSet;
+use visibility_bake::{CameraRange, Grid, GridError};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Object, Scene};
+use visibility_testing::Random;
+
+/// The triangles of a box.
+fn sides(min: DVec3, max: DVec3) -> Vec<Triangle> {
+    let corners = Aabb::from_arrays(min.as_vec3().to_array(), max.as_vec3().to_array()).corners();
+    let mut triangles = Vec::new();
+    for axis in 0..3 {
+        for plane in [min.as_vec3()[axis], max.as_vec3()[axis]] {
+            let side: Vec<Vec3> = corners.iter().copied().filter(|corner| corner[axis] == plane).collect();
+            triangles.push([side[0], side[1], side[2]]);
+            triangles.push([side[1], side[2], side[3]]);
+        }
+    }
+    triangles
+}
+
+/// Boxes of solid matter on a floor, with `up` as the axis that points up.
+struct World {
+    boxes: Vec<(DVec3, DVec3)>,
+    up: usize,
+}
+
+impl World {
+    fn scene(&self) -> Scene {
+        let mut scene = Scene::new();
+        for &(min, max) in &self.boxes {
+            let bounds = Aabb::from_arrays(min.as_vec3().to_array(), max.as_vec3().to_array());
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, sides(min, max)).unwrap();
+        }
+        scene
+    }
+
+    /// Returns the distance of a point to the nearest box, 0 inside.
+    fn distance(&self, p: DVec3) -> f64 {
+        let of = |&(min, max): &(DVec3, DVec3)| (p - p.clamp(min, max)).length();
+        self.boxes.iter().map(of).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Returns whether a point is at one of the heights above a box's top.
+    fn stands(&self, p: DVec3, [low, high]: [f64; 2]) -> bool {
+        self.boxes.iter().any(|&(min, max)| {
+            let height = p[self.up] - max[self.up];
+            let is_over =
+                (0..3).all(|axis| axis == self.up || (min[axis] <= p[axis] && p[axis] <= max[axis]));
+            is_over && low <= height && height <= high
+        })
+    }
+}
+
+/// A house of 16 x 16 m with walls that have doors 0.7 m wide, and one room without a door.
+fn house(random: &mut Random, up: usize) -> World {
+    let axes = [(up + 1) % 3, (up + 2) % 3];
+    let point = |x: f64, y: f64, z: f64| {
+        let mut point = DVec3::ZERO;
+        (point[axes[0]], point[axes[1]], point[up]) = (x, y, z);
+        point
+    };
+    let mut boxes = vec![(point(0.0, 0.0, -0.3), point(16.0, 16.0, 0.0))];
+    boxes.push((point(0.0, 0.0, 2.8), point(16.0, 16.0, 3.0)));
+    let mut wall =
+        |from: [f64; 2], to: [f64; 2]| boxes.push((point(from[0], from[1], -0.1), point(to[0], to[1], 2.9)));
+    let thick = 0.1;
+    for i in 0..=4 {
+        let at = f64::from(i) * 3.975;
+        for j in 0..4 {
+            let (start, end) = (f64::from(j) * 3.975, f64::from(j + 1) * 3.975 + thick);
+            // The room in the corner has no door.
+            let has_door = |i: u32, j: u32| (1..4).contains(&i) && !(i == 1 && j == 0);
+            let door = start + 0.5 + random.unit() * 2.0;
+            let pieces =
+                if has_door(i, j) { vec![[start, door], [door + 0.7, end]] } else { vec![[start, end]] };
+            for [a, b] in pieces {
+                wall([at, a], [at + thick, b]);
+                wall([a, at], [b, at + thick]);
+            }
+        }
+    }
+    for _ in 0..6 {
+        let [x, y] = [(); 2].map(|()| 1.0 + 13.0 * random.unit());
+        boxes.push((point(x, y, 0.0), point(x + 0.5, y + 0.8, random.unit() * 1.5)));
+    }
+    // The bounds of a scene's objects have single precision.
+    let boxes = boxes.into_iter().map(|(a, b)| (a.as_vec3().as_dvec3(), b.as_vec3().as_dvec3())).collect();
+    World { boxes, up }
+}
+
+#[test]
+fn no_camera_leaves_the_viewcells_and_closed_rooms_have_none() {
+    let mut random = Random(17);
+    let mut rooms = HashSet::new();
+    for (round, up) in [2, 1, 0, 2].into_iter().enumerate() {
+        let world = house(&mut random, up);
+        let scene = world.scene();
+        let camera = CameraRange { radius: 0.25, heights: Some([1.0, 2.0]), up: DVec3::AXES[up] };
+        let mut size = DVec3::splat(1.1);
+        size[up] = 0.9;
+        let grid = Grid::new(DVec3::splat(-0.37), size).unwrap();
+        let axes = [(up + 1) % 3, (up + 2) % 3];
+        let mut start = DVec3::ZERO;
+        (start[axes[0]], start[axes[1]], start[up]) = (7.0, 6.2, 1.6);
+        while world.distance(start) < 0.26 || !world.stands(start, [1.0, 2.0]) {
+            start[axes[0]] += 0.05;
+        }
+        let [low, high] = [DVec3::splat(-1.0), DVec3::splat(17.0)];
+        let found = grid.free(&scene, &[start], &camera, low, high).unwrap();
+        let all = grid.over(low, high).unwrap();
+        assert!(found.len() * 4 < all.len(), "{} of {}", found.len(), all.len());
+        // The closed room is from 0.1 to 3.9 m on both axes.
+        let is_closed =
+            |cell: &&Viewcell| axes.iter().all(|&axis| cell.min[axis] > 0.2 && cell.max[axis] < 3.8);
+        assert_eq!(found.iter().find(is_closed), None, "a room without a door");
+        // Below the floor and above the ceiling.
+        let is_outside = |cell: &&Viewcell| cell.max[up] < 0.9 || cell.min[up] > 2.8;
+        assert_eq!(found.iter().find(is_outside), None, "at a wrong height");
+
+        let cells = Viewcells::new(found);
+        let (mut at, mut heading) = (start, DVec3::X);
+        for _ in 0..60_000 {
+            if random.one_in(12) {
+                heading = DVec3::from_array([(); 3].map(|()| random.unit() - 0.5)).normalize();
+            }
+            // All of the step keeps the distance, since no point of it is farther than 3 cm from its start.
+            let next = at + heading * 0.06;
+            let is_clear = |p: DVec3| world.distance(p) > 0.28 && world.stands(p, [1.0, 2.0]);
+            if is_clear(next) && is_clear((at + next) * 0.5) {
+                at = next;
+                assert!(cells.locate(at).is_some(), "round {round}: {at} is in no viewcell");
+                rooms.insert((round, [0, 1].map(|side| (at[axes[side]] / 3.975) as u32)));
+            } else {
+                heading = DVec3::from_array([(); 3].map(|()| random.unit() - 0.5)).normalize();
+            }
+        }
+    }
+    assert!(rooms.len() > 30, "the cameras have passed doors: {} rooms", rooms.len());
+}
+
+#[test]
+fn a_camera_that_flies_goes_over_walls_and_not_through_them() {
+    let wall = (DVec3::new(5.0, 0.0, 0.0), DVec3::new(5.2, 10.0, 4.0));
+    let world = World { boxes: vec![wall], up: 2 };
+    let grid = Grid::new(DVec3::ZERO, DVec3::ONE).unwrap();
+    let flying = CameraRange { heights: None, ..CameraRange::default() };
+    let free = |height: f64| {
+        let max = DVec3::new(9.99, 9.99, height);
+        grid.free(&world.scene(), &[DVec3::splat(1.5)], &flying, DVec3::ZERO, max).unwrap().len()
+    };
+    assert_eq!(free(3.9), 5 * 10 * 4, "the wall closes the box");
+    assert_eq!(free(4.9), 10 * 10 * 5, "a way over the wall");
+    let standing = CameraRange::default();
+    let max = DVec3::splat(9.99);
+    let none = grid.free(&world.scene(), &[DVec3::splat(1.5)], &standing, DVec3::ZERO, max).unwrap();
+    assert_eq!(none, [], "there is no floor");
+    let begun = |from: &[DVec3]| grid.free(&world.scene(), from, &flying, DVec3::ZERO, max).unwrap().len();
+    assert_eq!(begun(&[DVec3::splat(f64::NAN), DVec3::splat(-1.0)]), 0, "begun outside");
+    assert_eq!(begun(&[DVec3::new(5.1, 5.0, 1.0)]), 1000, "begun in the wall");
+}
+
+#[test]
+fn extremes_are_errors_or_answers() {
+    let world = World { boxes: vec![(DVec3::ZERO, DVec3::splat(1e6))], up: 2 };
+    let mut scene = world.scene();
+    let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])) });
+    scene.set_triangles(id, [[Vec3::NAN, Vec3::INFINITY, Vec3::ZERO], [Vec3::ZERO; 3]]).unwrap();
+    let grid = Grid::new(DVec3::ZERO, DVec3::ONE).unwrap();
+    let free = |radius: f64, reach: f64| {
+        let camera = CameraRange { radius, ..CameraRange::default() };
+        grid.free(&scene, &[DVec3::splat(0.5)], &camera, DVec3::ZERO, DVec3::splat(reach))
+    };
+    for radius in [0.0, -1.0, f64::NAN, 1e-3, f64::MIN_POSITIVE] {
+        assert_eq!(free(radius, 5.0), Err(GridError::Radius));
+    }
+    for reach in [f64::NAN, f64::INFINITY, 1e300] {
+        assert_eq!(free(0.3, reach), Err(GridError::TooMany));
+    }
+    assert_eq!(free(0.3, -1.0), Ok(Vec::new()));
+    assert!(free(f64::INFINITY, 5.0).is_ok() && free(1e300, 5.0).is_ok());
+    let camera = CameraRange { heights: Some([f64::NAN, f64::INFINITY]), ..CameraRange::default() };
+    assert!(grid.free(&scene, &[DVec3::splat(0.5)], &camera, DVec3::ZERO, DVec3::splat(5.0)).is_ok());
+    let huge = [DVec3::ZERO, DVec3::X * 1e9, DVec3::Y * 1e9];
+    assert_eq!(grid.above(&[huge], &CameraRange::default()), Err(GridError::TooMany));
+    assert!(grid.above(&[[DVec3::ZERO, DVec3::X, DVec3::Y]], &camera).is_err());
+    assert_eq!(grid.above(&[[DVec3::NAN; 3]], &CameraRange::default()), Ok(Vec::new()));
+}
+
+#[test]
+fn viewcells_above_triangles_hold_the_camera_and_little_else() {
+    let mut random = Random(3);
+    for up in [DVec3::Z, -DVec3::Y, DVec3::X] {
+        let grid = Grid::new(DVec3::splat(0.21), DVec3::new(1.0, 0.7, 0.9)).unwrap();
+        let mut point = || DVec3::from_array([(); 3].map(|()| (random.unit() - 0.5) * 8.0));
+        let triangles: Vec<[DVec3; 3]> = (0..8).map(|_| [point(), point(), point()]).collect();
+        let camera = CameraRange { heights: Some([0.6, 2.3]), up, ..CameraRange::default() };
+        let found = grid.above(&triangles, &camera).unwrap();
+        let cells = Viewcells::new(found.iter().cloned());
+        let mut used = HashSet::new();
+        for _ in 0..200_000 {
+            let [a, b, c] = triangles[random.below(8)];
+            let (s, t) = (random.unit(), random.unit());
+            let (s, t) = if s + t > 1.0 { (1.0 - s, 1.0 - t) } else { (s, t) };
+            let eye = a + (b - a) * s + (c - a) * t + up * (0.6 + 1.7 * random.unit());
+            used.insert(cells.locate(eye).unwrap_or_else(|| panic!("{eye} is in no viewcell")));
+        }
+        // Viewcells of which a corner is touched are seldom hit.
+        assert!(used.len() * 100 > found.len() * 93, "{} of {} are used", used.len(), found.len());
+    }
+}
