@@ -204,6 +204,13 @@ impl Columns {
         }
     }
 
+    /// Adds a step to all columns of a block.
+    pub(crate) fn add_step(&mut self, face: usize, block: usize, step: Step) {
+        let block = &mut self.face_mut(face)[block];
+        (0..BLOCK).for_each(|column| insert(block, column, step));
+        block.summarize();
+    }
+
     /// Adds what is between two outlines, each from its first to its last column, to the columns of a face
     /// that both span. `bends` is whether the outlines may bend inwards, as those of walls do.
     fn draw(&mut self, face: usize, outline: &Outline, bends: bool) {

@@ -9,6 +9,7 @@ use super::crowns::CrownColumns;
 use super::frame::UpAxis;
 use super::map::Horizon;
 use super::occluders::HorizonOccluders;
+use super::terrain_columns::{Presence, draw_terrain};
 use alloc::collections::BinaryHeap;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -58,6 +59,8 @@ pub struct HorizonCuller {
     queue: Queue,
     /// Indices of the objects that changed since the occluders were made, ascending.
     changed: Vec<u32>,
+    /// Scratch: which objects of the ground are drawn.
+    presence: Presence,
     crowns: Option<CrownColumns>,
 }
 
@@ -103,7 +106,14 @@ impl HorizonCuller {
     /// Creates the culler of one view, with a horizon of 360 columns a face.
     pub fn new(occluders: Arc<HorizonOccluders>) -> Self {
         let horizon = Horizon::new(occluders.up());
-        Self { occluders, horizon, queue: Queue::default(), changed: Vec::new(), crowns: None }
+        Self {
+            occluders,
+            horizon,
+            queue: Queue::default(),
+            changed: Vec::new(),
+            presence: Presence::default(),
+            crowns: None,
+        }
     }
 
     /// Sets the number of columns of each of the four faces of the picture: see
@@ -214,6 +224,12 @@ impl Culler for HorizonCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.horizon.begin(view, scene.origin());
         let has_occluders = self.follow(scene);
+        if has_occluders && !self.horizon.is_blind() && !self.horizon.has_clip_planes() {
+            let (frame, columns) = (&self.horizon.frame, &mut self.horizon.columns);
+            let candidates = (scene, &*visible, &self.changed[..]);
+            let planes = view.planes(scene.origin());
+            draw_terrain(columns, frame, planes, self.occluders.terrain(), candidates, &mut self.presence);
+        }
         let mut walk = Walk::new(scene, &SceneHierarchy, visible);
         if self.horizon.is_blind() || !has_occluders {
             keep_all(&mut walk);

@@ -75,8 +75,8 @@ pub(crate) struct Frame {
     pub(crate) up: UpAxis,
     /// Eye in metres relative to the scene's origin: two coordinates on the plan and the height.
     pub(crate) eye: [f64; 3],
-    /// Bound on the distance in metres of the exact eye from `eye`. Infinite if nothing can be hidden: before
-    /// the first frame, in parallel views, and where rounding leaves the eye undecided.
+    /// Bound on the distance in metres of the exact eye from `eye`. Infinite if nothing can be hidden:
+    /// before the first frame, in parallel views, and where rounding leaves the eye undecided.
     pub(crate) error: f64,
     /// Positive beyond the near plane, for points relative to `anchor`.
     near: ClipRow,
@@ -114,6 +114,14 @@ impl Frame {
     pub(crate) fn is_beyond_near(&self, point: [f64; 3], radius: f64) -> bool {
         let (value, error) = self.near.at(self.up.join(point) - self.anchor);
         value > error + self.near.linear.length() * 2.0 * radius
+    }
+
+    /// Returns whether a box relative to the scene's origin, given by its two least and greatest coordinates
+    /// on the plan and heights, is certainly beyond the near plane. False for NaN.
+    pub(crate) fn is_box_beyond_near(&self, min: [f64; 3], max: [f64; 3]) -> bool {
+        let growth = self.up.split(self.near.linear);
+        let nearest = core::array::from_fn(|i| if growth[i] > 0.0 { min[i] } else { max[i] });
+        self.is_beyond_near(nearest, 0.0)
     }
 }
 

@@ -22,6 +22,7 @@
 //!   lower edge only.
 //! - A wall that is no convex solid counts where its panels follow each other without a gap: see `walls.rs`
 //!   and `outline.rs`.
+//! - Hills hide where a line of sight is above the ground first and below it later: see `terrain.rs`.
 //! - Boxes are rounded outwards and nearer, outlines inwards and farther, by bounds derived in `outline.rs`
 //!   and `column_query.rs`.
 
@@ -34,6 +35,8 @@ mod frame;
 mod map;
 mod occluders;
 mod outline;
+mod terrain;
+mod terrain_columns;
 mod walls;
 
 pub use culler::HorizonCuller;

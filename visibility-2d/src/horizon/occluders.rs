@@ -3,6 +3,7 @@
 use super::extract::{Solid, Solids};
 use super::frame::UpAxis;
 use super::outline::Post;
+use super::terrain::Terrain;
 use alloc::vec::Vec;
 use visibility_core::glam::Affine3A;
 use visibility_core::scene::{Changes, SceneCursor};
@@ -13,8 +14,10 @@ use visibility_core::{ObjectId, OccluderMesh, Scene};
 ///
 /// Solids are closed convex meshes or convex parts of meshes, and upright prisms that are open at the bottom,
 /// such as the houses of city models. Of other meshes, chains of upright panels are walls: two triangles with
-/// corners over two points of the plan are a panel. All other triangles hide nothing. An occluder that has
-/// changed since the last [`sync`](Self::sync) hides nothing until the next one.
+/// corners over two points of the plan are a panel. Triangles that face up and join at edges are ground,
+/// which may be of many objects; it hides what is behind its hills. All other triangles hide nothing. An
+/// occluder that has changed since the last [`sync`](Self::sync) hides nothing until the next one. Ground
+/// that has changed hides nothing until the occluders are made anew.
 ///
 /// ```
 /// use visibility_2d::horizon::{HorizonOccluders, UpAxis};
@@ -37,14 +40,21 @@ pub struct HorizonOccluders {
     ranges: Vec<[u32; 2]>,
     /// Number of solids in use; the others are of former states of objects.
     used: usize,
+    terrain: Terrain,
 }
 
 impl HorizonOccluders {
     /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh. Takes time
     /// proportional to the triangles of all occluders, about a microsecond for a house.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
-        let mut occluders =
-            Self { up, cursor: SceneCursor::START, solids: Solids::default(), ranges: Vec::new(), used: 0 };
+        let mut occluders = Self {
+            up,
+            cursor: SceneCursor::START,
+            solids: Solids::default(),
+            ranges: Vec::new(),
+            used: 0,
+            terrain: Terrain::default(),
+        };
         occluders.sync(scene);
         occluders
     }
@@ -55,6 +65,7 @@ impl HorizonOccluders {
         match self.cursor.follow(scene) {
             Changes::Objects(changed) => {
                 for &id in changed {
+                    self.terrain.lose(id.index());
                     self.take(scene, id);
                 }
                 // Former solids are dropped once there are more of them than of those in use.
@@ -73,6 +84,7 @@ impl HorizonOccluders {
         for id in scene.ids() {
             self.take(scene, id);
         }
+        self.terrain = Terrain::new(scene, self.up);
     }
 
     /// Keeps only the solids in use.
@@ -116,6 +128,11 @@ impl HorizonOccluders {
     /// Returns the number of solids, a wall counting as one.
     pub fn solid_count(&self) -> usize {
         self.used
+    }
+
+    /// Returns the sheets of ground.
+    pub(crate) fn terrain(&self) -> &Terrain {
+        &self.terrain
     }
 
     /// Returns the changes of `scene` that are not taken in.

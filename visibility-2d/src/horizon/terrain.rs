@@ -1,0 +1,601 @@
+//! Ground that hides what is behind its hills: sheets of triangles that face up, in squares of a grid.
+//!
+//! A *sheet* is a set of triangles that face up and join at edges, each edge between two triangles: hills, a
+//! road on them, the roof of a hall. Triangles of several objects join where their corners are the same
+//! points to the last bit. A square of the plan that a sheet covers without a border is *unbroken*; it has
+//! the lowest and the highest height of the sheet there.
+//!
+//! # Why a sheet hides
+//! Take the part of a line of sight over unbroken squares, and go along below it on the sheet: an edge leads
+//! from a triangle that faces up to one on the other side, and borders are elsewhere. So the height of the
+//! sheet below the line is continuous. If the line is above the sheet first and below it later, it has met a
+//! triangle in between, from above, at its front. Nothing depends on which sheet is the ground: a road under
+//! a bridge, two roofs over each other and a ramp that winds over itself are sheets like others, for heights
+//! are those of all triangles over a square.
+//!
+//! Squares are joined by fours, again and again, so that those far away are large.
+
+use super::extract::placed;
+use super::frame::UpAxis;
+use crate::cdt::predicates::{GREATEST, LEAST, orient};
+use alloc::collections::BTreeMap;
+use alloc::vec;
+use alloc::vec::Vec;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{Aabb, ObjectId, Scene};
+
+/// Most sheets of a scene. Each takes its own time in a frame.
+const MAX_SHEETS: usize = 4;
+
+/// Sheets that cover less than this part of the scene, on the plan, are left out: roofs and rocks.
+const LEAST_AREA: f64 = 1.0 / 64.0;
+
+/// Least height of a sheet as a part of its lesser width: a floor hides next to nothing.
+const LEAST_HEIGHT: f64 = 1.0 / 128.0;
+
+/// Squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole squares.
+const SQUARES_PER_TRIANGLE: usize = 64;
+
+/// Least and greatest number of squares of a grid, within a factor of four.
+const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
+
+/// Times that squares are joined by fours.
+const LEVELS: usize = 8;
+
+/// Distance in squares below which a triangle counts as met. A hundred times the errors of positions, which
+/// [`Sheet::new`] checks.
+pub(crate) const PAD: f64 = 1e-4;
+
+/// A triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
+#[derive(Clone, Copy, Debug)]
+struct Triangle {
+    corners: [[f64; 3]; 3],
+    /// Vertices; those of one point are equal.
+    vertices: [u32; 3],
+    /// Position in [`Terrain::objects`].
+    object: u32,
+}
+
+/// An object with triangles of a sheet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GroundObject {
+    pub(crate) id: ObjectId,
+    /// Bounds of its occluder mesh in metres relative to the scene's origin, rounded outwards.
+    pub(crate) bounds: Aabb,
+}
+
+/// A square of the plan, or several that are joined.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Square {
+    /// Least and greatest height of the sheet over the square in metres, rounded outwards.
+    pub(crate) low: f32,
+    pub(crate) high: f32,
+    /// Objects whose triangles are over the square, a list of [`Sheet::owners`]. [`BROKEN`] if the sheet
+    /// has a border there, or is not there.
+    pub(crate) owners: u32,
+}
+
+/// Owners of a square that a sheet does not cover without a border.
+pub(crate) const BROKEN: u32 = u32::MAX;
+
+impl Square {
+    const EMPTY: Self = Self { low: f32::INFINITY, high: f32::NEG_INFINITY, owners: BROKEN };
+}
+
+/// Squares of one size: `columns` along the plan's x, row by row.
+#[derive(Clone, Debug)]
+pub(crate) struct Level {
+    pub(crate) columns: usize,
+    pub(crate) squares: Vec<Square>,
+}
+
+/// A sheet in the squares of its grid.
+#[derive(Clone, Debug)]
+pub(crate) struct Sheet {
+    /// Corner of the first square on the plan, a multiple of `side`.
+    pub(crate) corner: [f64; 2],
+    /// Side of a square in metres, a power of two.
+    pub(crate) side: f64,
+    /// Squares of side `side`, then of twice that, and so on.
+    pub(crate) levels: Vec<Level>,
+    /// Least and greatest height of unbroken squares in metres.
+    pub(crate) bottom: f32,
+    pub(crate) top: f32,
+    /// Ends of the lists of [`objects`](Self::objects).
+    owner_ends: Vec<u32>,
+    /// Positions in [`Terrain::objects`], list by list.
+    objects: Vec<u32>,
+}
+
+/// The sheets of a scene.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Terrain {
+    pub(crate) sheets: Vec<Sheet>,
+    /// In the order of their indices.
+    pub(crate) objects: Vec<GroundObject>,
+    /// Bit for each object that has changed since the sheets were made.
+    lost: Vec<bool>,
+}
+
+impl Terrain {
+    /// Finds the sheets of the occluders of a scene.
+    pub(crate) fn new(scene: &Scene, up: UpAxis) -> Self {
+        let (objects, mut triangles) = triangles_that_face_up(scene, up);
+        let error = triangles.1;
+        let borders = join(&mut triangles.0);
+        let mut sheets: Vec<Sheet> = largest(&triangles.0, &borders)
+            .iter()
+            .filter_map(|members| Sheet::new(&triangles.0, &borders.sides, members, error))
+            .collect();
+        // Objects of no sheet are forgotten.
+        let mut place = vec![u32::MAX; objects.len()];
+        let mut kept = Vec::new();
+        for object in sheets.iter_mut().flat_map(|sheet| &mut sheet.objects) {
+            let to = &mut place[*object as usize];
+            if *to == u32::MAX {
+                *to = kept.len() as u32;
+                kept.push(objects[*object as usize]);
+            }
+            *object = *to;
+        }
+        let lost = vec![false; kept.len()];
+        Self { sheets, objects: kept, lost }
+    }
+
+    /// Notes that an object has changed: what it hid is open from now on.
+    pub(crate) fn lose(&mut self, index: usize) {
+        for (object, lost) in self.objects.iter().zip(&mut self.lost) {
+            *lost |= object.id.index() == index;
+        }
+    }
+
+    /// Returns whether an object has changed since the sheets were made.
+    pub(crate) fn is_lost(&self, object: usize) -> bool {
+        self.lost[object]
+    }
+}
+
+impl Sheet {
+    /// Returns a list of owners: positions in [`Terrain::objects`].
+    pub(crate) fn owners(&self, list: u32) -> &[u32] {
+        let list = list as usize;
+        let begin = if list == 0 { 0 } else { self.owner_ends[list - 1] as usize };
+        &self.objects[begin..self.owner_ends[list] as usize]
+    }
+
+    /// Returns the number of lists of owners.
+    pub(crate) fn list_count(&self) -> usize {
+        self.owner_ends.len()
+    }
+
+    /// Puts the triangles `members` into squares. `error` bounds the distance of their corners from the exact
+    /// ones. `None` if it is flat, or if coordinates are too large beside the sheet.
+    fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32], error: f64) -> Option<Self> {
+        let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let mut size = 0.0f64;
+        for corner in members.iter().flat_map(|&t| triangles[t as usize].corners) {
+            for axis in 0..2 {
+                min[axis] = min[axis].min(corner[axis]);
+                max[axis] = max[axis].max(corner[axis]);
+            }
+            size = corner.iter().fold(size, |size, x| size.max(x.abs()));
+        }
+        let wanted = (members.len() * SQUARES_PER_TRIANGLE).clamp(SQUARES[0], SQUARES[1]) as f64;
+        let [width, depth] = [max[0] - min[0], max[1] - min[1]];
+        let mut side = 1.0f64;
+        while width * depth > wanted * side * side && side < 1e30 {
+            side *= 2.0;
+        }
+        while width * depth <= wanted * side * side * 0.25 && side > 1e-30 {
+            side *= 0.5;
+        }
+        let error = error + 16.0 * f64::EPSILON * size;
+        // NaN and infinite extents are refused, too.
+        let fits = error < 0.01 * PAD * side && width < side * 1e7 && depth < side * 1e7;
+        if !fits {
+            return None;
+        }
+        let corner = min.map(|x| floor(x / side) as f64 * side - side);
+        let count = |axis: usize| floor((max[axis] - corner[axis]) / side) as usize + 2;
+        let (columns, rows) = (count(0), count(1));
+        if columns.checked_mul(rows)? > 4 * SQUARES[1] {
+            return None;
+        }
+        let grid = Grid { corner, side, columns, rows };
+        let mut squares = vec![Square::EMPTY; columns * rows];
+        let mut is_border = vec![false; columns * rows];
+        let mut owned: Vec<(u32, u32)> = Vec::new();
+        for &t in members {
+            let triangle = &triangles[t as usize];
+            let range = HeightRange::new(triangle, error);
+            grid.for_each_met(&triangle.corners, PAD, |index, from, to| {
+                let [low, high] = range.over(from, to);
+                let square = &mut squares[index];
+                square.low = square.low.min((low as f32).next_down());
+                square.high = square.high.max((high as f32).next_up());
+                owned.push((index as u32, triangle.object));
+            });
+            for (side, _) in borders[t as usize].iter().enumerate().filter(|(_, is_border)| **is_border) {
+                let [a, b] = [triangle.corners[side], triangle.corners[(side + 1) % 3]];
+                grid.for_each_met(&[a, b, b], 8.0 * PAD, |index, _, _| is_border[index] = true);
+            }
+        }
+        owned.sort_unstable();
+        owned.dedup();
+        let mut lists = Lists::default();
+        for group in owned.chunk_by(|a, b| a.0 == b.0) {
+            let index = group[0].0 as usize;
+            let is_finite = squares[index].low.is_finite() && squares[index].high.is_finite();
+            if !is_border[index] && is_finite {
+                squares[index].owners = lists.number(group.iter().map(|&(_, object)| object).collect());
+            }
+        }
+        let unbroken = || squares.iter().filter(|square| square.owners != BROKEN);
+        let bottom = unbroken().map(|square| square.low).fold(f32::INFINITY, f32::min);
+        let top = unbroken().map(|square| square.high).fold(f32::NEG_INFINITY, f32::max);
+        // False where no square is unbroken, too.
+        let is_hilly = f64::from(top) - f64::from(bottom) > LEAST_HEIGHT * width.min(depth);
+        if !is_hilly {
+            return None;
+        }
+        let mut levels = vec![Level { columns, squares }];
+        for _ in 1..LEVELS {
+            let last = &levels[levels.len() - 1];
+            if last.squares.len() < 16 {
+                break;
+            }
+            let next = last.joined(&mut lists);
+            levels.push(next);
+        }
+        Some(Self { corner, side, levels, bottom, top, owner_ends: lists.ends, objects: lists.objects })
+    }
+}
+
+impl Level {
+    /// Returns the squares joined by fours.
+    fn joined(&self, lists: &mut Lists) -> Self {
+        let rows = self.squares.len() / self.columns;
+        let columns = self.columns.div_ceil(2);
+        let mut known: BTreeMap<[u32; 4], u32> = BTreeMap::new();
+        let mut squares = Vec::with_capacity(columns * rows.div_ceil(2));
+        for row in 0..rows.div_ceil(2) {
+            for column in 0..columns {
+                let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| {
+                    let (x, y) = (2 * column + dx, 2 * row + dy);
+                    let is_there = x < self.columns && y < rows;
+                    if is_there { self.squares[y * self.columns + x] } else { Square::EMPTY }
+                });
+                let owners = four.map(|square| square.owners);
+                squares.push(Square {
+                    low: four.iter().map(|s| s.low).fold(f32::INFINITY, f32::min),
+                    high: four.iter().map(|s| s.high).fold(f32::NEG_INFINITY, f32::max),
+                    owners: match owners {
+                        [a, b, c, d] if a == b && b == c && c == d => a,
+                        _ if owners.contains(&BROKEN) => BROKEN,
+                        _ => *known.entry(owners).or_insert_with(|| lists.union(owners)),
+                    },
+                });
+            }
+        }
+        Self { columns, squares }
+    }
+}
+
+/// Lists of objects, each list once.
+#[derive(Default)]
+struct Lists {
+    ends: Vec<u32>,
+    objects: Vec<u32>,
+    numbers: BTreeMap<Vec<u32>, u32>,
+}
+
+impl Lists {
+    /// Returns the number of an ascending list.
+    fn number(&mut self, list: Vec<u32>) -> u32 {
+        if let Some(&number) = self.numbers.get(&list) {
+            return number;
+        }
+        self.objects.extend_from_slice(&list);
+        let number = self.ends.len() as u32;
+        self.ends.push(self.objects.len() as u32);
+        self.numbers.insert(list, number);
+        number
+    }
+
+    /// Returns the number of the union of four lists.
+    fn union(&mut self, four: [u32; 4]) -> u32 {
+        let mut all = Vec::new();
+        for list in four {
+            let begin = if list == 0 { 0 } else { self.ends[list as usize - 1] as usize };
+            all.extend_from_slice(&self.objects[begin..self.ends[list as usize] as usize]);
+        }
+        all.sort_unstable();
+        all.dedup();
+        self.number(all)
+    }
+}
+
+/// The squares of the finest level.
+struct Grid {
+    corner: [f64; 2],
+    side: f64,
+    columns: usize,
+    rows: usize,
+}
+
+impl Grid {
+    /// Calls `each` with the squares that a triangle meets on the plan, enlarged by `pad` squares: index,
+    /// least and greatest coordinates, enlarged as well. May call it with squares that are a little farther
+    /// away.
+    fn for_each_met(
+        &self,
+        corners: &[[f64; 3]; 3],
+        pad: f64,
+        mut each: impl FnMut(usize, [f64; 2], [f64; 2]),
+    ) {
+        let at = |axis: usize| corners.map(|c| (c[axis] - self.corner[axis]) / self.side);
+        let (x, y) = (at(0), at(1));
+        let least = |of: [f64; 3]| of[0].min(of[1]).min(of[2]) - pad;
+        let most = |of: [f64; 3]| of[0].max(of[1]).max(of[2]) + pad;
+        let range = |of: [f64; 3], count: usize| {
+            let last = count as i64 - 1;
+            floor(least(of)).clamp(0, last) as usize..=floor(most(of)).clamp(0, last) as usize
+        };
+        for row in range(y, self.rows) {
+            for column in range(x, self.columns) {
+                let (cx, cy) = (column as f64 + 0.5, row as f64 + 0.5);
+                // A side of the triangle with all of the square on its outer side separates the two. The
+                // bound on rounding is generous: lengths of sides are below 1e7 squares.
+                let is_apart = (0..3).any(|i| {
+                    let j = (i + 1) % 3;
+                    let (dx, dy) = (x[j] - x[i], y[j] - y[i]);
+                    let across = dx * (cy - y[i]) - dy * (cx - x[i]);
+                    let reach = (dx.abs() + dy.abs()) * (0.5 + 2.0 * pad);
+                    // A border is a triangle without area: both of its sides separate.
+                    let is_segment = x[1] == x[2] && y[1] == y[2];
+                    across < -reach || is_segment && across > reach
+                });
+                if !is_apart {
+                    let low = |i: usize, axis: usize| self.corner[axis] + (i as f64 - pad) * self.side;
+                    let high = |i: usize, axis: usize| self.corner[axis] + (i as f64 + 1.0 + pad) * self.side;
+                    let (from, to) = ([low(column, 0), low(row, 1)], [high(column, 0), high(row, 1)]);
+                    each(row * self.columns + column, from, to);
+                }
+            }
+        }
+    }
+}
+
+/// Bounds of the height of a triangle over rectangles of the plan.
+struct HeightRange {
+    low: f64,
+    high: f64,
+    /// Bounds on the plan.
+    min: [f64; 2],
+    max: [f64; 2],
+    /// First corner, and the growth of the height from there, in metres per metre; `None` for a triangle
+    /// that is too narrow to tell.
+    plane: Option<([f64; 3], [f64; 2])>,
+    /// Bound on the error of a height of the plane.
+    slack: f64,
+}
+
+impl HeightRange {
+    /// `error` bounds the distance of corners from the exact ones.
+    fn new(triangle: &Triangle, error: f64) -> Self {
+        let [a, b, c] = triangle.corners;
+        let least = |axis: usize| a[axis].min(b[axis]).min(c[axis]);
+        let most = |axis: usize| a[axis].max(b[axis]).max(c[axis]);
+        let (u, v) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);
+        let area = u[0] * v[1] - u[1] * v[0];
+        let gradient = [(u[2] * v[1] - v[2] * u[1]) / area, (v[2] * u[0] - u[2] * v[0]) / area];
+        let steepness = gradient[0].abs() + gradient[1].abs();
+        // A triangle is wide if its least altitude is more than a thousandth of its longest side. A corner
+        // that moves by the error then moves the plane, anywhere in the triangle's bounds, by less than four
+        // thousand times the error, on the plan as often as it is steep.
+        let longest = (most(0) - least(0)).max(most(1) - least(1));
+        let is_wide = area > 2e-3 * longest * longest && steepness < 1e3;
+        Self {
+            low: least(2) - error,
+            high: most(2) + error,
+            min: [least(0) - error, least(1) - error],
+            max: [most(0) + error, most(1) + error],
+            plane: is_wide.then_some((a, gradient)),
+            slack: 1e4 * error * (1.0 + steepness),
+        }
+    }
+
+    /// Returns bounds of the height over a rectangle that the triangle meets.
+    fn over(&self, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+        let Some((a, gradient)) = self.plane else { return [self.low, self.high] };
+        let (mut low, mut high) = (a[2] - self.slack, a[2] + self.slack);
+        for axis in 0..2 {
+            let ends = [from[axis].max(self.min[axis]) - a[axis], to[axis].min(self.max[axis]) - a[axis]];
+            let [p, q] = ends.map(|end| end * gradient[axis]);
+            (low, high) = (low + p.min(q), high + p.max(q));
+        }
+        [low.max(self.low), high.min(self.high)]
+    }
+}
+
+/// Returns the greatest whole number that is not greater, of a number below 1e15.
+pub(crate) fn floor(x: f64) -> i64 {
+    let whole = x.clamp(-1e15, 1e15) as i64;
+    whole - i64::from(whole as f64 > x)
+}
+
+/// Returns a point under a transform if no rounding is needed for it.
+fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
+    if *transform == Affine3A::IDENTITY {
+        return Some(p.as_dvec3());
+    }
+    let m = transform.matrix3;
+    let columns = [m.x_axis, m.y_axis, m.z_axis].map(|axis| Vec3::from(axis).as_dvec3());
+    let at = Vec3::from(transform.translation).as_dvec3();
+    let mut out = DVec3::ZERO;
+    for axis in 0..3 {
+        // Products of two numbers of `f32` are exact.
+        let products = [0, 1, 2].map(|i| columns[i][axis] * f64::from(p[i]));
+        let mut sum = at[axis];
+        for term in products {
+            let next = sum + term;
+            // What rounding took (Knuth's sum of two numbers); not zero for NaN.
+            let back = next - sum;
+            let lost = (sum - (next - back)) + (term - back);
+            if lost != 0.0 || !next.is_finite() {
+                return None;
+            }
+            sum = next;
+        }
+        out[axis] = sum;
+    }
+    Some(out)
+}
+
+/// What makes two corners one vertex: a position in bits, or the number of an object and of its vertex.
+type VertexKey = [u64; 4];
+
+/// Returns the objects and the triangles that face up, with a bound on the error of their corners. Triangles
+/// of meshes that hide from both sides are turned up.
+fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, (Vec<Triangle>, f64)) {
+    let (mut objects, mut triangles, mut error) = (Vec::new(), Vec::new(), 0.0f64);
+    let mut keys: Vec<(VertexKey, u32)> = Vec::new();
+    for id in scene.ids() {
+        let Some((mesh, transform)) = scene.occluder(id) else { continue };
+        if mesh.is_convex() || !scene.object(id).is_ok_and(|object| object.occluder) {
+            continue;
+        }
+        // Whether the front of a triangle surely stays the side from which it runs counter-clockwise.
+        let m = transform.matrix3;
+        let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+        let keeps_fronts = m.determinant() > 1e-4 * volume;
+        if !(keeps_fronts || mesh.is_two_sided()) {
+            continue;
+        }
+        let object = objects.len() as u32;
+        let mut bounds = Aabb::EMPTY;
+        let points: Vec<([f64; 3], VertexKey)> = (0u32..)
+            .zip(mesh.positions())
+            .map(|(vertex, &p)| {
+                if let Some(p) = placed_exactly(p, transform) {
+                    let p = up.split(p).map(|x| x + 0.0);
+                    let [x, y, z] = p.map(f64::to_bits);
+                    return (p, [x, y, z, 0]);
+                }
+                let (p, size) = placed(p.as_dvec3(), transform);
+                error = error.max(8.0 * f64::EPSILON * size);
+                (up.split(p), [vertex.into(), 0, 0, u64::from(object) + 1])
+            })
+            .collect();
+        for t in mesh.triangles() {
+            let mut t = t.map(|vertex| points[vertex as usize]);
+            let is_fit = |x: &f64| *x == 0.0 || (LEAST..GREATEST).contains(&x.abs());
+            if !t.iter().all(|(p, _)| p.iter().all(is_fit)) {
+                continue;
+            }
+            let [a, b, c] = t.map(|(p, _)| [p[0], p[1]]);
+            let area = orient(a, b, c);
+            if area < 0.0 && mesh.is_two_sided() {
+                t.swap(1, 2);
+            } else if area.is_nan() || area <= 0.0 {
+                continue;
+            }
+            for (p, key) in t {
+                keys.push((key, keys.len() as u32));
+                let p = up.join(p);
+                bounds.min = bounds.min.min(p.as_vec3());
+                bounds.max = bounds.max.max(p.as_vec3());
+            }
+            triangles.push(Triangle { corners: t.map(|(p, _)| p), vertices: [0; 3], object });
+        }
+        if bounds.min.x <= bounds.max.x {
+            // Rounded to `f32` and off by the error.
+            let by = Vec3::splat((error as f32).next_up());
+            let wide = |p: Vec3| p.abs() * f32::EPSILON + f32::MIN_POSITIVE + by;
+            let (min, max) = (bounds.min - wide(bounds.min), bounds.max + wide(bounds.max));
+            objects.push(GroundObject { id, bounds: Aabb::new(min, max) });
+        }
+    }
+    keys.sort_unstable();
+    for (vertex, group) in (0u32..).zip(keys.chunk_by(|a, b| a.0 == b.0)) {
+        for &(_, corner) in group {
+            triangles[corner as usize / 3].vertices[corner as usize % 3] = vertex;
+        }
+    }
+    (objects, (triangles, error))
+}
+
+/// How triangles join.
+struct Borders {
+    /// Sides of each triangle, from corner to next corner, that are borders: joined to no other triangle, or
+    /// to several.
+    sides: Vec<[bool; 3]>,
+    /// Pairs of triangles that join.
+    pairs: Vec<[u32; 2]>,
+}
+
+/// Finds the borders of triangles.
+fn join(triangles: &mut [Triangle]) -> Borders {
+    let mut sides: Vec<([u32; 2], bool, u32)> = Vec::with_capacity(3 * triangles.len());
+    for (i, t) in (0u32..).zip(&*triangles) {
+        for side in 0..3 {
+            let (a, b) = (t.vertices[side], t.vertices[(side + 1) % 3]);
+            sides.push(([a.min(b), a.max(b)], a > b, 3 * i + side as u32));
+        }
+    }
+    sides.sort_unstable();
+    let mut borders = Borders { sides: vec![[true; 3]; triangles.len()], pairs: Vec::new() };
+    for group in sides.chunk_by(|a, b| a.0 == b.0) {
+        if let [(_, a, from), (_, b, to)] = *group
+            && a != b
+        {
+            for side in [from, to] {
+                borders.sides[side as usize / 3][side as usize % 3] = false;
+            }
+            borders.pairs.push([from / 3, to / 3]);
+        }
+    }
+    borders
+}
+
+/// Returns the triangles of the sheets with the largest areas on the plan.
+fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
+    let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
+    fn root(parent: &mut [u32], mut i: u32) -> u32 {
+        while parent[i as usize] != i {
+            parent[i as usize] = parent[parent[i as usize] as usize];
+            i = parent[i as usize];
+        }
+        i
+    }
+    for &[a, b] in &borders.pairs {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        parent[a.max(b) as usize] = a.min(b);
+    }
+    let mut order: Vec<(u32, u32)> = (0..triangles.len() as u32).map(|i| (root(&mut parent, i), i)).collect();
+    order.sort_unstable();
+    let area = |group: &[(u32, u32)]| -> f64 {
+        let of = |&(_, i): &(u32, u32)| {
+            let [a, b, c] = triangles[i as usize].corners;
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        };
+        group.iter().map(of).sum()
+    };
+    let mut sheets: Vec<(f64, &[(u32, u32)])> =
+        order.chunk_by(|a, b| a.0 == b.0).map(|group| (area(group), group)).collect();
+    sheets.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for p in triangles.iter().flat_map(|t| t.corners) {
+        for axis in 0..2 {
+            (min[axis], max[axis]) = (min[axis].min(p[axis]), max[axis].max(p[axis]));
+        }
+    }
+    let least = LEAST_AREA * (max[0] - min[0]) * (max[1] - min[1]);
+    let is_large = |sheet: &&(f64, &[(u32, u32)])| sheet.0 >= least;
+    sheets
+        .iter()
+        .take(MAX_SHEETS)
+        .take_while(is_large)
+        .map(|(_, group)| group.iter().map(|&(_, i)| i).collect())
+        .collect()
+}

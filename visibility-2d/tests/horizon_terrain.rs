@@ -1,0 +1,328 @@
+//! Ground as an occluder: what hills hide, what holes, tunnels and missing tiles leave visible, and rays at
+//! what was hidden, cast triangle by triangle.
+#![allow(missing_docs)]
+
+use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
+use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
+use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Culler, Object, ObjectId, OccluderMesh, Pose, Scene, View, VisibleSet};
+use visibility_testing::Random;
+
+/// Side of a quadrilateral of the ground, in metres.
+const STEP: f32 = 2.0;
+
+/// Makes ground over `columns` of quadrilaterals and rows from -`rows` to `rows`, two triangles each.
+fn ground(columns: core::ops::Range<i16>, rows: i16, height: impl Fn(f32, f32) -> f32) -> Vec<Triangle> {
+    let at = |x: i16, y: i16| {
+        let (x, y) = (STEP * f32::from(x), STEP * f32::from(y));
+        Vec3::new(x, y, height(x, y))
+    };
+    let quad = |x: i16, y: i16| {
+        let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+        [[a, b, c], [a, c, d]]
+    };
+    columns.flat_map(|x| (-rows..rows).flat_map(move |y| quad(x, y))).collect()
+}
+
+/// A hill across the view, 6 m high at x = 20 m.
+fn hill(x: f32, _: f32) -> f32 {
+    (6.0 - 0.6 * (x - 20.0).abs()).max(0.0)
+}
+
+fn insert(scene: &mut Scene, triangles: &[Triangle], two_sided: bool, transform: Affine3A) -> ObjectId {
+    let mesh = OccluderMesh::from_triangles(triangles).unwrap().with_two_sided(two_sided);
+    let bounds = mesh.bounds().transformed(&transform);
+    let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    let mesh = scene.add_mesh(mesh);
+    scene.set_mesh(id, mesh, transform).unwrap();
+    id
+}
+
+/// Behind the hill and lower, behind it and higher, before it.
+const BOXES: [[[f32; 3]; 2]; 3] = [
+    [[36.0, -1.0, 0.1], [38.0, 1.0, 3.0]],
+    [[36.0, -1.0, 0.1], [38.0, 1.0, 14.0]],
+    [[8.0, -1.0, 0.1], [9.0, 1.0, 1.0]],
+];
+
+/// Returns which of the boxes an eye sees that looks along x from a height of 1.7 m.
+fn seen(
+    tiles: &[Vec<Triangle>],
+    two_sided: bool,
+    near: f64,
+    candidates: impl Fn(usize) -> bool,
+) -> [bool; 3] {
+    let mut scene = Scene::new();
+    let boxes = BOXES.map(|[min, max]| scene.insert(Aabb::from_arrays(min, max)));
+    let ids: Vec<ObjectId> =
+        tiles.iter().map(|t| insert(&mut scene, t, two_sided, Affine3A::IDENTITY)).collect();
+    let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
+    let view = view([0.0, 0.0, 1.7], near);
+    let mut visible = VisibleSet::new();
+    visible.retain(&scene, |id, _| ids.iter().position(|&tile| tile == id).is_none_or(&candidates));
+    HorizonCuller::new(occluders.into()).cull(&scene, &view, &mut visible);
+    boxes.map(|id| visible.contains(&scene, id))
+}
+
+fn view(eye: [f64; 3], near: f64) -> View {
+    let eye = DVec3::from_array(eye);
+    View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.5, near, f64::INFINITY).unwrap()
+}
+
+const HIDDEN: [bool; 3] = [false, true, true];
+const OPEN: [bool; 3] = [true; 3];
+
+#[test]
+fn a_hill_hides_what_is_behind_and_lower() {
+    for two_sided in [false, true] {
+        assert_eq!(seen(&[ground(-5..25, 20, hill)], two_sided, 0.1, |_| true), HIDDEN);
+    }
+    assert_eq!(seen(&[ground(-5..25, 20, |_, _| 0.0)], true, 0.1, |_| true), OPEN, "a plain");
+}
+
+#[test]
+fn tiles_of_one_ground_hide_together() {
+    let tiles = [ground(-5..7, 20, hill), ground(7..9, 20, hill), ground(9..25, 20, hill)];
+    assert_eq!(seen(&tiles, false, 0.1, |_| true), HIDDEN);
+    // Without the tile of the slope, or where an earlier stage took it out, one looks below the crest.
+    assert_eq!(seen(&[tiles[0].clone(), tiles[2].clone()], false, 0.1, |_| true), OPEN);
+    assert_eq!(seen(&tiles, false, 0.1, |tile| tile != 1), OPEN);
+    // The slope alone hides what its own picture covers: the box stands higher than its foot.
+    let tiles = [ground(5..9, 20, hill), ground(9..10, 20, hill)];
+    assert_eq!(seen(&tiles, false, 0.1, |_| true), OPEN, "from the middle of a slope");
+}
+
+#[test]
+fn holes_and_turned_triangles_are_open() {
+    let all = ground(-5..25, 20, hill);
+    let at = |x: f32, y: f32| {
+        let is_at = |t: &Triangle| {
+            let middle = (t[0] + t[1] + t[2]) / 3.0;
+            (middle.x - x).abs() < 1.0 && (middle.y - y).abs() < 1.0
+        };
+        all.iter().position(is_at).unwrap()
+    };
+    let hole = at(15.0, 0.5);
+    let mut open = all.clone();
+    open.remove(hole);
+    assert_eq!(seen(&[open], true, 0.1, |_| true), OPEN, "a hole in the slope");
+    let mut turned = all.clone();
+    turned[hole].swap(0, 1);
+    assert_eq!(seen(&[turned.clone()], false, 0.1, |_| true), OPEN, "a triangle that faces down");
+    assert_eq!(seen(&[turned], true, 0.1, |_| true), HIDDEN, "both sides hide");
+    let mut torn = all.clone();
+    torn[hole] = torn[hole].map(|p| if p.z > 3.0 { p - Vec3::Z * 1e-3 } else { p });
+    assert_eq!(seen(&[torn], true, 0.1, |_| true), OPEN, "a crack");
+    // A hole far from what hides changes nothing.
+    let mut open = all.clone();
+    open.remove(at(15.0, 30.5));
+    assert_eq!(seen(&[open], true, 0.1, |_| true), HIDDEN);
+}
+
+/// What the near plane cuts away shows what is behind.
+#[test]
+fn a_hill_before_the_near_plane_hides_nothing() {
+    let tiles = [ground(-5..25, 20, hill)];
+    assert_eq!(seen(&tiles, true, 4.0, |_| true), [false, true, true]);
+    assert_eq!(seen(&tiles, true, 21.0, |_| true), OPEN);
+}
+
+#[test]
+fn from_below_and_behind_a_change_nothing_is_hidden() {
+    let mut scene = Scene::new();
+    let tile = insert(&mut scene, &ground(-5..25, 20, hill), true, Affine3A::IDENTITY);
+    let cave = scene.insert(Aabb::from_arrays([36.0, -1.0, -4.0], [38.0, 1.0, -3.0]));
+    let behind = scene.insert(Aabb::from_arrays(BOXES[0][0], BOXES[0][1]));
+    let mut occluders = HorizonOccluders::new(&scene, UpAxis::Z);
+    let is_seen = |scene: &Scene, occluders: &HorizonOccluders, height: f64| {
+        let mut visible = VisibleSet::new();
+        let view = view([0.0, 0.0, height], 0.1);
+        HorizonCuller::new(occluders.clone().into()).cull(scene, &view, &mut visible);
+        [cave, behind].map(|id| visible.contains(scene, id))
+    };
+    assert!(!is_seen(&scene, &occluders, 1.7)[1]);
+    assert!(is_seen(&scene, &occluders, -2.0)[0]);
+    // The ground has moved: before the occluders follow, and after.
+    let (mesh, _) = scene.occluder(tile).unwrap();
+    let mesh = mesh.clone();
+    let mesh = scene.add_mesh(mesh);
+    scene.set_mesh(tile, mesh, Affine3A::from_translation(Vec3::Z * -20.0)).unwrap();
+    assert_eq!(is_seen(&scene, &occluders, 1.7), [true; 2]);
+    occluders.sync(&scene);
+    assert_eq!(is_seen(&scene, &occluders, 1.7), [true; 2]);
+}
+
+/// A mesh and its place.
+struct Tile {
+    triangles: Vec<Triangle>,
+    two_sided: bool,
+    transform: Affine3A,
+}
+
+/// Returns whether the open segment from `eye` to `target` meets a triangle that hides from the eye, beyond
+/// the plane `near`. Triangles count as closed and a little larger.
+fn is_blocked(eye: DVec3, target: DVec3, near: (DVec3, f64), tiles: &[Tile]) -> bool {
+    let along = target - eye;
+    tiles.iter().any(|tile| {
+        let m = tile.transform.matrix3;
+        let axes = [m.x_axis, m.y_axis, m.z_axis].map(|axis| Vec3::from(axis).as_dvec3());
+        let at = Vec3::from(tile.transform.translation).as_dvec3();
+        let place = |p: Vec3| {
+            let p = p.as_dvec3();
+            axes[0] * p.x + axes[1] * p.y + axes[2] * p.z + at
+        };
+        // A mirror image keeps its fronts.
+        let turn = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
+        tile.triangles.iter().any(|t| {
+            let [a, b, c] = t.map(place);
+            let normal = (b - a).cross(c - a);
+            let speed = normal.dot(along);
+            if speed == 0.0 || speed * turn > 0.0 && !tile.two_sided {
+                return false;
+            }
+            let part = normal.dot(a - eye) / speed;
+            let p = eye + along * part;
+            let slack = -1e-9 * normal.length();
+            let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(normal) / normal.length() >= slack;
+            part > 0.0
+                && part < 1.0
+                && near.0.dot(p) + near.1 > 0.0
+                && inside(a, b)
+                && inside(b, c)
+                && inside(c, a)
+        })
+    })
+}
+
+/// Makes hilly ground in tiles with some faults: holes, turned triangles, torn corners, tiles that are moved
+/// or turned, a deck above.
+fn tiles(random: &mut Random) -> Vec<Tile> {
+    let waves: [[f32; 4]; 3] = core::array::from_fn(|i| {
+        let [a, b] = [random.range(-0.4, 0.4), random.range(-0.4, 0.4)];
+        [a as f32, b as f32, random.range(0.0, 6.0) as f32, (3.0 / (i + 1) as f64 * random.unit()) as f32]
+    });
+    let rough = [0.0, 0.3, 2.0][random.below(3)];
+    let noise: Vec<f32> = (0..64).map(|_| random.range(-rough, rough) as f32).collect();
+    let height = |x: f32, y: f32| {
+        let index = (x * 7.0 + y * 13.0).abs() as usize % noise.len();
+        waves.iter().map(|[a, b, phase, size]| size * (a * x + b * y + phase).sin()).sum::<f32>()
+            + noise[index]
+    };
+    let (half, rows) = (3 + random.below(9) as i16, 3 + random.below(9) as i16);
+    let cut = random.below(2 * half as usize) as i16 - half;
+    let mut all = vec![ground(-half..cut, rows, height), ground(cut..half, rows, height)];
+    if random.below(4) == 0 {
+        all.push(ground(-2..2, rows.min(5), |x, y| height(x, y) + 3.0));
+    }
+    let mirrored = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(1.0, -1.0, 1.0)));
+    let together = [Affine3A::IDENTITY, Affine3A::from_rotation_z(0.7), mirrored][random.below(3)];
+    all.retain(|triangles| !triangles.is_empty());
+    all.into_iter()
+        .map(|mut triangles| {
+            for _ in 0..[0, 0, 1, 4][random.below(4)] {
+                let index = random.below(triangles.len());
+                match random.below(4) {
+                    0 if triangles.len() > 1 => drop(triangles.remove(index)),
+                    1 => triangles[index].swap(0, 1),
+                    2 => triangles[index][random.below(3)] += random.vec3(-0.5, 0.5),
+                    _ => {
+                        let [a, b, c] = triangles[index];
+                        let middle = (a + b) * 0.5 + Vec3::Z * [0.0, 0.3][random.below(2)];
+                        triangles[index] = [a, middle, c];
+                        triangles.push([middle, b, c]);
+                    }
+                }
+            }
+            let moved = Affine3A::from_translation(random.vec3(-0.3, 0.3));
+            let turned = Affine3A::from_quat(Quat::from_rotation_x(0.2));
+            let transform = match random.below(6) {
+                0 => moved,
+                1 => turned,
+                _ => together,
+            };
+            Tile { triangles, two_sided: random.below(2) == 0, transform }
+        })
+        .collect()
+}
+
+/// Returns a box: anywhere, or behind a corner of the ground.
+fn target(random: &mut Random, eye: DVec3, tiles: &[Tile]) -> Aabb {
+    let tile = &tiles[random.below(tiles.len())];
+    let corner = tile.triangles[random.below(tile.triangles.len())][random.below(3)];
+    let corner = tile.transform.transform_point3(corner).as_dvec3();
+    let behind = if random.below(4) == 0 {
+        random.vector(24.0) * DVec3::new(1.0, 1.0, 0.3)
+    } else {
+        corner + (corner - eye) * random.fine_range(0.0, 1.0)
+    };
+    let size = [1e-3f32, 0.1, 0.5][random.below(3)];
+    let middle = behind.as_vec3() + random.vec3(-2.0, 2.0) * size;
+    Aabb::new(middle - size, middle + size)
+}
+
+fn run(rounds: usize, seed: u64) -> [u64; 2] {
+    let mut random = Random(seed);
+    let [mut hidden, mut rays] = [0; 2];
+    for round in 0..rounds {
+        let all = tiles(&mut random);
+        let eye = random.vec3(-20.0, 20.0).as_dvec3() * DVec3::new(1.0, 1.0, 0.3) + DVec3::Z * 2.0;
+        let mut scene = Scene::new();
+        let ids: Vec<ObjectId> =
+            all.iter().map(|t| insert(&mut scene, &t.triangles, t.two_sided, t.transform)).collect();
+        let targets: Vec<(ObjectId, Aabb)> = (0..40)
+            .map(|_| target(&mut random, eye, &all))
+            .map(|bounds| (scene.insert(bounds), bounds))
+            .collect();
+        // A tile that an earlier stage has taken out is not drawn, wherever it is.
+        let out = if random.below(4) == 0 { Some(random.below(all.len())) } else { None };
+        let drawn: Vec<Tile> =
+            all.into_iter().enumerate().filter(|(i, _)| Some(*i) != out).map(|(_, tile)| tile).collect();
+        let ahead = DVec3::new(random.unit() - 0.5, random.unit() - 0.5, 0.3 * (random.unit() - 0.5));
+        let near = [0.01, 0.5, 3.0][random.below(3)];
+        let fov = random.fine_range(0.3, 2.6);
+        let pose = Pose::look_at(eye, eye + ahead, DVec3::Z);
+        let view = View::perspective(pose, fov, 1.5, near, f64::INFINITY).unwrap();
+        let columns = [8, 64, 360][random.below(3)];
+        let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
+        let mut visible = VisibleSet::new();
+        visible.retain(&scene, |id, _| out.is_none_or(|tile| ids[tile] != id));
+        HorizonCuller::new(occluders.into()).with_columns(columns).cull(&scene, &view, &mut visible);
+        let planes = view.planes(DVec3::ZERO);
+        let near = (planes.as_slice()[4].plane.normal, planes.as_slice()[4].plane.offset);
+        for (id, bounds) in targets {
+            if visible.contains(&scene, id) {
+                continue;
+            }
+            hidden += 1;
+            let corners = bounds.corners();
+            for sample in 0..16 {
+                let part = Vec3::new(random.unit() as f32, random.unit() as f32, random.unit() as f32);
+                let within = bounds.min + (bounds.max - bounds.min) * part;
+                let p = corners.get(sample).copied().unwrap_or(within).as_dvec3();
+                if planes.contains(p) {
+                    rays += 1;
+                    let is_blocked = is_blocked(eye, p, near, &drawn);
+                    assert!(is_blocked, "seed {seed}, round {round}: {p} of {bounds:?} is seen from {eye}");
+                }
+            }
+        }
+    }
+    [hidden, rays]
+}
+
+#[test]
+fn what_the_ground_hides_no_ray_reaches() {
+    let [hidden, rays] = run(1_000, 1);
+    println!("{hidden} boxes hidden, {rays} rays");
+    assert!(hidden > 400 && rays > 5_000, "{hidden} boxes, {rays} rays are no test");
+}
+
+/// `cargo test --release -p visibility-2d --test horizon_terrain -- --ignored`
+#[test]
+#[ignore = "long: a million rounds"]
+fn what_the_ground_hides_no_ray_reaches_long() {
+    for seed in 2..102 {
+        let [hidden, rays] = run(10_000, seed);
+        println!("seed {seed}: {hidden} boxes hidden, {rays} rays");
+    }
+}
