@@ -36,6 +36,52 @@ const PAST: u32 = 32;
 /// Nodes for the visible share of an object.
 const SHARE: u32 = 2000;
 
+/// What objects and groups have cost so far, in nodes: whether to search a group as thoroughly as an object.
+///
+/// Among houses along streets most groups are hidden as a whole, at the price of few objects; in a building
+/// of many rooms a group seldom is, and the nodes for it are lost. So a group may cost a part of what its
+/// objects are likely to cost, as long as groups of about its size have saved more than they have cost.
+#[derive(Default)]
+struct Prices {
+    /// Nodes and number of the single objects.
+    single: (u64, u64),
+    /// By the binary logarithm of the size: nodes spent on thorough searches, and objects that these hid.
+    groups: [(u64, u64); 32],
+}
+
+impl Prices {
+    /// Returns the nodes that single objects have cost, for so many objects.
+    fn singles(&self, objects: u64) -> u64 {
+        objects * self.single.0 / self.single.1.max(1)
+    }
+
+    fn budget(&self, count: usize) -> Budget {
+        if count == 1 {
+            return OBJECT;
+        }
+        let part = self.singles(count as u64) / 6;
+        let (spent, hidden) = self.groups[count.ilog2() as usize % 32];
+        if part > GROUP.nodes.into() && spent <= self.singles(hidden) / 3 + part {
+            Budget { nodes: part.min(OBJECT.nodes.into()) as u32, ..OBJECT }
+        } else {
+            GROUP
+        }
+    }
+
+    fn add(&mut self, count: usize, budget: Budget, used: u32, answer: Answer) {
+        if count == 1 {
+            if answer == Answer::Undecided {
+                return;
+            }
+            self.single = (self.single.0 + u64::from(used), self.single.1 + 1);
+        } else if budget.divided > 0 {
+            let (spent, hidden) = &mut self.groups[count.ilog2() as usize % 32];
+            *spent += u64::from(used);
+            *hidden += if answer == Answer::Hidden { count as u64 } else { 0 };
+        }
+    }
+}
+
 /// A query at work.
 pub(crate) struct CellQuery<'a> {
     search: Search<'a>,
@@ -44,6 +90,7 @@ pub(crate) struct CellQuery<'a> {
     verdicts: Vec<Verdict>,
     proofs: Vec<ProvenHidden>,
     rays: u64,
+    prices: Prices,
 }
 
 impl<'a> CellQuery<'a> {
@@ -65,8 +112,15 @@ impl<'a> CellQuery<'a> {
         let seed = cell.min.to_array().into_iter().chain(cell.max.to_array());
         let seed = seed.fold(1, |seed, x| Random(seed ^ x.to_bits()).bits());
         let verdicts = vec![Verdict::Open; triangles.objects.len()];
-        let mut query =
-            Self { search, settings, random: Random(seed), verdicts, proofs: Vec::new(), rays: 0 };
+        let mut query = Self {
+            search,
+            settings,
+            random: Random(seed),
+            verdicts,
+            proofs: Vec::new(),
+            rays: 0,
+            prices: Prices::default(),
+        };
         let mut open: Vec<u32> = (0..triangles.objects.len() as u32)
             .filter(|&o| is_asked(o as usize) && !triangles.objects[o as usize].is_open)
             .collect();
@@ -257,8 +311,10 @@ impl<'a> CellQuery<'a> {
             return false;
         }
         let target = Target::Box { min, max };
-        let budget = if group.len() == 1 { OBJECT } else { GROUP };
-        match self.search.solve_target(target, budget).0 {
+        let budget = self.prices.budget(group.len());
+        let (answer, used) = self.search.solve_target(target, budget);
+        self.prices.add(group.len(), budget, used, answer);
+        match answer {
             Answer::Hidden => {
                 self.hide(group, &[target]);
                 true

@@ -23,29 +23,30 @@ pub(crate) enum Value {
 /// steepest, against cycles.
 const STEPS: usize = 120;
 
-/// A matrix being filled, and its solution.
+/// Rows of entries, kept as a stack.
 #[derive(Default)]
-pub(crate) struct MatrixGame {
+pub(crate) struct Matrix {
     columns: usize,
+    /// Entries divided by the scale of their row.
     entries: Vec<f64>,
-    /// For each row, its scale (entries are divided by it) and the greatest error of a scaled entry.
+    /// For each row its scale and the greatest error of a scaled entry.
     rows: Vec<(f64, f64)>,
-    tableau: Vec<f64>,
-    labels: Vec<usize>,
-    /// Weights of the rows as they were given, unscaled.
-    pub(crate) row_weights: Vec<f64>,
-    pub(crate) column_weights: Vec<f64>,
 }
 
-impl MatrixGame {
+impl Matrix {
     pub(crate) fn start(&mut self, columns: usize) {
         self.columns = columns;
-        self.entries.clear();
-        self.rows.clear();
+        self.truncate(0);
+    }
+
+    /// Keeps the first `rows` rows.
+    pub(crate) fn truncate(&mut self, rows: usize) {
+        self.entries.truncate(rows * self.columns);
+        self.rows.truncate(rows);
     }
 
     /// Adds a row of entries, each with a bound on its error.
-    pub(crate) fn row(&mut self, entries: impl Iterator<Item = (f64, f64)>) {
+    pub(crate) fn push(&mut self, entries: impl Iterator<Item = (f64, f64)>) {
         let start = self.entries.len();
         let mut error = 0.0f64;
         for (entry, bound) in entries {
@@ -57,15 +58,28 @@ impl MatrixGame {
         row.iter_mut().for_each(|x| *x /= scale);
         self.rows.push((scale, error / scale + 1e-15));
     }
+}
 
+/// The solution of the game of a matrix, and scratch memory.
+#[derive(Default)]
+pub(crate) struct MatrixGame {
+    tableau: Vec<f64>,
+    labels: Vec<usize>,
+    /// Weights of the rows as they were given, unscaled.
+    pub(crate) row_weights: Vec<f64>,
+    pub(crate) column_weights: Vec<f64>,
+}
+
+impl MatrixGame {
     /// Solves the game. A matrix without rows is [`Value::Open`].
-    pub(crate) fn solve(&mut self) -> Value {
-        let (m, n) = (self.rows.len(), self.columns);
+    pub(crate) fn solve(&mut self, matrix: &Matrix) -> Value {
+        let Matrix { columns, entries, rows } = matrix;
+        let (m, n) = (rows.len(), *columns);
         self.row_weights.clear();
         self.row_weights.resize(m, 0.0);
         self.column_weights.clear();
         self.column_weights.resize(n, 0.0);
-        if m == 0 || n == 0 || !self.optimize(m, n) {
+        if m == 0 || n == 0 || !self.optimize(entries, m, n) {
             return Value::Open;
         }
         let width = m + 1;
@@ -86,13 +100,13 @@ impl MatrixGame {
         }
         // The weights evaluated from the entries: m products and sums round to at most 2 m U of the weights'
         // sum, for entries of at most 1.
-        let slack: f64 = self.row_weights.iter().zip(&self.rows).map(|(w, (_, error))| w * error).sum();
+        let slack: f64 = self.row_weights.iter().zip(rows).map(|(w, (_, error))| w * error).sum();
         let weights: f64 = self.row_weights.iter().sum();
         let slack = slack * 1.001 + weights * m as f64 * 4.0 * f64::EPSILON;
-        let column = |j: usize| (0..m).map(|k| self.row_weights[k] * self.entries[k * n + j]).sum::<f64>();
+        let column = |j: usize| (0..m).map(|k| self.row_weights[k] * entries[k * n + j]).sum::<f64>();
         let greatest = (0..n).map(column).fold(f64::NEG_INFINITY, f64::max);
         if greatest < -slack {
-            for (weight, (scale, _)) in self.row_weights.iter_mut().zip(&self.rows) {
+            for (weight, (scale, _)) in self.row_weights.iter_mut().zip(rows) {
                 *weight /= scale;
             }
             return Value::Negative;
@@ -102,11 +116,11 @@ impl MatrixGame {
 
     /// Maximizes the sum of y with sum_k y_k (entry_kj + [`SHIFT`]) <= 1 for each column j. Returns whether
     /// the optimum was reached.
-    fn optimize(&mut self, m: usize, n: usize) -> bool {
+    fn optimize(&mut self, entries: &[f64], m: usize, n: usize) -> bool {
         let width = m + 1;
         self.tableau.clear();
         for j in 0..n {
-            self.tableau.extend((0..m).map(|k| self.entries[k * n + j] + SHIFT));
+            self.tableau.extend((0..m).map(|k| entries[k * n + j] + SHIFT));
             self.tableau.push(1.0);
         }
         self.tableau.extend((0..m).map(|_| -1.0));
@@ -171,13 +185,13 @@ mod tests {
 
     #[test]
     fn small_games_have_their_values() {
-        let mut game = MatrixGame::default();
+        let (mut game, mut matrix) = (MatrixGame::default(), Matrix::default());
         let mut solve = |rows: &[[f64; 3]]| {
-            game.start(3);
+            matrix.start(3);
             for row in rows {
-                game.row(row.iter().map(|&x| (x, 0.0)));
+                matrix.push(row.iter().map(|&x| (x, 0.0)));
             }
-            (game.solve(), game.row_weights.clone(), game.column_weights.clone())
+            (game.solve(&matrix), game.row_weights.clone(), game.column_weights.clone())
         };
         let (value, _, columns) = solve(&[[4.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 5.0]]);
         assert_eq!(value, Value::Positive);
@@ -195,12 +209,12 @@ mod tests {
     /// Negative entries that may be positive by their errors prove nothing.
     #[test]
     fn errors_of_entries_count() {
-        let mut game = MatrixGame::default();
+        let (mut game, mut matrix) = (MatrixGame::default(), Matrix::default());
         for (error, value) in [(2e-3, Value::Open), (1e-4, Value::Negative)] {
-            game.start(2);
-            game.row([(-1e-3, error), (-1.0, 0.0)].into_iter());
-            game.row([(-1e-3, error), (-2.0, 0.0)].into_iter());
-            assert_eq!(game.solve(), value, "{error}");
+            matrix.start(2);
+            matrix.push([(-1e-3, error), (-1.0, 0.0)].into_iter());
+            matrix.push([(-1e-3, error), (-2.0, 0.0)].into_iter());
+            assert_eq!(game.solve(&matrix), value, "{error}");
         }
     }
 }

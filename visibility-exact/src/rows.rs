@@ -7,8 +7,8 @@
 
 use crate::corner_proof;
 use crate::half::Half;
-use crate::line_side::{Edge, NO_CORNER, Row, side, sign};
-use crate::matrix_game::Value;
+use crate::line_side::{Edge, NO_CORNER, Row, SideFrom, side, sign};
+use crate::matrix_game::{Matrix, Value};
 use crate::proof::{LoopEdge, Step};
 use crate::search::{Answer, Search, Segment};
 use crate::side_signs::{NEGATIVE, POSITIVE, Zeros, signs};
@@ -43,74 +43,116 @@ impl Loop {
     }
 }
 
+/// The lines of a node that satisfy all rows of a stack.
+struct RowNode<'s> {
+    sight: &'s Sight,
+    /// Bound on the errors of positions in sides.
+    delta: f64,
+    rows: Vec<Row>,
+    /// The sides of all pairs of corners, row by row.
+    matrix: Matrix,
+}
+
+impl<'s> RowNode<'s> {
+    fn new(sight: &'s Sight, delta: f64, rows: &[Row]) -> Self {
+        let mut matrix = Matrix::default();
+        fill(&mut matrix, sight, delta, rows);
+        Self { sight, delta, rows: rows.into(), matrix }
+    }
+
+    fn push(&mut self, row: Row) {
+        push_sides(&mut self.matrix, self.sight, self.delta, &row);
+        self.rows.push(row);
+    }
+
+    fn truncate(&mut self, rows: usize) {
+        self.matrix.truncate(rows);
+        self.rows.truncate(rows);
+    }
+}
+
+fn fill(matrix: &mut Matrix, sight: &Sight, delta: f64, rows: &[Row]) {
+    matrix.start(sight.p.corners().len() * sight.q.corners().len());
+    for row in rows {
+        push_sides(matrix, sight, delta, row);
+    }
+}
+
+fn push_sides(matrix: &mut Matrix, sight: &Sight, delta: f64, row: &Row) {
+    let [a, b] = row.edge.ends;
+    let zeros = &Zeros::new(sight, &row.edge);
+    matrix.push(sight.p.corners().iter().flat_map(|&from| {
+        let side = SideFrom::new(from, a, b, delta);
+        sight.q.corners().iter().zip(&sight.q.zero).map(move |(&to, &zero)| {
+            if zeros.hold(sight, from, to, zero) {
+                return (0.0, 0.0);
+            }
+            let (value, error) = side.to(to);
+            (value * row.side, error)
+        })
+    }));
+}
+
 /// Most occluders on a line of which the loop is tried.
 const LOOPS: usize = 6;
 
 impl Search<'_> {
-    /// Searches the lines of a node that satisfy all rows. `left` is the number of nodes still allowed,
-    /// `halvings` the number of halvings so far.
-    pub(crate) fn divide(
-        &mut self,
-        sight: &Sight,
-        rows: &mut Vec<Row>,
-        left: &mut u32,
-        halvings: u32,
-    ) -> Answer {
+    /// Searches the lines of a node. `left` is the number of nodes still allowed.
+    pub(crate) fn divide(&mut self, sight: &Sight, left: &mut u32) -> Answer {
+        self.divide_rows(&mut RowNode::new(sight, sight.side_error(self.delta), &[]), left, 0)
+    }
+
+    /// `halvings` is the number of halvings so far.
+    fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32) -> Answer {
+        let sight = node.sight;
         if *left == 0 {
             return Answer::Undecided;
         }
         *left -= 1;
         self.stats.divided_nodes += 1;
         let mut line = Some(self.middle(sight));
-        if !rows.is_empty() {
-            match self.solve(sight, rows) {
+        if !node.rows.is_empty() {
+            match self.solve(&node.matrix) {
                 Value::Negative => {
                     self.steps.push(Step::Empty { weights: self.game.row_weights.as_slice().into() });
                     return Answer::Hidden;
                 }
                 Value::Open => return Answer::Undecided,
-                Value::Positive => line = self.line_inside(sight, rows),
+                Value::Positive => line = self.line_inside(node),
             }
         }
         let Some(line) = line else {
             // No point of the polytope of the program is a line, or none was found.
-            if let Some(edges) = corner_proof::find(sight, rows, sight.side_error(self.delta)) {
+            if let Some(edges) = corner_proof::find(sight, &node.rows, node.delta) {
                 self.steps.push(Step::Corner { edges });
                 return Answer::Hidden;
             }
-            return self.halve_divided(sight, rows, left, halvings);
+            return self.halve_divided(node, left, halvings);
         };
         let mut hits = core::mem::take(&mut self.hits);
         let unsure = self.probe(line, 8, &mut hits);
-        let best = if hits.is_empty() { None } else { self.best_loop(sight, rows.len(), line, &hits) };
+        let best = if hits.is_empty() { None } else { self.best_loop(sight, node.rows.len(), line, &hits) };
         let is_clear = hits.is_empty() && !unsure;
         self.hits = hits;
         if is_clear {
             return Answer::Visible(line);
         }
-        let Some(best) = best else { return self.halve_divided(sight, rows, left, halvings) };
-        self.divide_by(sight, &best, rows, left, halvings)
+        let Some(best) = best else { return self.halve_divided(node, left, halvings) };
+        self.divide_by(node, &best, left, halvings)
     }
 
     /// Divides a node by the edges of a loop.
-    fn divide_by(
-        &mut self,
-        sight: &Sight,
-        by: &Loop,
-        rows: &mut Vec<Row>,
-        left: &mut u32,
-        halvings: u32,
-    ) -> Answer {
-        let base = rows.len();
+    fn divide_by(&mut self, node: &mut RowNode, by: &Loop, left: &mut u32, halvings: u32) -> Answer {
+        let base = node.rows.len();
         let mut edges = Vec::with_capacity(by.ring.len());
         for (k, &divides) in by.divides.iter().enumerate() {
             let mut found = if divides { LoopEdge::Divides } else { LoopEdge::Inside };
             if divides && base > 0 {
-                rows.push(by.row(k, -by.side));
-                if self.solve(sight, rows) == Value::Negative {
+                node.push(by.row(k, -by.side));
+                if self.solve(&node.matrix) == Value::Negative {
                     found = LoopEdge::Never { weights: self.game.row_weights.as_slice().into() };
                 }
-                rows.truncate(base);
+                node.truncate(base);
             }
             edges.push(found);
         }
@@ -124,15 +166,17 @@ impl Search<'_> {
         });
         let mut answer = Answer::Hidden;
         for (count, &k) in dividing.iter().enumerate() {
-            rows.truncate(base);
-            rows.extend(dividing[..count].iter().map(|&k| by.row(k, by.side)));
-            rows.push(by.row(k, -by.side));
-            answer = self.divide(sight, rows, left, halvings);
+            node.truncate(base + count.saturating_sub(1));
+            if count > 0 {
+                node.push(by.row(dividing[count - 1], by.side));
+            }
+            node.push(by.row(k, -by.side));
+            answer = self.divide_rows(node, left, halvings);
             if !matches!(answer, Answer::Hidden) {
                 break;
             }
         }
-        rows.truncate(base);
+        node.truncate(base);
         if !matches!(answer, Answer::Hidden) {
             self.steps.truncate(mark);
         }
@@ -140,10 +184,11 @@ impl Search<'_> {
     }
 
     /// Halves P or Q of a node with rows: the way that leaves a half without lines, if there is one.
-    fn halve_divided(&mut self, sight: &Sight, rows: &mut Vec<Row>, left: &mut u32, halvings: u32) -> Answer {
+    fn halve_divided(&mut self, node: &RowNode, left: &mut u32, halvings: u32) -> Answer {
         if halvings >= self.budget.halvings {
             return Answer::Undecided;
         }
+        let sight = node.sight;
         let p_is_larger = sight.p.size() >= sight.q.size();
         let mut best: Option<(u32, bool, bool)> = None;
         for (of_p, across) in [(true, false), (false, false), (true, true), (false, true)] {
@@ -152,9 +197,12 @@ impl Search<'_> {
                 continue;
             }
             let mut score = u32::from(of_p == p_is_larger);
-            if !rows.is_empty() {
+            if !node.rows.is_empty() {
                 for half in sight.halves(of_p, across) {
-                    score += if self.solve(&half, rows) == Value::Negative { 4 } else { 0 };
+                    let mut matrix = core::mem::take(&mut self.matrix);
+                    fill(&mut matrix, &half, half.side_error(self.delta), &node.rows);
+                    score += if self.solve(&matrix) == Value::Negative { 4 } else { 0 };
+                    self.matrix = matrix;
                 }
             }
             if best.is_none_or(|(most, ..)| score > most) {
@@ -168,7 +216,8 @@ impl Search<'_> {
         let mark = self.steps.len();
         self.steps.push(Step::Halves { of_p, across });
         for half in sight.halves(of_p, across) {
-            let answer = self.divide(&half, rows, left, halvings + 1);
+            let mut half = RowNode::new(&half, half.side_error(self.delta), &node.rows);
+            let answer = self.divide_rows(&mut half, left, halvings + 1);
             if !matches!(answer, Answer::Hidden) {
                 self.steps.truncate(mark);
                 return answer;
@@ -177,30 +226,16 @@ impl Search<'_> {
         Answer::Hidden
     }
 
-    /// Solves the program of the rows over the corners of P and Q.
-    fn solve(&mut self, sight: &Sight, rows: &[Row]) -> Value {
+    fn solve(&mut self, matrix: &Matrix) -> Value {
         self.stats.programs += 1;
-        let (p, q, delta) = (sight.p.corners(), sight.q.corners(), sight.side_error(self.delta));
-        self.game.start(p.len() * q.len());
-        for row in rows {
-            let Row { edge, side: s } = row;
-            let zeros = &Zeros::new(sight, edge);
-            self.game.row(p.iter().flat_map(|&from| {
-                q.iter().zip(&sight.q.zero).map(move |(&to, &zero)| {
-                    if zeros.hold(sight, from, to, zero) {
-                        return (0.0, 0.0);
-                    }
-                    let (value, error) = side(from, to, edge.ends[0], edge.ends[1], delta);
-                    (value * s, error)
-                })
-            }));
-        }
-        self.game.solve()
+        self.game.solve(matrix)
     }
 
     /// Returns a segment of the node that satisfies all rows, starting from the weights of the last program,
     /// by programs in p and in q in turn.
-    fn line_inside(&mut self, sight: &Sight, rows: &[Row]) -> Option<Segment> {
+    fn line_inside(&mut self, node: &RowNode) -> Option<Segment> {
+        let RowNode { sight, delta, rows, .. } = node;
+        let delta = *delta;
         let (p, q) = (sight.p.corners(), sight.q.corners());
         let (mut from, mut to, mut total) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (k, weight) in self.game.column_weights.iter().enumerate() {
@@ -212,7 +247,6 @@ impl Search<'_> {
             return None;
         }
         let mut line = self.segment(from / total, to / total);
-        let delta = sight.side_error(self.delta);
         let satisfies = |line: Segment| {
             rows.iter().all(|row| {
                 let (value, error) = side(line.p, line.q, row.edge.ends[0], row.edge.ends[1], delta);
@@ -230,16 +264,16 @@ impl Search<'_> {
             }
             let of_q = round % 2 == 0;
             let corners = if of_q { q } else { p };
-            self.game.start(corners.len());
+            self.matrix.start(corners.len());
             for row in rows {
                 let [a, b] = row.edge.ends;
-                self.game.row(corners.iter().map(|&x| {
+                self.matrix.push(corners.iter().map(|&x| {
                     let (from, to) = if of_q { (line.p, x) } else { (x, line.q) };
                     let (value, error) = side(from, to, a, b, delta);
                     (value * row.side, error)
                 }));
             }
-            self.game.solve();
+            self.game.solve(&self.matrix);
             let weights = &self.game.column_weights;
             let total: f64 = weights.iter().sum();
             if total.is_nan() || total <= 0.5 {

@@ -2,7 +2,7 @@
 //! where a surface through the middle segment does not block the whole node.
 
 use crate::chain_scratch::{ChainScratch, Obstacle};
-use crate::matrix_game::MatrixGame;
+use crate::matrix_game::{Matrix, MatrixGame};
 use crate::proof::Step;
 use crate::shaft::Shaft;
 use crate::sight::{CellBox, Sight, Target, position_error, sights};
@@ -72,6 +72,8 @@ pub(crate) struct Search<'a> {
     used: u32,
     pub(crate) chain: ChainScratch,
     pub(crate) game: MatrixGame,
+    /// Scratch of programs.
+    pub(crate) matrix: Matrix,
     pub(crate) hits: Vec<u32>,
     pub(crate) steps: Vec<Step>,
     pub(crate) stats: SearchStats,
@@ -100,6 +102,7 @@ impl<'a> Search<'a> {
             used: 0,
             chain: chain.unwrap_or_else(|| ChainScratch::new(count, edges)),
             game: MatrixGame::default(),
+            matrix: Matrix::default(),
             hits: Vec::new(),
             steps: Vec::new(),
             stats: SearchStats::default(),
@@ -187,7 +190,7 @@ impl<'a> Search<'a> {
         }
         if self.budget.divided > 0 && depth >= DIVIDE_FROM && (depth - DIVIDE_FROM).is_multiple_of(3) {
             let mut left = self.budget.divided;
-            match self.divide(sight, &mut Vec::new(), &mut left, 0) {
+            match self.divide(sight, &mut left) {
                 Answer::Undecided => {}
                 answer => return answer,
             }
