@@ -1,13 +1,14 @@
 //! From a level to a file: what can be seen from each viewcell of a scene, with bounds on the error, baked on
 //! one machine or in shards on many.
 //!
-//! - A [`Grid`] makes viewcells: over a box, along a walk, [where a camera can be](Grid::free), or
-//!   [above walkable triangles](Grid::above).
+//! - A [`Grid`] makes viewcells: over a box, along a walk, [where a camera can be](Grid::free), or [above
+//!   walkable triangles](Grid::above).
 //! - [`SandwichBaker`] finds for each viewcell the objects that are seen for certain and those that are not
 //!   proven hidden, by methods from cheap to exact, until what lies between is below a stated
 //!   [gap](Settings::gap).
-//! - [`Shard`] is the result for a range of viewcells, as bytes that another process can
-//!   [assemble].
+//! - [`Shard`] is the result for a range of viewcells, as bytes that another process can [assemble].
+//! - [`BakeCache`] keeps results by what they depend on, so that a bake of an edited level works on what the
+//!   edit can have changed.
 //! - [`BakedSet`] is the file that a game loads: viewcells and potentially visible sets.
 //!
 //! What was not worked on counts as visible, always.
@@ -17,23 +18,27 @@
 //! Visibility Preprocessing using Extended Projections", 2000, for the first upper bound.
 #![forbid(unsafe_code)]
 
+mod bake_cache;
 mod baked_set;
+mod cell_groups;
 mod cell_sandwich;
 mod fingerprint;
 mod free_space;
 mod grid;
 mod method_times;
+mod part_scene;
 mod sandwich_baker;
 mod settings;
 mod shard;
 
+pub use bake_cache::BakeCache;
 pub use baked_set::{BakedSet, BakedSetError};
 pub use cell_sandwich::CellSandwich;
 pub use fingerprint::scene_fingerprint;
 pub use free_space::CameraRange;
 pub use grid::{Grid, GridError};
 pub use method_times::MethodTimes;
-pub use sandwich_baker::{BakeScratch, SandwichBaker, SandwichOutcome, bake_fingerprint};
+pub use sandwich_baker::{BakeScratch, FoundCell, SandwichBaker, SandwichOutcome, bake_fingerprint};
 pub use settings::Settings;
 pub use shard::{AssembleError, Shard, assemble};
 

@@ -1,12 +1,15 @@
 //! The bake of sandwiches: for each viewcell methods from cheap to exact, each for what the one before left
 //! open.
 
+use crate::bake_cache::{BakeCache, CellRecord, HIDDEN, OPEN, SEEN};
+use crate::cell_groups::{self, CellGroups};
 use crate::cell_sandwich::CellSandwich;
 use crate::fingerprint::scene_fingerprint;
 use crate::method_times::MethodTimes;
+use crate::part_scene::{object_hashes, part_scene};
 use crate::settings::Settings;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
@@ -16,13 +19,19 @@ use visibility_core::{ObjectId, RegionCuller, Scene, VisibleSet};
 use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings as ExactSettings, Verdict};
 use visibility_region::ExtendedProjectionCuller;
 
+/// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
+/// results of former methods are not taken.
+const METHODS: u32 = 1;
+
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
 /// with progress, stopping and resuming, on any number of threads with the same result.
 ///
-/// For each viewcell the sweep of extended projections removes what is hidden behind many occluders together;
-/// rays find what is seen; then proofs are tried, for the most costly of the open objects first, until the
-/// [gap](Settings::gap) is met. Occluders are the objects of the scene that are flagged so; the sweep uses
-/// their meshes, the proofs their triangles.
+/// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
+/// of neighbouring viewcells, then, in what is left, for each of them; rays find what is seen; then proofs
+/// are tried, for the most costly of the open objects first, until the [gap](Settings::gap) is met. Occluders
+/// are the objects that are flagged so; the sweeps use their meshes, the proofs their triangles. Each method
+/// works on what the sweep before it has left, so that an edit elsewhere changes nothing
+/// ([`with_cache`](Self::with_cache)).
 ///
 /// ```
 /// use visibility_bake::{SandwichBaker, Settings};
@@ -51,10 +60,17 @@ pub struct SandwichBaker<'a> {
     range: Range<usize>,
     /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
     fingerprint: u64,
-    methods: Methods,
+    /// By index, a hash of each object.
+    hashes: Vec<u64>,
+    /// Prepared for the scene.
+    sweep: ExtendedProjectionCuller,
+    groups: CellGroups,
+    /// By group, what its viewcells have in common, while some of them are worked on.
+    slots: Vec<Mutex<Slot>>,
+    cache: Arc<BakeCache>,
     /// Returns the time passed since any fixed moment.
     clock: fn() -> Duration,
-    done: Vec<Option<(CellSandwich, MethodTimes)>>,
+    done: Vec<Option<FoundCell>>,
 }
 
 /// The result of a bake.
@@ -69,52 +85,92 @@ pub struct SandwichOutcome {
     pub times: Vec<MethodTimes>,
     /// Whether all viewcells were worked on.
     pub complete: bool,
+    /// Number of viewcells whose results were taken from the [cache](SandwichBaker::with_cache), but for the
+    /// sweeps.
+    pub reused: usize,
+    /// The results of this bake, for the next. Groups that are not complete are left out.
+    pub cache: BakeCache,
+}
+
+/// What was found for one viewcell.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct FoundCell {
+    sandwich: CellSandwich,
+    times: MethodTimes,
+    /// Hash of what the results of the viewcell's group depend on.
+    group: u64,
+    record: CellRecord,
+    is_reused: bool,
 }
 
 /// Memory of one thread of a bake.
 #[derive(Default)]
-pub struct BakeScratch(Option<Methods>);
-
-struct Methods {
-    triangles: Arc<SceneTriangles>,
-    sweep: ExtendedProjectionCuller,
-    rays: ExactCuller,
-    proofs: ExactCuller,
+pub struct BakeScratch {
+    /// Sweep of the scene.
+    sweep: Option<ExtendedProjectionCuller>,
+    /// Sweep of the scene of a group, and the number of the group.
+    local: Option<(u32, ExtendedProjectionCuller)>,
 }
 
-impl Methods {
-    fn new(triangles: Arc<SceneTriangles>, sweep: ExtendedProjectionCuller, settings: &Settings) -> Self {
-        let rays = ExactSettings::new(Effort::Rays(settings.rays));
-        // What rays can find, the method before has found.
-        let proofs =
-            ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(settings.clearance)) };
-        Self {
-            sweep,
-            rays: ExactCuller::new(triangles.clone(), rays),
-            proofs: ExactCuller::new(triangles.clone(), proofs),
-            triangles,
-        }
-    }
+#[derive(Default)]
+struct Slot {
+    /// Number of viewcells of the group that are not worked on yet.
+    left: usize,
+    group: Option<Arc<Group>>,
+}
+
+/// What the viewcells of a group have in common.
+struct Group {
+    key: u64,
+    /// Objects that a sweep of the box around the group has left, by ascending index.
+    ids: Vec<ObjectId>,
+    content: Content,
+}
+
+enum Content {
+    /// What the cache has for the viewcells of the group.
+    Known(Vec<CellRecord>),
+    /// The objects left, and a sweep that is prepared for them.
+    Scene(Box<(Scene, ExtendedProjectionCuller)>),
+}
+
+/// Returns a sweep that is prepared for a scene, to be cloned for threads.
+fn prepared(scene: &Scene) -> ExtendedProjectionCuller {
+    let mut sweep = ExtendedProjectionCuller::new();
+    // From an empty viewcell nothing is visible: the culler only prepares what all threads share.
+    let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
+    sweep.cull(scene, &nowhere, &mut VisibleSet::new());
+    sweep
+}
+
+/// Returns the objects that a sweep leaves, by ascending index.
+fn swept(sweep: &mut ExtendedProjectionCuller, scene: &Scene, cell: &Viewcell) -> Vec<ObjectId> {
+    let mut visible = VisibleSet::new();
+    sweep.cull(scene, cell, &mut visible);
+    let mut ids: Vec<ObjectId> = visible.iter(scene).collect();
+    ids.sort_unstable_by_key(|id| id.index());
+    ids
 }
 
 impl<'a> SandwichBaker<'a> {
     /// Prepares a bake of all objects of a scene from all viewcells.
     pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: Settings) -> Self {
-        let mut sweep = ExtendedProjectionCuller::new();
-        // From an empty viewcell nothing is visible: the culler only prepares what all threads share.
-        let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
-        sweep.cull(scene, &nowhere, &mut VisibleSet::new());
-        let count = viewcells.cells().len();
-        Self {
+        let groups = CellGroups::new(viewcells);
+        let baker = Self {
             scene,
             viewcells,
             settings,
-            range: 0..count,
+            range: 0..0,
             fingerprint: bake_fingerprint(scene, viewcells, &settings),
-            methods: Methods::new(Arc::new(SceneTriangles::new(scene)), sweep, &settings),
+            hashes: object_hashes(scene),
+            sweep: prepared(scene),
+            slots: groups.cells.iter().map(|_| Mutex::default()).collect(),
+            groups,
+            cache: Arc::default(),
             clock: || Duration::ZERO,
-            done: vec![None; count],
-        }
+            done: Vec::new(),
+        };
+        baker.with_range(0..viewcells.cells().len())
     }
 
     /// Returns the baker for a part of the viewcells: those with numbers in `range`, as far as there are any.
@@ -124,6 +180,7 @@ impl<'a> SandwichBaker<'a> {
         let start = range.start.min(count);
         self.range = start..range.end.clamp(start, count);
         self.done = vec![None; self.range.len()];
+        self.count_left();
         self
     }
 
@@ -135,9 +192,19 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
+    /// Returns the baker with the results of an earlier bake, of the scene before an edit. The outcome is the
+    /// same as without, to the last byte, but for times. A viewcell costs no more than its share of the sweep
+    /// of its group if that sweep leaves the same objects as before, unchanged and in the same order; and
+    /// no more than a sweep of its own if that leaves the same.
+    #[must_use]
+    pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
+        self.cache = cache.into();
+        self
+    }
+
     /// Returns the sandwiches found so far, in the order of the viewcells.
     pub fn cells(&self) -> impl Iterator<Item = Option<&CellSandwich>> {
-        self.done.iter().map(|done| done.as_ref().map(|(cell, _)| cell))
+        self.done.iter().map(|done| done.as_ref().map(|found| &found.sandwich))
     }
 
     /// Returns the [`bake_fingerprint`] of all viewcells, whatever the range of this baker.
@@ -145,159 +212,261 @@ impl<'a> SandwichBaker<'a> {
         self.fingerprint
     }
 
-    /// Returns the cost of drawing some objects.
-    fn cost(&self, objects: impl IntoIterator<Item = ObjectId>) -> f64 {
-        let cost = |id| self.scene.object(id).map_or(0, |object| object.cost);
-        // An object without cost counts a little, so that it is not left open for nothing.
-        objects.into_iter().map(|id| f64::from(cost(id)).max(1e-3)).sum()
+    /// Counts the viewcells of each group that are not done.
+    fn count_left(&mut self) {
+        self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
+        for (cell, done) in self.range.clone().zip(&self.done) {
+            let slot = self.slots[self.groups.of[cell] as usize].get_mut();
+            slot.unwrap_or_else(PoisonError::into_inner).left += usize::from(done.is_none());
+        }
     }
 
-    fn bake(&self, cell: &Viewcell, methods: &mut Methods) -> (CellSandwich, MethodTimes) {
-        let scene = self.scene;
-        let mut last = (self.clock)();
-        let mut lap = || {
-            let now = (self.clock)();
-            now.saturating_sub(std::mem::replace(&mut last, now))
+    /// Returns a hash of the settings, the origin, and some objects in their order.
+    fn content_hash(&self, ids: impl IntoIterator<Item = ObjectId>) -> Fingerprint {
+        let hash = with_settings(Fingerprint::new().with(METHODS), &self.settings);
+        let origin = self.scene.origin().to_array();
+        let hash = origin.iter().fold(hash, |hash, x| hash.with_u64(x.to_bits()));
+        ids.into_iter().fold(hash, |hash, id| hash.with_u64(self.hashes[id.index()]))
+    }
+
+    /// Returns what the viewcells of a group have in common, from its slot, or made now while other threads
+    /// that need it wait.
+    fn group(&self, number: u32, scratch: &mut BakeScratch) -> Arc<Group> {
+        let mut slot = self.slots[number as usize].lock().unwrap_or_else(PoisonError::into_inner);
+        slot.group.get_or_insert_with(|| Arc::new(self.new_group(number, scratch))).clone()
+    }
+
+    fn new_group(&self, number: u32, scratch: &mut BakeScratch) -> Group {
+        let members = &self.groups.cells[number as usize];
+        let all = self.viewcells.cells();
+        let sweep = scratch.sweep.get_or_insert_with(|| self.sweep.clone());
+        let ids = swept(sweep, self.scene, &cell_groups::bounds(all, members));
+        let hash = self.content_hash(ids.iter().copied());
+        let key = members.iter().fold(hash, |hash, &cell| with_viewcell(hash, &all[cell as usize])).value();
+        let is_usable = |records: &&[CellRecord]| {
+            let is_known =
+                |record: &CellRecord| record.left.last().is_none_or(|&last| (last as usize) < ids.len());
+            records.len() == members.len() && records.iter().all(is_known)
         };
-        let mut visible = VisibleSet::new();
-        methods.sweep.cull(scene, cell, &mut visible);
-        let mut open: Vec<ObjectId> = visible.iter(scene).collect();
-        let swept = scene.len() - open.len();
-        let sweep = lap();
+        let content = match self.cache.group(key).filter(is_usable) {
+            Some(records) => Content::Known(records.to_vec()),
+            None => {
+                let scene = part_scene(self.scene, &ids);
+                let sweep = prepared(&scene);
+                Content::Scene(Box::new((scene, sweep)))
+            }
+        };
+        Group { key, ids, content }
+    }
 
-        let (mut seen, mut proven, mut steps) = (Vec::new(), 0, 0);
-        let asked = std::mem::take(&mut open);
-        for (id, answer) in decide(scene, cell, &mut methods.rays, &methods.triangles, &asked, &mut steps) {
-            let list = if answer == Answer::Seen { &mut seen } else { &mut open };
-            list.push(id);
+    /// Finds the answers for a viewcell in the scene of its group.
+    fn bake(
+        &self,
+        number: u32,
+        cell: &Viewcell,
+        ids: &[ObjectId],
+        (scene, prepared): &(Scene, ExtendedProjectionCuller),
+        scratch: &mut BakeScratch,
+        lap: &mut impl FnMut() -> Duration,
+    ) -> (CellRecord, MethodTimes, bool) {
+        if scratch.local.as_ref().is_none_or(|&(of, _)| of != number) {
+            scratch.local = Some((number, prepared.clone()));
         }
+        let (_, sweep) = scratch.local.get_or_insert_with(|| (number, prepared.clone()));
+        // The scene of a group has the indices of the group's list.
+        let within = swept(sweep, scene, cell);
+        let left: Vec<u32> = within.iter().map(|id| id.index() as u32).collect();
+        let key = with_viewcell(self.content_hash(left.iter().map(|&at| ids[at as usize])), cell).value();
+        if let Some(known) = self.cache.cell(key).filter(|known| known.answers.len() == left.len()) {
+            let record = CellRecord { left, ..known.clone() };
+            return (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true);
+        }
+        let scene = part_scene(scene, &within);
+        let triangles = Arc::new(SceneTriangles::new(&scene));
+        let sweep = lap();
+        let mut search = Search::new(&scene, cell, triangles);
+        search.aim_rays(&self.settings);
         let rays = lap();
+        search.prove(&self.settings);
+        let times = MethodTimes { sweep, rays, proofs: lap() };
+        (CellRecord { key, left, answers: search.answers, steps: search.steps }, times, false)
+    }
 
-        let (mut seen_cost, mut left_cost) = (self.cost(seen.iter().copied()), 0.0);
-        // Objects that proofs were tried for in vain.
-        let mut left: Vec<ObjectId> = Vec::new();
-        let gap = if self.settings.gap > 0.0 { self.settings.gap } else { 0.0 };
-        open.sort_by(|&a, &b| self.cost([b]).total_cmp(&self.cost([a])).then(a.index().cmp(&b.index())));
+    /// Returns the sandwich of a record, given the objects of its group.
+    fn sandwich(&self, record: &CellRecord, ids: &[ObjectId]) -> CellSandwich {
+        let with = |wanted: u8| -> Vec<u32> {
+            let chosen = record.left.iter().zip(&record.answers).filter(|&(_, &answer)| answer == wanted);
+            chosen.map(|(&at, _)| ids[at as usize].index() as u32).collect()
+        };
+        CellSandwich {
+            seen: with(SEEN),
+            open: with(OPEN),
+            swept: (self.scene.len() - record.left.len()) as u32,
+            proven: record.answers.iter().filter(|&&answer| answer == HIDDEN).count() as u32,
+            steps: record.steps,
+        }
+    }
+}
+
+/// The search for answers from one viewcell, in the scene of the objects that its sweep has left.
+struct Search<'a> {
+    scene: &'a Scene,
+    cell: &'a Viewcell,
+    triangles: Arc<SceneTriangles>,
+    ids: Vec<ObjectId>,
+    costs: Vec<f64>,
+    /// By index of an object.
+    answers: Vec<u8>,
+    steps: u64,
+}
+
+impl<'a> Search<'a> {
+    fn new(scene: &'a Scene, cell: &'a Viewcell, triangles: Arc<SceneTriangles>) -> Self {
+        let ids: Vec<ObjectId> = scene.ids().collect();
+        let cost = |&id: &ObjectId| scene.object(id).map_or(0, |object| object.cost);
+        // An object without cost counts a little, so that it is not left open for nothing.
+        let costs = ids.iter().map(|id| f64::from(cost(id)).max(1e-3)).collect();
+        Self { scene, cell, triangles, answers: vec![OPEN; ids.len()], ids, costs, steps: 0 }
+    }
+
+    /// Finds what rays see.
+    fn aim_rays(&mut self, settings: &Settings) {
+        let mut rays =
+            ExactCuller::new(self.triangles.clone(), ExactSettings::new(Effort::Rays(settings.rays)));
+        let all: Vec<usize> = (0..self.ids.len()).collect();
+        self.decide(&mut rays, &all);
+        // Rays prove nothing.
+        self.answers.iter_mut().filter(|answer| **answer == HIDDEN).for_each(|answer| *answer = OPEN);
+    }
+
+    /// Tries to prove the most costly of the open objects hidden, until the gap is met.
+    fn prove(&mut self, settings: &Settings) {
+        // What rays can find, the method before has found.
+        let effort = ExactSettings::new(Effort::Exact(settings.clearance));
+        let effort = ExactSettings { rays: 0, aimed_rays: 0, ..effort };
+        let mut proofs = ExactCuller::new(self.triangles.clone(), effort);
+        let gap = if settings.gap > 0.0 { settings.gap } else { 0.0 };
+        let cost = |some: &[usize], costs: &[f64]| some.iter().map(|&at| costs[at]).sum::<f64>();
+        let mut open: Vec<usize> = (0..self.ids.len()).filter(|&at| self.answers[at] == OPEN).collect();
+        open.sort_by(|&a, &b| self.costs[b].total_cmp(&self.costs[a]).then(a.cmp(&b)));
+        let seen: Vec<usize> = (0..self.ids.len()).filter(|&at| self.answers[at] == SEEN).collect();
+        // Costs of objects seen, and of those that proofs were tried for in vain.
+        let (mut seen_cost, mut left_cost) = (cost(&seen, &self.costs), 0.0);
         while !open.is_empty() {
-            let open_cost = self.cost(open.iter().copied());
+            let open_cost = cost(&open, &self.costs);
             let allowed = gap * (seen_cost + left_cost + open_cost);
             if left_cost + open_cost <= allowed {
                 break;
             }
             // The most costly objects, as many as must be decided to meet the gap.
             let mut rest = open_cost;
-            let enough = open.iter().position(|&id| {
-                rest -= self.cost([id]);
+            let enough = open.iter().position(|&at| {
+                rest -= self.costs[at];
                 left_cost + rest <= allowed
             });
-            let asked: Vec<ObjectId> = open.drain(..enough.map_or(open.len(), |last| last + 1)).collect();
-            for (id, answer) in
-                decide(scene, cell, &mut methods.proofs, &methods.triangles, &asked, &mut steps)
-            {
-                match answer {
-                    Answer::Hidden => proven += 1,
-                    Answer::Seen => {
-                        seen_cost += self.cost([id]);
-                        seen.push(id);
-                    }
-                    Answer::Open => {
-                        left_cost += self.cost([id]);
-                        left.push(id);
-                    }
+            let asked: Vec<usize> = open.drain(..enough.map_or(open.len(), |last| last + 1)).collect();
+            self.decide(&mut proofs, &asked);
+            for at in asked {
+                match self.answers[at] {
+                    SEEN => seen_cost += self.costs[at],
+                    OPEN => left_cost += self.costs[at],
+                    _ => {}
                 }
             }
         }
-        open.append(&mut left);
-
-        let indices = |ids: Vec<ObjectId>| {
-            let mut indices: Vec<u32> = ids.into_iter().map(|id| id.index() as u32).collect();
-            indices.sort_unstable();
-            indices
-        };
-        let times = MethodTimes { sweep, rays, proofs: lap() };
-        let found =
-            CellSandwich { seen: indices(seen), open: indices(open), swept: swept as u32, proven, steps };
-        (found, times)
     }
-}
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Answer {
-    Seen,
-    Hidden,
-    Open,
-}
-
-/// Asks a culler for some objects, and returns each with its answer. Adds the culler's work to `steps`.
-fn decide(
-    scene: &Scene,
-    cell: &Viewcell,
-    culler: &mut ExactCuller,
-    triangles: &SceneTriangles,
-    asked: &[ObjectId],
-    steps: &mut u64,
-) -> Vec<(ObjectId, Answer)> {
-    let mut answers = vec![None; scene.index_limit()];
-    for id in asked {
-        answers[id.index()] = Some(Answer::Open);
-    }
-    let mut visible = VisibleSet::new();
-    visible.retain(scene, |id, _| answers[id.index()].is_some());
-    culler.cull(scene, cell, &mut visible);
-    if let Some(found) = culler.last() {
-        *steps += found.rays + found.nodes;
-        for (id, verdict) in found.iter(triangles) {
-            if let Some(answer) = &mut answers[id.index()] {
-                *answer = match verdict {
-                    Verdict::Seen(_) => Answer::Seen,
-                    Verdict::Hidden => Answer::Hidden,
-                    Verdict::Hardly(_) | Verdict::Open => Answer::Open,
+    /// Asks a culler for some objects, by their indices.
+    fn decide(&mut self, culler: &mut ExactCuller, asked: &[usize]) {
+        let mut is_asked = vec![false; self.ids.len()];
+        asked.iter().for_each(|&at| is_asked[at] = true);
+        let mut visible = VisibleSet::new();
+        visible.retain(self.scene, |id, _| is_asked[id.index()]);
+        culler.cull(self.scene, self.cell, &mut visible);
+        let Some(found) = culler.last() else { return };
+        self.steps += found.rays + found.nodes;
+        for (id, verdict) in found.iter(&self.triangles) {
+            if is_asked[id.index()] {
+                self.answers[id.index()] = match verdict {
+                    Verdict::Seen(_) => SEEN,
+                    Verdict::Hidden => HIDDEN,
+                    Verdict::Hardly(_) | Verdict::Open => OPEN,
                 };
             }
         }
     }
-    asked.iter().filter_map(|&id| Some((id, answers[id.index()]?))).collect()
 }
 
 /// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
 /// same hash belong together. Time is linear in the numbers of triangles and viewcells.
 pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Settings) -> u64 {
     let hash = Fingerprint::new().with_u64(scene_fingerprint(scene));
-    let hash =
-        hash.with_u64(settings.gap.to_bits()).with_u64(settings.clearance.to_bits()).with(settings.rays);
+    viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
+}
+
+fn with_settings(hash: Fingerprint, settings: &Settings) -> Fingerprint {
+    hash.with_u64(settings.gap.to_bits()).with_u64(settings.clearance.to_bits()).with(settings.rays)
+}
+
+fn with_viewcell(hash: Fingerprint, cell: &Viewcell) -> Fingerprint {
     let vector =
         |hash: Fingerprint, v: DVec3| v.to_array().iter().fold(hash, |hash, x| hash.with_u64(x.to_bits()));
-    let cells = viewcells.cells().iter().fold(hash, |hash, cell| {
-        let hash = vector(vector(hash, cell.min), cell.max).with(cell.planes.len() as u32);
-        cell.planes
-            .iter()
-            .fold(hash, |hash, plane| vector(hash, plane.normal).with_u64(plane.offset.to_bits()))
-    });
-    cells.value()
+    let hash = vector(vector(hash, cell.min), cell.max).with(cell.planes.len() as u32);
+    cell.planes.iter().fold(hash, |hash, plane| vector(hash, plane.normal).with_u64(plane.offset.to_bits()))
 }
 
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
-    type Found = (CellSandwich, MethodTimes);
+    type Found = FoundCell;
     type Outcome = SandwichOutcome;
 
     // Threads wait for one another at the end of a round, so short rounds leave many threads idle.
     const ROUND: usize = 64;
-    const KIND: u32 = 31;
+    const KIND: u32 = 32;
 
     fn item_count(&self) -> usize {
         self.range.len()
     }
 
-    fn work(&self, item: u32, scratch: &mut BakeScratch) -> (CellSandwich, MethodTimes) {
-        let Methods { triangles, sweep, .. } = &self.methods;
-        let methods =
-            scratch.0.get_or_insert_with(|| Methods::new(triangles.clone(), sweep.clone(), &self.settings));
-        self.bake(&self.viewcells.cells()[self.range.start + item as usize], methods)
+    fn rank(&self, item: u32) -> u64 {
+        // The viewcells of a group follow one another.
+        u64::from(self.groups.of[self.range.start + item as usize])
     }
 
-    fn take_in(&mut self, item: u32, found: (CellSandwich, MethodTimes)) -> u64 {
-        let steps = found.0.steps;
+    fn work(&self, item: u32, scratch: &mut BakeScratch) -> FoundCell {
+        let mut last = (self.clock)();
+        let mut lap = || {
+            let now = (self.clock)();
+            now.saturating_sub(std::mem::replace(&mut last, now))
+        };
+        let number = self.range.start + item as usize;
+        let (cell, of) = (&self.viewcells.cells()[number], self.groups.of[number]);
+        let group = self.group(of, scratch);
+        let (record, times, is_reused) = match &group.content {
+            Content::Known(records) => {
+                let place = self.groups.cells[of as usize].binary_search(&(number as u32));
+                let record = records[place.unwrap_or_default()].clone();
+                (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true)
+            }
+            Content::Scene(scene) => self.bake(of, cell, &group.ids, scene, scratch, &mut lap),
+        };
+        let found = FoundCell {
+            sandwich: self.sandwich(&record, &group.ids),
+            times,
+            group: group.key,
+            record,
+            is_reused,
+        };
+        let mut slot = self.slots[of as usize].lock().unwrap_or_else(PoisonError::into_inner);
+        slot.left = slot.left.saturating_sub(1);
+        if slot.left == 0 {
+            slot.group = None;
+        }
+        found
+    }
+
+    fn take_in(&mut self, item: u32, found: FoundCell) -> u64 {
+        let steps = found.sandwich.steps;
         self.done[item as usize] = Some(found);
         steps
     }
@@ -305,11 +474,26 @@ impl Baker for SandwichBaker<'_> {
     fn finish(self, waiting: &[u32]) -> SandwichOutcome {
         let mut all: Vec<u32> = self.scene.ids().map(|id| id.index() as u32).collect();
         all.sort_unstable();
+        let mut cache = BakeCache::default();
+        for members in &self.groups.cells {
+            let found = members.iter().map(|&cell| {
+                let place = (cell as usize).checked_sub(self.range.start)?;
+                self.done.get(place)?.as_ref()
+            });
+            if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
+                && let Some(first) = found.first()
+            {
+                cache.insert(first.group, found.iter().map(|found| found.record.clone()).collect());
+            }
+        }
+        let reused = self.done.iter().flatten().filter(|found| found.is_reused).count();
         let unknown = || CellSandwich { open: all.clone(), ..CellSandwich::default() };
-        let done =
-            self.done.into_iter().map(|done| done.unwrap_or_else(|| (unknown(), MethodTimes::default())));
+        let done = self.done.into_iter().map(|done| {
+            done.map_or_else(|| (unknown(), MethodTimes::default()), |found| (found.sandwich, found.times))
+        });
         let (cells, times) = done.unzip();
-        SandwichOutcome { first: self.range.start, cells, times, complete: waiting.is_empty() }
+        let first = self.range.start;
+        SandwichOutcome { first, cells, times, complete: waiting.is_empty(), reused, cache }
     }
 
     fn fingerprint(&self) -> u64 {
@@ -320,9 +504,12 @@ impl Baker for SandwichBaker<'_> {
     fn save(&self, state: &mut Writer) {
         for done in &self.done {
             state.u32(u32::from(done.is_some()));
-            if let Some((cell, times)) = done {
-                cell.save(state);
-                times.save(state);
+            if let Some(found) = done {
+                found.sandwich.save(state);
+                found.times.save(state);
+                state.u64(found.group);
+                found.record.save(state);
+                state.u32(u32::from(found.is_reused));
             }
         }
     }
@@ -332,9 +519,16 @@ impl Baker for SandwichBaker<'_> {
         for done in &mut self.done {
             *done = match state.u32()? {
                 0 => None,
-                _ => Some((CellSandwich::load(state, limit)?, MethodTimes::load(state)?)),
+                _ => Some(FoundCell {
+                    sandwich: CellSandwich::load(state, limit)?,
+                    times: MethodTimes::load(state)?,
+                    group: state.u64()?,
+                    record: CellRecord::load(state)?,
+                    is_reused: state.u32()? != 0,
+                }),
             };
         }
+        self.count_left();
         Ok(())
     }
 }

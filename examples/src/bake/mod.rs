@@ -8,12 +8,15 @@ use crate::open;
 use crate::region::world;
 use crate::walkthrough::World;
 use clap::Args;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 use viewcells::Places;
-use visibility_bake::{BakedSet, CellSandwich, SandwichBaker, SandwichOutcome, Settings, bake_fingerprint};
+use visibility_bake::{
+    BakeCache, BakedSet, CellSandwich, SandwichBaker, SandwichOutcome, Settings, bake_fingerprint,
+};
 use visibility_core::bake::{Bake, Progress};
 use visibility_core::pvs::Viewcells;
 
@@ -58,6 +61,8 @@ pub struct Level {
     /// All viewcells of the bake.
     pub viewcells: Viewcells,
     settings: Settings,
+    /// Results of an earlier bake.
+    cache: Arc<BakeCache>,
 }
 
 impl Level {
@@ -70,12 +75,30 @@ impl Level {
         let world = world(open(&job.scene).map_err(|error| error.to_string())?);
         let viewcells = Viewcells::new(viewcells::make(&job.places, &world)?);
         let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
-        Ok(Self { world, viewcells, settings })
+        Ok(Self { world, viewcells, settings, cache: Arc::default() })
+    }
+
+    /// Lets the bake take results from a file that an earlier bake has written, if it exists.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message if the file cannot be read or is damaged.
+    pub fn take_cache(&mut self, path: &Path) -> Result<(), String> {
+        let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+        match std::fs::read(path) {
+            Ok(bytes) => {
+                self.cache = Arc::new(BakeCache::from_bytes(&bytes).map_err(|error| named(&error))?);
+                Ok(())
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+            Err(error) => Err(named(&error)),
+        }
     }
 
     /// Prepares the bake of all viewcells.
     pub fn baker(&self) -> SandwichBaker<'_> {
-        SandwichBaker::new(&self.world.scene, &self.viewcells, self.settings).with_clock(clock)
+        let baker = SandwichBaker::new(&self.world.scene, &self.viewcells, self.settings);
+        baker.with_clock(clock).with_cache(self.cache.clone())
     }
 
     /// Returns the fingerprint that all shards of the bake have.

@@ -35,6 +35,12 @@ struct Whole {
     #[arg(long, value_name = "SECONDS", default_value_t = 5.0)]
     save: f64,
 
+    /// File of results by what they depend on: read if it exists, and written at the end. After an edit of
+    /// the scene only viewcells that the edit can have changed are baked again; the file to write is the
+    /// same as without. By default none.
+    #[arg(long, value_name = "FILE")]
+    cache: Option<PathBuf>,
+
     /// Number of threads; 0 for as many as the machine has. The file is the same for any number.
     #[arg(long, default_value_t = 0)]
     threads: usize,
@@ -112,7 +118,10 @@ fn bake(arguments: &Whole) -> Result<(), String> {
     let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string());
     let limit = arguments.time.map(duration).transpose()?;
     let save_every = duration(arguments.save)?;
-    let level = Level::open(&arguments.job)?;
+    let mut level = Level::open(&arguments.job)?;
+    if let Some(cache) = &arguments.cache {
+        level.take_cache(cache)?;
+    }
     let count = level.viewcells.cells().len();
     let range = arguments.shard.map_or(0..count, |[i, n]| {
         // Products of two counts of viewcells or parts fit in 128 bits.
@@ -132,6 +141,10 @@ fn bake(arguments: &Whole) -> Result<(), String> {
     let baker = || level.baker().with_range(range.clone());
     let outcome = run(baker, &settings, |now| bar.set_position(now.done as u64))?;
     bar.finish_and_clear();
+    if let Some(path) = &arguments.cache {
+        write(path, &outcome.cache.to_bytes())?;
+        println!("{} of {} viewcells from {}", outcome.reused, range.len(), path.display());
+    }
     if arguments.shard.is_some() {
         let shard = Shard::new(level.fingerprint(), outcome);
         write(&arguments.out, &shard.to_bytes())?;

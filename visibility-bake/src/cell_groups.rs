@@ -1,0 +1,60 @@
+//! Groups of neighbouring viewcells, for which a first sweep is made together.
+
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Viewcell, Viewcells};
+
+/// Most viewcells of a group.
+const MOST: usize = 16;
+
+/// Greatest volume of the box around a group, relative to that of its viewcells together.
+const SPREAD: f64 = 2.5;
+
+/// Groups of viewcells: the same for the same viewcells.
+pub(crate) struct CellGroups {
+    /// By viewcell, the number of its group. Groups are numbered by their first viewcells.
+    pub of: Vec<u32>,
+    /// By group, its viewcells, ascending.
+    pub cells: Vec<Vec<u32>>,
+}
+
+impl CellGroups {
+    pub(crate) fn new(viewcells: &Viewcells) -> Self {
+        let all = viewcells.cells();
+        let mut cells = Vec::new();
+        let mut waiting = vec![(0..all.len() as u32).collect::<Vec<u32>>()];
+        while let Some(mut part) = waiting.pop() {
+            if part.is_empty() {
+                continue;
+            }
+            let bounds = bounds(all, &part);
+            let volume = |cell: &Viewcell| (cell.max - cell.min).max(DVec3::ZERO).element_product();
+            let sum: f64 = part.iter().map(|&cell| volume(&all[cell as usize])).sum();
+            if part.len() == 1 || part.len() <= MOST && volume(&bounds) <= SPREAD * sum {
+                part.sort_unstable();
+                cells.push(part);
+                continue;
+            }
+            let extent = bounds.max - bounds.min;
+            let axis = (1..3).fold(0, |most, axis| if extent[axis] > extent[most] { axis } else { most });
+            let key = |&cell: &u32| all[cell as usize].min[axis] * 0.5 + all[cell as usize].max[axis] * 0.5;
+            part.sort_unstable_by(|a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
+            let rest = part.split_off(part.len() / 2);
+            waiting.extend([part, rest]);
+        }
+        cells.sort_unstable();
+        let mut of = vec![0; all.len()];
+        for (group, cells) in (0..).zip(&cells) {
+            cells.iter().for_each(|&cell| of[cell as usize] = group);
+        }
+        Self { of, cells }
+    }
+}
+
+/// Returns the box around some viewcells. Viewcells without a point are left out.
+pub(crate) fn bounds(all: &[Viewcell], some: &[u32]) -> Viewcell {
+    let usable = some.iter().map(|&cell| &all[cell as usize]).filter(|cell| cell.min.cmple(cell.max).all());
+    let (min, max) = usable.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), cell| {
+        (min.min(cell.min), max.max(cell.max))
+    });
+    Viewcell::from_box(min, max)
+}

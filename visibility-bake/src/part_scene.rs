@@ -1,0 +1,135 @@
+//! Scenes of a part of the objects of another, and what identifies their content.
+//!
+//! All that is found for a viewcell after a first sweep is found in a scene of the objects that the sweep
+//! left. What a hidden object would occlude is hidden behind others anyway: the first surface on a line of
+//! sight is seen. So an edit of the level that does not touch these objects cannot change what is found.
+
+use std::collections::HashMap;
+use visibility_core::binary_format::Fingerprint;
+use visibility_core::glam::Vec3;
+use visibility_core::occlusion::OccluderMesh;
+use visibility_core::{Object, ObjectId, Scene};
+
+/// Makes a scene of some objects, in the given order: the first gets index 0.
+pub(crate) fn part_scene(scene: &Scene, ids: &[ObjectId]) -> Scene {
+    let mut part = Scene::new();
+    // The origin of a scene is finite, and that of an empty scene may be set.
+    let _ = part.set_origin(scene.origin());
+    let objects: Vec<Object> = ids.iter().filter_map(|&id| scene.object(id).ok()).collect();
+    let new_ids = part.insert_batch(objects);
+    // Occluder meshes that several objects share are stored once.
+    let mut meshes = HashMap::new();
+    for (&id, new) in ids.iter().zip(new_ids) {
+        if let Ok(triangles) = scene.triangles(id)
+            && !triangles.is_empty()
+        {
+            let _ = part.set_triangles(new, triangles);
+        }
+        if let Some((mesh, transform)) = scene.occluder(id) {
+            let key: *const OccluderMesh = mesh;
+            let shared = *meshes.entry(key).or_insert_with(|| part.add_mesh(mesh.clone()));
+            let _ = part.set_mesh(new, shared, *transform);
+        }
+    }
+    part
+}
+
+/// Returns for each index of an object a hash of all that a bake depends on: bounds, layers, cost, flags,
+/// triangles and occluder mesh, but not the index. 0 for an index without an object.
+pub(crate) fn object_hashes(scene: &Scene) -> Vec<u64> {
+    let mut hashes = vec![0; scene.index_limit()];
+    for id in scene.ids() {
+        let Ok(object) = scene.object(id) else { continue };
+        let flags = u32::from(object.never_cull) | u32::from(object.occluder) << 1;
+        let hash = point(point(Fingerprint::new(), object.bounds.min), object.bounds.max);
+        let hash = hash.with(object.layers).with(object.cost).with(flags);
+        let triangles = scene.triangles(id).unwrap_or_default();
+        let hash = hash.with(triangles.len() as u32);
+        let mut hash = triangles.as_flattened().iter().fold(hash, |hash, &p| point(hash, p));
+        if let Some((mesh, transform)) = scene.occluder(id) {
+            hash = hash.with(u32::from(mesh.is_two_sided())).with(mesh.positions().len() as u32);
+            hash = mesh.positions().iter().fold(hash, |hash, &p| point(hash, p));
+            hash = mesh.triangles().as_flattened().iter().fold(hash, |hash, &corner| hash.with(corner));
+            hash = transform.to_cols_array().iter().fold(hash, |hash, x| hash.with(x.to_bits()));
+        }
+        hashes[id.index()] = hash.value();
+    }
+    hashes
+}
+
+fn point(hash: Fingerprint, p: Vec3) -> Fingerprint {
+    p.to_array().iter().fold(hash, |hash, x| hash.with(x.to_bits()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Aabb;
+    use visibility_core::glam::Affine3A;
+
+    /// Makes a scene of one object, which `change` may change, and returns the hash of the object.
+    fn hash(change: impl Fn(&mut Scene, ObjectId)) -> u64 {
+        let mut scene = Scene::new();
+        let id =
+            scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([1.0; 3], [2.0; 3])) });
+        scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Y]]).unwrap();
+        change(&mut scene, id);
+        object_hashes(&scene)[0]
+    }
+
+    #[test]
+    fn every_change_of_an_object_changes_its_hash() {
+        let mesh = |scene: &mut Scene, high: f32, two_sided: bool, transform: Affine3A| {
+            let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([1.0; 3], [1.5, 1.5, high])).unwrap();
+            let mesh = scene.add_mesh(mesh.with_two_sided(two_sided));
+            let id = scene.id_at(0).unwrap();
+            scene.set_mesh(id, mesh, transform).unwrap();
+        };
+        let moved = Affine3A::from_translation(Vec3::X * 0.1);
+        let bounds = |scene: &mut Scene, id, min: f32, max: f32| {
+            scene.set_bounds(id, Aabb::from_arrays([min; 3], [max; 3])).unwrap();
+            scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Y]]).unwrap();
+        };
+        let hashes = [
+            hash(|_, _| {}),
+            hash(|scene, id| bounds(scene, id, 0.5, 2.0)),
+            hash(|scene, id| bounds(scene, id, 1.0, 2.5)),
+            hash(|scene, id| scene.set_layers(id, 2).unwrap()),
+            hash(|scene, id| scene.set_cost(id, 7).unwrap()),
+            hash(|scene, id| scene.set_occluder(id, false).unwrap()),
+            hash(|scene, id| scene.set_never_cull(id, true).unwrap()),
+            hash(|scene, id| scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Z]]).unwrap()),
+            hash(|scene, id| scene.set_triangles(id, []).unwrap()),
+            hash(|scene, _| mesh(scene, 1.5, false, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.6, false, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.5, true, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.5, false, moved)),
+        ];
+        for (number, hash) in hashes.iter().enumerate() {
+            assert!(!hashes[..number].contains(hash), "change {number}");
+        }
+    }
+
+    #[test]
+    fn parts_have_the_content_of_the_whole() {
+        let mut scene = Scene::new();
+        scene.set_origin(visibility_core::glam::DVec3::splat(1e6)).unwrap();
+        let boxes = (0..9).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 1.0; 3]));
+        let ids =
+            scene.insert_batch(boxes.map(|bounds| Object { occluder: true, cost: 3, ..Object::new(bounds) }));
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.2; 3], [0.8; 3])).unwrap());
+        for (i, &id) in ids.iter().enumerate() {
+            let at = Vec3::splat(i as f32);
+            scene.set_triangles(id, [[at, at + Vec3::X, at + Vec3::Y]]).unwrap();
+            if i % 3 > 0 {
+                scene.set_mesh(id, mesh, Affine3A::from_translation(at)).unwrap();
+            }
+        }
+        let some = [ids[7], ids[3], ids[4]];
+        let part = part_scene(&scene, &some);
+        let (whole, hashes) = (object_hashes(&scene), object_hashes(&part));
+        assert_eq!(hashes, some.map(|id| whole[id.index()]));
+        assert_eq!(part.origin(), scene.origin());
+        assert_eq!(part.occluders_without_mesh(), 1);
+    }
+}

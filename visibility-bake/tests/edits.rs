@@ -1,0 +1,181 @@
+//! Tests that a bake of an edited level with the results of the bake before has the bytes of a bake without,
+//! and works on fewer viewcells.
+#![allow(missing_docs)]
+
+use std::sync::Arc;
+use visibility_bake::{BakeCache, Grid, SandwichBaker, SandwichOutcome, Settings, Shard};
+use visibility_core::bake::Bake;
+use visibility_core::binary_format::FormatError;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::Viewcells;
+use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Object, Scene};
+use visibility_testing::Random;
+
+/// A box of the level: corners, whether it occludes, and its cost.
+type Brick = ([f32; 3], [f32; 3], bool, u32);
+
+fn sides(bounds: &Aabb) -> Vec<Triangle> {
+    let mut triangles = Vec::new();
+    for axis in 0..3 {
+        for plane in [bounds.min[axis], bounds.max[axis]] {
+            let side: Vec<Vec3> =
+                bounds.corners().into_iter().filter(|corner| corner[axis] == plane).collect();
+            triangles.push([side[0], side[1], side[2]]);
+            triangles.push([side[1], side[2], side[3]]);
+        }
+    }
+    triangles
+}
+
+fn scene(bricks: &[Brick]) -> Scene {
+    let mut scene = Scene::new();
+    for &(min, max, occluder, cost) in bricks {
+        let bounds = Aabb::from_arrays(min, max);
+        let id = scene.insert(Object { occluder, cost, ..Object::new(bounds) });
+        scene.set_triangles(id, sides(&bounds)).unwrap();
+    }
+    scene.prepare_occluders(&Default::default());
+    scene
+}
+
+fn brick(random: &mut Random) -> Brick {
+    let mut number = |low: f64, high: f64| (low + (high - low) * random.unit()) as f32;
+    let at = [number(1.0, 78.0), number(-18.0, 18.0), 0.0];
+    (at, [at[0] + 1.0, at[1] + 1.0, number(0.5, 3.0)], random.one_in(2), 1 + random.below(20) as u32)
+}
+
+/// Four courts along a street, 20 m long each, with high walls between them, and a few houses and bricks in
+/// each. The first bricks are the walls.
+fn level(random: &mut Random) -> Vec<Brick> {
+    let wall = |x: f32| ([x, -200.0, -1.0], [x + 0.3, 200.0, 60.0], true, 12);
+    let mut bricks: Vec<Brick> = [-0.5, 19.8, 39.8, 59.8, 80.2].map(wall).into();
+    for i in 0..8 {
+        for y in [-10.0f32, 10.0] {
+            let x = i as f32 * 10.0 + 1.0;
+            let end = x + 5.0 + 2.5 * random.unit() as f32;
+            bricks.push(([x, y - 4.0, 0.0], [end, y + 4.0, 5.0 + 3.0 * random.unit() as f32], true, 12));
+        }
+    }
+    bricks.extend((0..24).map(|_| brick(random)));
+    bricks
+}
+
+/// Viewcells of 4 m along the street, moved across it.
+fn viewcells(by: f64) -> Viewcells {
+    let grid = Grid::new(DVec3::new(0.0, by - 2.0, 1.0), DVec3::new(4.0, 4.0, 1.0)).unwrap();
+    Viewcells::new(grid.over(DVec3::new(0.0, by - 2.0, 1.0), DVec3::new(80.0, by + 2.0, 2.0)).unwrap())
+}
+
+fn baked(scene: &Scene, cells: &Viewcells, settings: Settings, cache: &Arc<BakeCache>) -> SandwichOutcome {
+    Bake::new(SandwichBaker::new(scene, cells, settings).with_cache(cache.clone())).run()
+}
+
+#[test]
+fn an_edited_level_has_the_bytes_of_a_whole_bake() {
+    let mut random = Random(31);
+    let mut bricks = level(&mut random);
+    let mut settings = Settings { gap: 0.1, rays: 4, ..Settings::default() };
+    let mut cells = viewcells(0.0);
+    let none = Arc::new(BakeCache::default());
+    let mut cache = none.clone();
+    let mut reused = Vec::new();
+    for round in 0..24 {
+        match round % 8 {
+            0 => {}
+            1 | 2 => {
+                let at = 5 + random.below(bricks.len() - 5);
+                bricks[at] = brick(&mut random);
+            }
+            3 => bricks.insert(5 + random.below(20), brick(&mut random)),
+            4 => drop(bricks.remove(5 + random.below(bricks.len() - 5))),
+            5 => {
+                let at = 5 + random.below(bricks.len() - 8);
+                bricks[at].2 = !bricks[at].2;
+                bricks[at + 1].3 += 40;
+                bricks[at + 2].1[2] += 1.0;
+            }
+            6 => settings.gap = if settings.gap > 0.15 { 0.1 } else { 0.2 },
+            _ => cells = viewcells(if cells.cells()[0].min.y == -2.0 { 0.01 } else { 0.0 }),
+        }
+        let mut scene = scene(&bricks);
+        if (2..7).contains(&(round % 8)) {
+            // A hole in a house, within the same bounds.
+            let id = scene.id_at(9).unwrap();
+            let rest = scene.triangles(id).unwrap()[4..].to_vec();
+            scene.set_triangles(id, rest).unwrap();
+            scene.prepare_occluders(&Default::default());
+        }
+        let [whole, partly] = [&none, &cache].map(|cache| baked(&scene, &cells, settings, cache));
+        assert_eq!(whole.reused, 0);
+        let of = |outcome: &SandwichOutcome| Shard::new(0, outcome.clone()).to_bytes();
+        assert!(of(&whole) == of(&partly), "round {round}: other bytes");
+        assert!(whole.cache == partly.cache, "round {round}: another cache");
+        reused.push(partly.reused);
+        cache = Arc::new(BakeCache::from_bytes(&partly.cache.to_bytes()).unwrap());
+        assert!(*cache == partly.cache);
+    }
+    // The same settings come back, but then other objects have moved.
+    for round in [0, 6, 7, 14, 15, 22, 23] {
+        assert_eq!(reused[round], 0, "round {round} of {reused:?}");
+    }
+    assert_eq!([reused[8], reused[16]], [20, 20], "all, as nothing has changed: {reused:?}");
+    let edits: usize = (0..24).filter(|round| (1..6).contains(&(round % 8))).map(|round| reused[round]).sum();
+    assert!(edits > 50, "{reused:?}");
+}
+
+#[test]
+fn what_moves_where_it_is_hidden_costs_sweeps_alone() {
+    let mut bricks = level(&mut Random(8));
+    // In a house.
+    bricks.push(([3.0, -11.0, 1.0], [4.0, -10.0, 2.0], true, 12));
+    let (cells, settings) = (viewcells(0.0), Settings { rays: 4, ..Settings::default() });
+    let before = Bake::new(SandwichBaker::new(&scene(&bricks), &cells, settings)).run();
+    bricks.last_mut().unwrap().1 = [4.5, -9.0, 3.0];
+    let after = baked(&scene(&bricks), &cells, settings, &Arc::new(before.cache.clone()));
+    // From a few viewcells the sweep does not find it hidden, though rays do not reach it.
+    assert!(after.reused >= 15, "{} of 20", after.reused);
+    let seen = |outcome: &SandwichOutcome| -> Vec<Vec<u32>> {
+        outcome.cells.iter().map(|cell| cell.seen.clone()).collect()
+    };
+    assert_eq!(seen(&after), seen(&before));
+    // An object before all others, in another house, gives all others new numbers.
+    bricks.insert(0, ([3.0, 9.0, 1.0], [4.0, 10.0, 2.0], true, 12));
+    let renumbered = baked(&scene(&bricks), &cells, settings, &Arc::new(after.cache.clone()));
+    assert!(renumbered.reused >= 15, "{} of 20", renumbered.reused);
+    let moved: Vec<Vec<u32>> =
+        seen(&after).iter().map(|row| row.iter().map(|index| index + 1).collect()).collect();
+    assert_eq!(seen(&renumbered), moved);
+}
+
+#[test]
+fn damaged_caches_are_refused_and_forged_ones_do_not_panic() {
+    let (scene, cells) = (scene(&level(&mut Random(8))[..20]), viewcells(0.0));
+    let settings = Settings { rays: 4, ..Settings::default() };
+    let bytes = Bake::new(SandwichBaker::new(&scene, &cells, settings)).run().cache.to_bytes();
+    for at in 0..bytes.len() {
+        assert!(BakeCache::from_bytes(&bytes[..at]).is_err(), "{at} bytes");
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 4;
+        assert!(BakeCache::from_bytes(&damaged).is_err(), "byte {at}");
+    }
+    let mut accepted = 0;
+    for at in 44..bytes.len() {
+        let mut forged = bytes.clone();
+        forged[at] = 0xee;
+        let sum = forged[..32].iter().chain(&forged[40..]).fold(0xcbf2_9ce4_8422_2325_u64, |sum, &byte| {
+            (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        forged[32..40].copy_from_slice(&sum.to_le_bytes());
+        match BakeCache::from_bytes(&forged) {
+            Ok(cache) => {
+                accepted += 1;
+                if accepted % 4 == 0 {
+                    baked(&scene, &cells, settings, &Arc::new(cache));
+                }
+            }
+            Err(error) => assert!(matches!(error, FormatError::Content { .. }), "{error}"),
+        }
+    }
+    assert!(accepted > 30 && accepted * 2 < bytes.len(), "{accepted} of {}", bytes.len());
+}
