@@ -251,7 +251,7 @@ impl<'a> SandwichBaker<'a> {
         let content = match self.cache.group(key).filter(is_usable) {
             Some(records) => Content::Known(records.to_vec()),
             None => {
-                let scene = part_scene(self.scene, &ids);
+                let scene = part_scene(self.scene, &ids, true);
                 let sweep = prepared(&scene);
                 Content::Scene(Box::new((scene, sweep)))
             }
@@ -281,7 +281,7 @@ impl<'a> SandwichBaker<'a> {
             let record = CellRecord { left, ..known.clone() };
             return (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true);
         }
-        let scene = part_scene(scene, &within);
+        let scene = part_scene(scene, &within, false);
         let triangles = Arc::new(SceneTriangles::new(&scene));
         let sweep = lap();
         let mut search = Search::new(&scene, cell, triangles);
