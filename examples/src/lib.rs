@@ -14,6 +14,7 @@ pub mod occlusion;
 pub mod picture_size;
 pub mod plan;
 pub mod plp;
+pub mod progress;
 pub mod pvs;
 pub mod recipes;
 pub mod region;

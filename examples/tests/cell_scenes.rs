@@ -13,7 +13,9 @@ use visibility_core::{Pose, View, cells::CellId, pvs::Viewcells};
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::pvs::solids::boxes;
 use visibility_examples::pvs::stabs::Random;
-use visibility_examples::walkthrough::cell_sets::{Detail, matrix, objects, sets_of, settings};
+use visibility_examples::walkthrough::cell_sets::{
+    CELL_STEPS, Detail, cell_rows, objects, sets_of, settings,
+};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{SceneSource, built_in};
 
@@ -103,14 +105,15 @@ fn no_object_of_an_arena_is_missed() {
 fn objects_are_those_of_seen_cells_and_fewer() {
     let world = World::new(built_in("office:2,8").unwrap(), (64, 36), Some(1)).unwrap();
     let cells = world.cells().unwrap();
-    let (graph, settings) = (&cells.graph, settings(&cells.viewcells));
-    let matrix = matrix(graph, settings).unwrap();
-    let outcome = objects(&world.scene, graph, &matrix, settings).unwrap();
+    let (graph, settings) = (&cells.graph, settings(&cells.viewcells, CELL_STEPS));
+    let baked = cell_rows(graph, settings).unwrap();
+    let outcome = objects(&world.scene, graph, &baked, settings).unwrap();
     assert!(outcome.complete && outcome.fallbacks.is_empty());
     let mut by_cells = 0;
     for cell in (0..graph.cell_count() as u32).map(CellId) {
         let row = &outcome.rows[cell.index()];
-        let mut all: Vec<u32> = matrix
+        let mut all: Vec<u32> = baked
+            .matrix
             .seen_from(cell)
             .flat_map(|seen| graph.objects_in(seen))
             .map(|id| id.index() as u32)

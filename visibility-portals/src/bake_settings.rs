@@ -64,14 +64,9 @@ pub enum BakeError {
         /// Number of portals of the graph.
         portals: usize,
     },
-    /// The cell matrix and the graph given to [`ObjectBaker`](crate::ObjectBaker) have different numbers of
-    /// cells.
-    Cells {
-        /// Number of cells of the graph.
-        graph: usize,
-        /// Number of cells of the matrix.
-        matrix: usize,
-    },
+    /// The bake of cells given to [`ObjectBaker`](crate::ObjectBaker) is of another graph, or of another
+    /// clearance.
+    Cells,
 }
 
 impl fmt::Display for BakeError {
@@ -89,9 +84,7 @@ impl fmt::Display for BakeError {
                     "{cells} cells and {portals} portals are more than {MAX_CELLS_OR_PORTALS} of either"
                 )
             }
-            Self::Cells { graph, matrix } => {
-                write!(f, "a matrix of {matrix} cells, where the graph has {graph}")
-            }
+            Self::Cells => write!(f, "the cells were baked of another graph or with another clearance"),
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::cell_matrix::{CellMatrix, bits};
 use crate::directed_portals::DirectedPortals;
 use crate::portal_chain::CellFlood;
 use crate::portal_flow::{FlowInput, FlowResult, FlowScratch, portal_flow};
+use crate::portal_pairs::PortalPairs;
 use alloc::vec::Vec;
 use visibility_core::bake::{Baker, fill_rows};
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
@@ -30,6 +31,8 @@ pub struct Fallback {
 pub struct Outcome {
     /// Cell-to-cell visibility. Conservative and symmetric; each cell sees itself.
     pub matrix: CellMatrix,
+    /// Portals that a line may pass one after the other, for [`ObjectBaker`](crate::ObjectBaker).
+    pub pairs: PortalPairs,
     /// Cells whose search reached [`Settings::steps_per_cell`](crate::Settings::steps_per_cell), the limit
     /// of inspected portal chains, in ascending order. Empty if no cell did.
     pub fallbacks: Vec<Fallback>,
@@ -230,6 +233,7 @@ impl Baker for CellBaker {
             fallbacks.map(|(cell, &portals)| Fallback { cell: CellId(cell as u32), portals }).collect();
         Outcome {
             matrix: self.seen.both_ways(),
+            pairs: PortalPairs::new(&self.portals, self.rows, self.stride),
             fallbacks,
             steps: self.steps,
             rejected: self.rejected,

@@ -82,6 +82,7 @@ pub mod lp;
 mod object_baker;
 mod portal_chain;
 mod portal_flow;
+mod portal_pairs;
 pub mod prt;
 mod separating_planes;
 pub mod stabbing;
@@ -95,6 +96,7 @@ pub use culler::{
     SceneCellsError,
 };
 pub use object_baker::{ObjectBaker, ObjectOutcome};
+pub use portal_pairs::PortalPairs;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -77,11 +77,11 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
         .collect();
     let ids = boxes.iter().map(|&[min, max]| scene.insert(Aabb::new(min.as_vec3(), max.as_vec3())));
     graph.set_objects((0..).map(CellId).zip(ids)).unwrap();
-    let matrix = Bake::new(baker(&graph, Settings::default())).run().matrix;
+    let cells = Bake::new(baker(&graph, Settings::default())).run();
     let bounds = |id: visibility_core::ObjectId| boxes.get(id.index()).copied();
     for steps_per_cell in [u64::MAX, 12] {
         let settings = Settings { steps_per_cell, ..Settings::default() };
-        let new = || ObjectBaker::new(&graph, &matrix, bounds, settings).unwrap();
+        let new = || ObjectBaker::new(&graph, &cells, bounds, settings).unwrap();
         let whole = Bake::new(new()).run();
         assert_eq!(whole.fallbacks.is_empty(), steps_per_cell == u64::MAX);
         assert!(whole.complete && whole.rows.iter().any(|row| row.len() > 1));
@@ -97,7 +97,7 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
         // The fingerprint depends on all input of the bake.
         let saved = bake.save();
         let moved = |id: visibility_core::ObjectId| boxes.get(id.index()).map(|&[min, max]| [min, max + 0.1]);
-        let other = ObjectBaker::new(&graph, &matrix, moved, settings).unwrap();
+        let other = ObjectBaker::new(&graph, &cells, moved, settings).unwrap();
         assert_eq!(Bake::resume(other, &saved).err(), Some(FormatError::Fingerprint));
         let cells = Bake::resume(baker(&graph, settings), &saved);
         assert_eq!(cells.err(), Some(FormatError::Kind { found: 1, expected: 0 }));

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::pvs::built::{Origin, cells};
-use visibility_examples::walkthrough::cell_sets::{matrix, objects, settings};
+use visibility_examples::walkthrough::cell_sets::{CELL_STEPS, OBJECT_STEPS, cell_rows, objects, settings};
 use visibility_examples::walkthrough::{World, world::objects_in_cells};
 use visibility_examples::{built_in, load};
 use visibility_portals::prt;
@@ -25,6 +25,12 @@ struct Arguments {
     /// File to write the cells and portals to, in the portal file format (.prt). By default none.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+
+    /// Maximum number of chains of portals to test for one cell. A cell that reaches the maximum counts as
+    /// seeing every cell and every object not yet proven hidden. By default 20,000 for cells and 3,000 for
+    /// objects.
+    #[arg(long, value_name = "STEPS")]
+    limit: Option<u64>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -79,20 +85,24 @@ fn run(arguments: &Arguments) -> Result<(), String> {
             .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
     }
     let start = Instant::now();
-    let settings = settings(&cells.viewcells);
-    let matrix = matrix(&cells.graph, settings)?;
+    let limit = |steps| settings(&cells.viewcells, arguments.limit.unwrap_or(steps));
+    let baked = cell_rows(&cells.graph, limit(CELL_STEPS))?;
     println!(
-        "{:.2} cells seen in the mean, in {:.2} s",
-        matrix.mean_visible(),
-        start.elapsed().as_secs_f64()
+        "{:.2} cells seen in the mean, in {:.2} s, by {} chains; {} cells reached the limit",
+        baked.matrix.mean_visible(),
+        start.elapsed().as_secs_f64(),
+        baked.steps.iter().sum::<u64>(),
+        baked.fallbacks.len()
     );
     let start = Instant::now();
-    let objects = objects(&world.scene, &cells.graph, &matrix, settings)?;
+    let objects = objects(&world.scene, &cells.graph, &baked, limit(OBJECT_STEPS))?;
     println!(
-        "{:.1} of {} objects seen in the mean, in {:.2} s",
+        "{:.1} of {} objects seen in the mean, in {:.2} s, by {} chains; {} cells reached the limit",
         objects.mean_visible(),
         ids.len(),
-        start.elapsed().as_secs_f64()
+        start.elapsed().as_secs_f64(),
+        objects.steps.iter().sum::<u64>(),
+        objects.fallbacks.len()
     );
     Ok(())
 }

@@ -2,15 +2,15 @@
 //! prints times and errors.
 
 use clap::Parser;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
 use std::fs::File;
-use std::io::{BufWriter, IsTerminal, Write};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use visibility_examples::description::Description;
 use visibility_examples::picture_size::parse_size;
+use visibility_examples::progress::Steps;
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
@@ -122,17 +122,17 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         println!("{advice}");
     }
     let pipelines = cullers::parse(&list, &world)?;
-    let bar = progress("culling", pipelines.len());
+    let bar = Steps::new("culling", pipelines.len(), true);
     let mut trials = Vec::new();
     for (name, pipeline) in pipelines {
         trials.push(run(name, pipeline, &world));
-        bar.inc(1);
+        bar.step();
     }
-    bar.finish_and_clear();
+    drop(bar);
     let (width, height) = world.size;
-    let bar = progress(&format!("the exact answer at {width}x{height}"), world.views.len());
-    let judgement = judge(&world, &trials, || bar.inc(1))?;
-    bar.finish_and_clear();
+    let bar = Steps::new(&format!("the exact answer at {width}x{height}"), world.views.len(), true);
+    let judgement = judge(&world, &trials, || bar.step())?;
+    drop(bar);
 
     println!("{}\n{}", output::table(&world, &trials, &judgement), output::LEGEND);
     if let Some(path) = &arguments.json {
@@ -171,20 +171,6 @@ fn scene(name: &str, cameras: Option<&Path>) -> Result<SceneSource, SourceError>
         source.up = description.up.unwrap_or(source.up);
     }
     Ok(source)
-}
-
-/// Creates a progress bar if standard error is a terminal. Otherwise prints a line that names the task, and
-/// returns a hidden bar.
-fn progress(what: &str, steps: usize) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        eprintln!("{what}: {steps} steps ...");
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(steps as u64).with_message(what.to_owned());
-    let style = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len} {eta}");
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.enable_steady_tick(Duration::from_millis(100));
-    bar
 }
 
 /// Creates a file and writes it through a buffer. Errors name the path.

@@ -2,17 +2,19 @@
 
 use super::World;
 use super::world::objects_in_cells;
+use crate::progress::Steps;
 use crate::pvs::built::{Origin, cells};
 use crate::source::clearance;
 use std::sync::Arc;
-use visibility_core::bake::Bake;
+use std::time::Instant;
+use visibility_core::bake::{Bake, Baker};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     ObjectId, Scene,
     cells::{CellGraph, CellId},
     pvs::{ScenePvs, Viewcells},
 };
-use visibility_portals::{CellBaker, CellMatrix, ObjectBaker, ObjectOutcome, Settings};
+use visibility_portals::{CellBaker, ObjectBaker, ObjectOutcome, Outcome, Settings};
 
 /// Kind of the targets in a potentially visible set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -34,7 +36,13 @@ pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<Scen
         let is_made = || world.makes_cells && world.source.cells.is_none();
         if origin == Origin::Given || origin == Origin::Polygons && is_made() {
             let cells = world.cells()?;
-            return bake(&world.scene, &cells.graph, &cells.viewcells, detail);
+            let start = Instant::now();
+            let sets = bake(&world.scene, &cells.graph, &cells.viewcells, detail)?;
+            if is_made() {
+                let (count, seconds) = (cells.graph.cell_count(), start.elapsed().as_secs_f64());
+                eprintln!("{}: sets of {count} cells baked in {seconds:.2} s", world.source.name);
+            }
+            return Ok(sets);
         }
         if world.origin() != DVec3::ZERO {
             return Err("cells are made of walls only where the world's origin is zero".to_owned());
@@ -48,7 +56,7 @@ pub fn sets_of(world: &World, origin: Origin, detail: Detail) -> Result<Arc<Scen
 }
 
 /// Bakes the potentially visible sets of cells, with the targets that `detail` selects, and binds the sets to
-/// `scene`. The graph must list the objects in each cell.
+/// `scene`. The graph must list the objects in each cell. A long bake shows its progress on standard error.
 ///
 /// # Errors
 ///
@@ -59,17 +67,17 @@ pub fn bake(
     viewcells: &Viewcells,
     detail: Detail,
 ) -> Result<ScenePvs, String> {
-    let settings = settings(viewcells);
-    let matrix = matrix(graph, settings)?;
+    let baked = cell_rows(graph, settings(viewcells, CELL_STEPS))?;
     let cells = || (0..graph.cell_count() as u32).map(CellId);
     let pairs = cells().flat_map(|cell| graph.objects_in(cell).iter().map(move |&id| (cell, id)));
     let (pvs, pairs): (_, Vec<(ObjectId, u32)>) = match detail {
-        Detail::Cells => (matrix.to_pvs(graph), pairs.map(|(cell, id)| (id, cell.0)).collect()),
+        Detail::Cells => (baked.matrix.to_pvs(graph), pairs.map(|(cell, id)| (id, cell.0)).collect()),
         Detail::Objects => {
             let mut ids: Vec<ObjectId> = pairs.map(|(_, id)| id).collect();
             ids.sort_unstable();
             ids.dedup();
-            let pvs = objects(scene, graph, &matrix, settings)?.to_pvs(graph, scene.index_limit());
+            let outcome = objects(scene, graph, &baked, settings(viewcells, OBJECT_STEPS))?;
+            let pvs = outcome.to_pvs(graph, scene.index_limit());
             (pvs, ids.into_iter().map(|id| (id, id.index() as u32)).collect())
         }
     };
@@ -77,10 +85,27 @@ pub fn bake(
     Ok(ScenePvs::new(scene, pvs, viewcells.clone(), pairs))
 }
 
-/// Returns the default bake settings with a clearance proportional to the extent of the cells, as
-/// [`clearance`] computes it.
-pub fn settings(viewcells: &Viewcells) -> Settings {
-    Settings { clearance: clearance(viewcells), ..Settings::default() }
+/// Maximum number of chains of portals that are inspected to find the cells that one cell sees. Few cells of
+/// buildings need as many.
+pub const CELL_STEPS: u64 = 20_000;
+/// Maximum number of chains of portals that are inspected to find the objects that one cell sees. Planes of
+/// pairs of portals hide most of what is hidden without any chain, and each chain of these is dearer.
+pub const OBJECT_STEPS: u64 = 3_000;
+
+/// Returns bake settings with at most `steps` steps for a cell and a clearance proportional to the extent of
+/// the cells, as [`clearance`] computes it.
+pub fn settings(viewcells: &Viewcells, steps: u64) -> Settings {
+    Settings { clearance: clearance(viewcells), steps_per_cell: steps, ..Settings::default() }
+}
+
+/// Runs a bake to its end, and shows its progress as that of `what`.
+fn run<B: Baker>(baker: B, what: &str) -> B::Outcome {
+    let mut bake = Bake::new(baker);
+    let mut steps = Steps::new(what, bake.progress().total, false);
+    while let Some(now) = bake.advance() {
+        steps.set(now.done, now.total);
+    }
+    bake.finish()
 }
 
 /// Bakes the cell-to-cell visibility.
@@ -88,12 +113,13 @@ pub fn settings(viewcells: &Viewcells) -> Settings {
 /// # Errors
 ///
 /// Returns a message when the cells cannot be baked.
-pub fn matrix(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, String> {
+pub fn cell_rows(graph: &CellGraph, settings: Settings) -> Result<Outcome, String> {
     let baker = CellBaker::new(graph, settings).map_err(|error| error.to_string())?;
-    Ok(Bake::new(baker).run().matrix)
+    Ok(run(baker, "portals looked through"))
 }
 
-/// Bakes which objects are visible from which cells. `matrix` must be the cell-to-cell visibility of `graph`.
+/// Bakes which objects are visible from which cells. `cells` must be the cell-to-cell visibility of `graph`,
+/// baked with the same clearance.
 ///
 /// # Errors
 ///
@@ -101,13 +127,13 @@ pub fn matrix(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, Strin
 pub fn objects(
     scene: &Scene,
     graph: &CellGraph,
-    matrix: &CellMatrix,
+    cells: &Outcome,
     settings: Settings,
 ) -> Result<ObjectOutcome, String> {
     let bounds = |id| -> Option<[DVec3; 2]> {
         let bounds = scene.bounds(id).ok().filter(|bounds| bounds.is_finite())?;
         Some([bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin()))
     };
-    let baker = ObjectBaker::new(graph, matrix, bounds, settings).map_err(|error| error.to_string())?;
-    Ok(Bake::new(baker).run())
+    let baker = ObjectBaker::new(graph, cells, bounds, settings).map_err(|error| error.to_string())?;
+    Ok(run(baker, "cells whose objects are found"))
 }

@@ -6,7 +6,7 @@
 //! opaque polygons, is a portal.
 
 use super::merge_pieces::merge_pieces;
-use super::subtract_polygons::{Lengths, subtract, widened_sides, width};
+use super::subtract_polygons::{Lengths, bounds, subtract, widened_sides, width};
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -58,9 +58,45 @@ impl Cover {
     }
 }
 
-fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
-    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    points.iter().fold(empty, |(min, max), &p| (min.min(p), max.max(p)))
+/// Maximum number of covers that are subtracted from a whole piece. A piece with more is halved first.
+const MAX_COVERS: usize = 32;
+/// Maximum number of times that a piece is halved.
+const MAX_HALVINGS: u32 = 8;
+
+/// Subtracts covers from a convex piece of a portal, and appends the open parts to `open`. Adds to `covered`
+/// the areas, in square world units, that covers facing the front (0) and the back (1) of the plane have
+/// covered. A piece with many covers is halved along its longest side, so that the time is nearly
+/// proportional to the number of covers.
+fn subtract_covers(
+    piece: Vec<DVec3>,
+    covers: &[&Cover],
+    normal: DVec3,
+    lengths: &Lengths,
+    halvings: u32,
+    open: &mut Vec<Vec<DVec3>>,
+    covered: &mut [f64; 2],
+) {
+    let (min, max) = bounds(&piece);
+    let meets = |cover: &&&Cover| cover.min.cmple(max).all() && min.cmple(cover.max).all();
+    let near: Vec<&Cover> = covers.iter().filter(meets).copied().collect();
+    if near.len() > MAX_COVERS && halvings < MAX_HALVINGS {
+        let size = max - min;
+        let axis = (0..3).fold(0, |longest, axis| if size[axis] > size[longest] { axis } else { longest });
+        let half = Plane::new(DVec3::AXES[axis], -(min[axis] + max[axis]) * 0.5);
+        for side in [half, half.flipped()] {
+            let mut part = piece.clone();
+            clip_in_place(&mut part, &side, lengths);
+            if !part.is_empty() {
+                subtract_covers(part, &near, normal, lengths, halvings + 1, open, covered);
+            }
+        }
+        return;
+    }
+    let mut parts = alloc::vec![piece];
+    for cover in near {
+        covered[usize::from(!cover.faces_front)] += subtract(&mut parts, &cover.planes, normal, lengths);
+    }
+    open.append(&mut parts);
 }
 
 /// A BSP tree that divides the box from `min` to `max`, in world space.
@@ -163,17 +199,14 @@ impl Bsp {
                 for (back, piece) in behind.drain(..) {
                     leaves[front as usize].bound(&piece, Some(node.plane));
                     leaves[back as usize].bound(&piece, Some(node.plane.flipped()));
-                    let (min, max) = bounds(&piece);
-                    let mut open = alloc::vec![piece];
-                    for cover in &covers {
-                        if !(cover.min.cmple(max).all() && min.cmple(cover.max).all()) {
-                            continue;
-                        }
-                        let covered = subtract(&mut open, &cover.planes, node.plane.normal, lengths);
-                        let (sees_front, sees_back) =
-                            if cover.faces_front { (front, back) } else { (back, front) };
-                        leaves[sees_front as usize].fronts += covered;
-                        leaves[sees_back as usize].backs += covered;
+                    let (mut open, mut covered) = (Vec::new(), [0.0; 2]);
+                    let all: Vec<&Cover> = covers.iter().collect();
+                    subtract_covers(piece, &all, node.plane.normal, lengths, 0, &mut open, &mut covered);
+                    for ([sees_front, sees_back], area) in
+                        [[front, back], [back, front]].into_iter().zip(covered)
+                    {
+                        leaves[sees_front as usize].fronts += area;
+                        leaves[sees_back as usize].backs += area;
                     }
                     open.retain(|piece| width(piece, node.plane.normal) > lengths.sliver);
                     merge_pieces(&mut open, node.plane.normal);

@@ -1,10 +1,10 @@
 //! Merging of coplanar convex polygons into fewer polygons that cover at least the same area.
 //!
 //! Subtracting opaque polygons from a portal leaves more pieces than necessary. Two pieces are replaced by
-//! their convex hull if the hull is hardly larger than both. A little opaque area then counts as open, which
-//! is conservative, and chains of portals become far fewer.
+//! their convex hull if the hull is hardly larger than both, or where there are too many. A little opaque
+//! area then counts as open, which is conservative, and chains of portals become far fewer.
 
-use super::subtract_polygons::area;
+use super::subtract_polygons::{area, bounds};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
@@ -12,33 +12,34 @@ use visibility_core::glam::DVec3;
 /// for the hull to replace them.
 const WASTE: f64 = 0.1;
 
-/// Maximum number of pieces that are merged in pairs. With more pieces, only the hull of all pieces is tried.
+/// Maximum number of pieces that are left: more are merged in pairs, those first whose hull wastes least.
+const MAX_PIECES: usize = 8;
+
+/// Maximum number of pieces that are compared in pairs. Of more pieces, neighbours along the longest side of
+/// their bounds are merged first.
 const MAX_PAIRWISE_PIECES: usize = 48;
 
-/// Merges coplanar convex pieces and replaces `pieces` by the result, convex polygons that cover at least all
-/// points of the input. `normal` is the unit normal of the common plane.
+/// Merges coplanar convex pieces and replaces `pieces` by the result, at most [`MAX_PIECES`] convex polygons
+/// that cover at least all points of the input. `normal` is the unit normal of the common plane.
 pub(super) fn merge_pieces(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
     if pieces.len() < 2 {
         return;
     }
     let open: f64 = pieces.iter().map(|piece| area(piece, normal)).sum();
     let whole = hull(pieces.iter().flatten().copied(), normal);
-    if area(&whole, normal) * (1.0 - WASTE) <= open
-        || pieces.len() > MAX_PAIRWISE_PIECES && area(&whole, normal) <= 2.0 * open
-    {
+    if area(&whole, normal) * (1.0 - WASTE) <= open {
         pieces.clear();
         pieces.push(whole);
         return;
     }
-    if pieces.len() > MAX_PAIRWISE_PIECES {
-        return;
+    while pieces.len() > MAX_PAIRWISE_PIECES {
+        merge_neighbours(pieces, normal);
     }
     let mut i = 0;
     while i < pieces.len() {
         let joined = (i + 1..pieces.len()).find_map(|j| {
-            let both = hull(pieces[i].iter().chain(&pieces[j]).copied(), normal);
-            let open = area(&pieces[i], normal) + area(&pieces[j], normal);
-            (area(&both, normal) * (1.0 - WASTE) <= open).then_some((j, both))
+            let (both, waste) = join(&pieces[i], &pieces[j], normal);
+            (waste <= WASTE * area(&both, normal)).then_some((j, both))
         });
         match joined {
             // The merged piece may now fit pieces that were passed over, so the search starts again.
@@ -50,6 +51,34 @@ pub(super) fn merge_pieces(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
             None => i += 1,
         }
     }
+    while pieces.len() > 3 * MAX_PIECES {
+        merge_neighbours(pieces, normal);
+    }
+    while pieces.len() > MAX_PIECES {
+        let pairs = (1..pieces.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+        let joined = pairs.map(|(i, j)| (i, j, join(&pieces[i], &pieces[j], normal)));
+        let Some((i, j, (both, _))) = joined.min_by(|a, b| a.2.1.total_cmp(&b.2.1)) else { return };
+        pieces.swap_remove(j);
+        pieces[i] = both;
+    }
+}
+
+/// Returns the convex hull of two pieces, and the area of it that they do not cover.
+fn join(a: &[DVec3], b: &[DVec3], normal: DVec3) -> (Vec<DVec3>, f64) {
+    let both = hull(a.iter().chain(b).copied(), normal);
+    let waste = area(&both, normal) - area(a, normal) - area(b, normal);
+    (both, waste)
+}
+
+/// Halves the number of pieces: sorts them along the longest side of their bounds, and merges each with the
+/// next.
+fn merge_neighbours(pieces: &mut Vec<Vec<DVec3>>, normal: DVec3) {
+    let (min, max) = bounds(pieces.iter().flatten());
+    let size = max - min;
+    let axis = (0..3).fold(0, |longest, axis| if size[axis] > size[longest] { axis } else { longest });
+    let middle = |piece: &[DVec3]| piece.iter().map(|p| p[axis]).sum::<f64>() / piece.len() as f64;
+    pieces.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
+    *pieces = pieces.chunks(2).map(|pair| hull(pair.iter().flatten().copied(), normal)).collect();
 }
 
 /// Returns the convex hull of coplanar points, counter-clockwise around the unit `normal` of their plane
@@ -99,5 +128,26 @@ mod tests {
         areas.sort_unstable_by(f64::total_cmp);
         assert_eq!(areas, [3.0, 27.0]);
         assert!(pieces.iter().all(|piece| piece.len() == 4), "{pieces:?}");
+    }
+
+    #[test]
+    fn many_windows_become_few_that_cover_them_all() {
+        // A lattice of 20 x 7 panes, half of which is frame.
+        let panes: Vec<_> = (0..140)
+            .map(|i| (f64::from(i % 20), f64::from(i / 20)))
+            .map(|(x, y)| rectangle([x, x + 0.7], [y, y + 0.7]))
+            .collect();
+        let mut pieces = panes.clone();
+        merge_pieces(&mut pieces, DVec3::Z);
+        assert!(!pieces.is_empty() && pieces.len() <= MAX_PIECES, "{}", pieces.len());
+        for &corner in panes.iter().flatten() {
+            let inside = |piece: &Vec<DVec3>| {
+                (0..piece.len()).all(|i| {
+                    let (a, b) = (piece[i], piece[(i + 1) % piece.len()]);
+                    (b - a).cross(corner - a).z >= -1e-9
+                })
+            };
+            assert!(pieces.iter().any(inside), "{corner} is not covered");
+        }
     }
 }

@@ -102,6 +102,12 @@ pub(super) fn subtract(
     covered
 }
 
+/// Returns the minimum and the maximum corner of the box around points.
+pub(super) fn bounds<'a>(points: impl IntoIterator<Item = &'a DVec3>) -> (DVec3, DVec3) {
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points.into_iter().fold(empty, |(min, max), &p| (min.min(p), max.max(p)))
+}
+
 /// Returns the area of a polygon projected along a unit normal, in square world units, for vertices in
 /// clockwise or counter-clockwise order. 0 for an empty polygon.
 pub(super) fn area(polygon: &[DVec3], normal: DVec3) -> f64 {

@@ -6,18 +6,20 @@
 //! [separate](crate::separating_planes) the first portal from the last (Teller and Hanrahan, "Global
 //! Visibility Algorithms for Illumination Computations", 1993). An object is hidden from a cell only if its
 //! box lies outside one of those planes at the end of every chain of portals to every cell that the object is
-//! in.
+//! in. Most objects are hidden already by the planes of the first and the last portal alone: see
+//! [`object_chains`].
 //!
-//! Cell-to-cell visibility must be baked first. Chains pass only through cells that are seen, and end where
-//! no object that is not yet seen can lie inside the planes.
+//! Cell-to-cell visibility must be baked first. Chains pass only cells that are seen and only pairs of
+//! portals that a line may pass, and end where no object that is not yet seen can lie inside the planes.
 
 mod object_chains;
 
 use crate::bake_settings::{BakeError, Settings, prepare};
-use crate::cell_matrix::{CellMatrix, neighbours};
+use crate::cell_baker::Outcome;
+use crate::cell_matrix::neighbours;
 use crate::directed_portals::DirectedPortals;
 use alloc::vec::Vec;
-use object_chains::{Chains, SeenObjects, Targets};
+use object_chains::{Chains, Input, SeenObjects, Targets};
 use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
@@ -34,8 +36,9 @@ pub struct ObjectOutcome {
     /// By index of the cell looked from: the [indices](ObjectId::index) of the objects seen from the cell,
     /// ascending.
     pub rows: Vec<Vec<u32>>,
-    /// Cells whose search reached the limit of steps or was not carried out, ascending. All objects in all
-    /// cells seen from such a cell count as visible.
+    /// Cells whose search reached the limit of steps or was not carried out, ascending. All objects not
+    /// proven hidden from such a cell count as visible: after a search that was not carried out, all
+    /// objects in all cells that the cell sees.
     pub fallbacks: Vec<CellId>,
     /// By index of the cell looked from: the number of portal chains inspected.
     pub steps: Vec<u64>,
@@ -78,16 +81,16 @@ impl ObjectOutcome {
 /// let mut scene = Scene::new();
 /// let ids = boxes.map(|min| scene.insert(Aabb::from_world(min, min + 0.5, DVec3::ZERO)));
 /// graph.set_objects(ids.map(|id| (CellId(2), id)))?;
-/// let matrix = Bake::new(CellBaker::new(&graph, Settings::default())?).run().matrix;
+/// let cells = Bake::new(CellBaker::new(&graph, Settings::default())?).run();
 /// let bounds = |id: visibility_core::ObjectId| boxes.get(id.index()).map(|&min| [min, min + 0.5]);
-/// let baker = ObjectBaker::new(&graph, &matrix, bounds, Settings::default())?;
+/// let baker = ObjectBaker::new(&graph, &cells, bounds, Settings::default())?;
 /// // From the first room, lines through both doors reach the first object, and never the second.
 /// assert_eq!(Bake::new(baker).run().rows, [vec![0], vec![0, 1], vec![0, 1]]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct ObjectBaker<'a> {
-    matrix: &'a CellMatrix,
+    cells: &'a Outcome,
     portals: DirectedPortals,
     targets: Targets,
     settings: Settings,
@@ -97,26 +100,27 @@ pub struct ObjectBaker<'a> {
 }
 
 impl<'a> ObjectBaker<'a> {
-    /// Prepares the portals. `bounds` returns the minimum and the maximum corner of an object's box in world
-    /// space. An object without valid bounds (`None`, NaN, or a minimum above the maximum) counts as visible
-    /// wherever one of its cells is seen.
+    /// Prepares the portals. `cells` is the bake of the cells of `graph` with the same clearance. `bounds`
+    /// returns the minimum and the maximum corner of an object's box in world space. An object without valid
+    /// bounds (`None`, NaN, or a minimum above the maximum) counts as visible wherever one of its cells is
+    /// seen.
     ///
     /// # Errors
-    /// As for [`CellBaker::new`](crate::CellBaker::new); [`BakeError::Cells`] if `matrix` and `graph` differ
-    /// in their number of cells.
+    /// As for [`CellBaker::new`](crate::CellBaker::new); [`BakeError::Cells`] if `cells` is of another graph
+    /// or another clearance.
     pub fn new(
         graph: &CellGraph,
-        matrix: &'a CellMatrix,
+        cells: &'a Outcome,
         bounds: impl Fn(ObjectId) -> Option<[DVec3; 2]>,
         settings: Settings,
     ) -> Result<Self, BakeError> {
         let portals = prepare(graph, &settings)?;
-        let cells = graph.cell_count();
-        if matrix.cell_count() != cells {
-            return Err(BakeError::Cells { graph: cells, matrix: matrix.cell_count() });
+        let count = graph.cell_count();
+        if cells.matrix.cell_count() != count || !cells.pairs.are_of(&portals) {
+            return Err(BakeError::Cells);
         }
         let targets = Targets::new(graph, bounds);
-        Ok(Self { matrix, portals, targets, settings, done: alloc::vec![None; cells] })
+        Ok(Self { cells, portals, targets, settings, done: alloc::vec![None; count] })
     }
 }
 
@@ -133,8 +137,9 @@ impl Baker for ObjectBaker<'_> {
     }
 
     fn work(&self, cell: u32, chains: &mut Chains) -> SeenObjects {
-        let limit = self.settings.steps_per_cell;
-        chains.seen_from(CellId(cell), &self.portals, self.matrix, &self.targets, limit)
+        let Outcome { matrix, pairs, .. } = self.cells;
+        let input = Input { portals: &self.portals, matrix, pairs, targets: &self.targets };
+        chains.seen_from(CellId(cell), input, self.settings.steps_per_cell)
     }
 
     fn take_in(&mut self, cell: u32, found: SeenObjects) -> u64 {
@@ -143,27 +148,28 @@ impl Baker for ObjectBaker<'_> {
         steps
     }
 
-    /// Builds the rows of the outcome. For a cell whose search was not carried out or gave up at the limit of
-    /// steps, all objects in all cells that it sees count as visible.
+    /// Builds the rows of the outcome. For a cell whose search was not carried out, all objects in all cells
+    /// that it sees count as visible.
     fn finish(self, waiting: &[u32]) -> ObjectOutcome {
         let cells = self.done.len();
         let (mut rows, mut steps, mut fallbacks) = (Vec::with_capacity(cells), Vec::new(), Vec::new());
         for (cell, seen) in (0..).map(CellId).zip(self.done) {
-            let seen = seen.unwrap_or(SeenObjects { row: Vec::new(), steps: 0, gave_up: true });
+            let seen = seen.unwrap_or_else(|| {
+                let row = self.targets.in_cells(self.cells.matrix.seen_from(cell));
+                SeenObjects { row, steps: 0, gave_up: true }
+            });
             steps.push(seen.steps);
-            if seen.gave_up {
-                fallbacks.push(cell);
-                rows.push(self.targets.in_cells(self.matrix.seen_from(cell)));
-            } else {
-                rows.push(seen.row);
-            }
+            rows.push(seen.row);
+            fallbacks.extend(seen.gave_up.then_some(cell));
         }
         ObjectOutcome { rows, fallbacks, steps, complete: waiting.is_empty() }
     }
 
     fn fingerprint(&self) -> u64 {
-        let matrix = (0..self.done.len()).flat_map(|cell| self.matrix.row(cell)).copied();
+        let Outcome { matrix, pairs, .. } = self.cells;
+        let matrix = (0..self.done.len()).flat_map(|cell| matrix.row(cell)).copied();
         let numbers = self.portals.numbers().chain(self.settings.numbers()).chain(matrix);
+        let numbers = numbers.chain([pairs.fingerprint()]);
         numbers.chain(self.targets.numbers()).fold(Fingerprint::new(), Fingerprint::with_u64).value()
     }
 

@@ -1,9 +1,17 @@
-//! The search for the objects seen from one cell: depth first through chains of portals. Objects that are not
-//! outside the planes of some chain are marked as seen.
+//! The search for the objects seen from one cell, in two stages for each portal that leads from the cell.
+//!
+//! Pairs: a line that reaches an object has passed the first portal and, last of all, a portal into a cell of
+//! the object. The planes that separate the two portals bound all such lines. An object outside the planes of
+//! every such pair is hidden; the others are candidates. The cost is at most that of all pairs of portals.
+//!
+//! Chains: a search, depth first through chains of portals, that lead to candidates. A candidate that is not
+//! outside the planes of some chain is seen. The number of chains may be exponential, so their number may be
+//! limited; candidates beyond the limit count as seen.
 
-use crate::cell_matrix::CellMatrix;
+use crate::cell_matrix::{CellMatrix, bits};
 use crate::directed_portals::DirectedPortals;
 use crate::portal_chain::{CellFlood, ChainFrame, PortalChain, is_outside, outward};
+use crate::portal_pairs::PortalPairs;
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::DVec3;
@@ -95,11 +103,11 @@ impl Targets {
 /// The objects seen from one cell, and the cost of the search.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SeenObjects {
-    /// Scene indices of the seen objects, ascending. Empty if `gave_up`.
+    /// Scene indices of the seen objects, ascending.
     pub(super) row: Vec<u32>,
     pub(super) steps: u64,
-    /// Whether the search from this cell reached the limit of steps, so that `row` is unknown. `false` if
-    /// the search is complete.
+    /// Whether the search of chains reached the limit of steps, so that `row` may hold objects that a longer
+    /// search would exclude. `false` if the search is complete.
     pub(super) gave_up: bool,
 }
 
@@ -107,18 +115,32 @@ pub struct SeenObjects {
 /// objects seen so far.
 #[derive(Default)]
 pub struct Chains {
+    /// By target: whether it is known to be seen.
     seen: Vec<bool>,
+    /// By target: whether it is a candidate of the present first portal, and not known to be seen.
+    open: Vec<bool>,
+    /// Targets that became candidates of the present first portal, each once.
+    candidates: Vec<u32>,
+    /// Bit i: directed portal i leads to a cell with an open candidate, as a pair with the first portal.
+    goals: Vec<u64>,
     /// The current chain of portals. Bit i of its bitsets stands for directed portal i.
     chain: PortalChain,
     flood: CellFlood,
 }
 
+/// Input of the search for the objects seen from a cell.
+#[derive(Clone, Copy)]
+pub(super) struct Input<'a> {
+    pub(super) portals: &'a DirectedPortals,
+    pub(super) matrix: &'a CellMatrix,
+    pub(super) pairs: &'a PortalPairs,
+    pub(super) targets: &'a Targets,
+}
+
 /// Input of the search for the objects seen through one directed portal of the viewcell, the first portal of
 /// all chains of the search.
 struct Search<'a> {
-    portals: &'a DirectedPortals,
-    matrix: &'a CellMatrix,
-    targets: &'a Targets,
+    input: Input<'a>,
     from: CellId,
     /// Index of the first directed portal, with which all chains of the search begin.
     first: u32,
@@ -127,47 +149,106 @@ struct Search<'a> {
 }
 
 impl Chains {
-    /// Searches the objects seen from cell `from`. Gives up after `limit` steps (portal chains inspected).
-    pub(super) fn seen_from(
-        &mut self,
-        from: CellId,
-        portals: &DirectedPortals,
-        matrix: &CellMatrix,
-        targets: &Targets,
-        limit: u64,
-    ) -> SeenObjects {
+    /// Searches the objects seen from cell `from`. At most `limit` steps (portal chains) are inspected,
+    /// shared among the portals of the cell.
+    pub(super) fn seen_from(&mut self, from: CellId, input: Input, limit: u64) -> SeenObjects {
+        let Input { portals, targets, .. } = input;
+        let count = targets.boxes.len();
         self.seen.clear();
-        self.seen.resize(targets.boxes.len(), false);
+        self.seen.resize(count, false);
+        self.open.clear();
+        self.open.resize(count, false);
         targets.of(from.0).iter().for_each(|&target| self.seen[target as usize] = true);
-        let mut steps = 0;
-        for first in portals.from(from.0) {
-            let words = portals.all.len().div_ceil(64);
-            let search = Search { portals, matrix, targets, from, first, words };
-            if !self.search(&search, limit, &mut steps) {
-                return SeenObjects { row: Vec::new(), steps, gave_up: true };
+        let (mut steps, mut gave_up) = (0, false);
+        let own = portals.from(from.0);
+        for first in own.clone() {
+            let search = Search { input, from, first, words: portals.all.len().div_ceil(64) };
+            self.find_candidates(&search);
+            if self.candidates.is_empty() {
+                continue;
+            }
+            let share = (limit - steps) / u64::from(own.end - first);
+            let complete = self.search(&search, steps + share, &mut steps);
+            gave_up |= !complete;
+            for target in self.candidates.drain(..) {
+                // Those that are still open after a complete search are hidden from this portal.
+                self.seen[target as usize] |= core::mem::take(&mut self.open[target as usize]) && !complete;
             }
         }
-        let seen = (0..targets.boxes.len()).filter(|&i| self.seen[i]).map(|i| targets.index[i]);
-        SeenObjects { row: seen.collect(), steps, gave_up: false }
+        let seen = (0..count).filter(|&i| self.seen[i]).map(|i| targets.index[i]);
+        SeenObjects { row: seen.collect(), steps, gave_up }
     }
 
-    /// Searches all chains that begin with the directed portal `search.first`, and marks in `seen` the
-    /// targets that they reach. Adds the chains inspected to `steps`; returns `false` once `steps` exceeds
-    /// `limit`.
-    fn search(&mut self, search: &Search, limit: u64, steps: &mut u64) -> bool {
-        let (portals, first) = (search.portals, search.first);
+    /// Finds the candidates of the directed portal `search.first`: the targets not known to be seen that are
+    /// inside the planes of the first portal and a portal into one of their cells. Sets `open`, `candidates`
+    /// and `goals`.
+    fn find_candidates(&mut self, search: &Search) {
+        let Search { input: Input { portals, matrix, pairs, targets }, from, first, words } = *search;
+        self.goals.clear();
+        self.goals.resize(words, 0);
+        self.begin_chain(search);
+        let start = self.chain.points.len();
+        let frame = first_frame(first, start);
+        self.try_pair(search, first);
+        for (i, &word) in pairs.row(first).iter().enumerate() {
+            for last in bits(word).map(|bit| i as u32 * 64 + bit) {
+                let cell = portals.all[last as usize].to;
+                let unseen = |&target: &u32| !self.seen[target as usize];
+                if !matrix.sees(from, CellId(cell)) || !targets.of(cell).iter().any(unseen) {
+                    continue;
+                }
+                if let Some((source, pass)) = self.chain.narrow(portals, first, &frame, last, true) {
+                    self.chain.push_planes(portals, (first, &source), (last, &pass));
+                    self.try_pair(search, last);
+                    self.chain.planes.clear();
+                }
+                self.chain.points.truncate(start);
+            }
+        }
+    }
+
+    /// Makes candidates of the targets in the cell behind directed portal `last` that are inside the chain's
+    /// planes, and `last` a goal if there is one.
+    fn try_pair(&mut self, search: &Search, last: u32) {
+        let Input { portals, targets, .. } = search.input;
+        let portal = &portals.all[last as usize];
+        self.chain.planes.push(outward(&portal.plane, portals.margins.keep));
+        for &target in targets.of(portal.to) {
+            if self.seen[target as usize] || targets.is_outside(target, &self.chain.planes) {
+                continue;
+            }
+            self.goals[last as usize / 64] |= 1 << (last % 64);
+            if !core::mem::replace(&mut self.open[target as usize], true) {
+                self.candidates.push(target);
+            }
+        }
+        self.chain.planes.pop();
+    }
+
+    /// Empties the chain, and puts the vertices of the first portal on the list of its points.
+    fn begin_chain(&mut self, search: &Search) {
+        let portals = search.input.portals;
         self.chain.clear();
-        self.chain.points.extend_from_slice(portals.vertices_of(&portals.all[first as usize]));
+        self.chain.points.extend_from_slice(portals.vertices_of(&portals.all[search.first as usize]));
+    }
+
+    /// Searches chains that begin with the directed portal `search.first` and lead to candidates, and marks
+    /// in `seen` the candidates that they reach. Adds the chains inspected to `steps`; returns `false` if
+    /// more than `limit` would be needed.
+    fn search(&mut self, search: &Search, limit: u64, steps: &mut u64) -> bool {
+        self.begin_chain(search);
         let all = 0..self.chain.points.len();
+        if *steps >= limit {
+            return false;
+        }
         *steps += 1;
-        self.enter(search, first, all.clone(), all, 0, 0);
+        self.enter(search, search.first, all.clone(), all, 0, 0);
         while let Some(child) = self.chain.next_child() {
-            *steps += 1;
-            if *steps > limit {
+            if *steps >= limit {
                 return false;
             }
             let (points, planes) = (self.chain.points.len(), self.chain.planes.len());
-            if !self.extend(search, child, points, planes) {
+            if !self.extend(search, child, points, planes, steps) {
                 self.chain.points.truncate(points);
                 self.chain.planes.truncate(planes);
             }
@@ -175,27 +256,39 @@ impl Chains {
         true
     }
 
-    /// Extends the chain by directed portal `child` if lines can pass it and then reach a target that is not
-    /// yet seen. Returns `false` if the chain was not extended; the caller then truncates the chain's points
-    /// and planes to `points` and `planes`, their lengths before the call.
-    fn extend(&mut self, search: &Search, child: u32, points: usize, planes: usize) -> bool {
+    /// Extends the chain by directed portal `child` if lines can pass it and then reach an open candidate.
+    /// Returns `false` if the chain was not extended; the caller then truncates the chain's points and planes
+    /// to `points` and `planes`, their lengths before the call.
+    fn extend(&mut self, search: &Search, child: u32, points: usize, planes: usize, steps: &mut u64) -> bool {
         let Some(last) = self.chain.frames.last().cloned() else { return false };
         // A straight line passes each portal at most once.
-        if self.chain.frames.iter().any(|frame| frame.portal == child) {
+        if !self.leads_to_goal(search, last.set, child)
+            || self.chain.frames.iter().any(|frame| frame.portal == child)
+        {
             return false;
         }
-        let Some((source, pass)) = self.chain.narrow(search.portals, search.first, &last, child, true) else {
+        *steps += 1;
+        let portals = search.input.portals;
+        let Some((source, pass)) = self.chain.narrow(portals, search.first, &last, child, true) else {
             return false;
         };
-        self.chain.push_planes(search.portals, (search.first, &source), (child, &pass));
+        self.chain.push_planes(portals, (search.first, &source), (child, &pass));
         self.enter(search, child, source, pass, planes, points)
     }
 
-    /// Marks the targets seen in the cell behind directed portal `portal`. If other unseen targets may be
-    /// seen beyond that cell, appends the portal to the chain, with the planes from index `planes` on, and
-    /// returns `true`. `source`, `pass` and `points` become the fields of these names of the appended
-    /// [`ChainFrame`]: the parts of the first portal and of this portal that lines use, and the length to
-    /// which the chain's points are later truncated.
+    /// Tests whether directed portal `child` is a goal, or a line through it may pass one of the goals that
+    /// are in the set at offset `set` of the chain's sets.
+    fn leads_to_goal(&self, search: &Search, set: usize, child: u32) -> bool {
+        let ahead = self.chain.sets[set..].iter().zip(search.input.pairs.row(child)).zip(&self.goals);
+        self.goals[child as usize / 64] >> (child % 64) & 1 != 0
+            || ahead.into_iter().any(|((within, later), goals)| within & later & goals != 0)
+    }
+
+    /// Marks the candidates seen in the cell behind directed portal `portal`. If other candidates may be seen
+    /// beyond that cell, appends the portal to the chain, with the planes from index `planes` on, and returns
+    /// `true`. `source`, `pass` and `points` become the fields of these names of the appended [`ChainFrame`]:
+    /// the parts of the first portal and of this portal that lines use, and the length to which the chain's
+    /// points are later truncated.
     fn enter(
         &mut self,
         search: &Search,
@@ -205,23 +298,37 @@ impl Chains {
         planes: usize,
         points: usize,
     ) -> bool {
+        let Input { portals, targets, .. } = search.input;
         let own_planes = planes..self.chain.planes.len();
-        let entered = &search.portals.all[portal as usize];
-        self.chain.planes.push(outward(&entered.plane, search.portals.margins.keep));
-        for &target in search.targets.of(entered.to) {
-            if !self.seen[target as usize] && !search.targets.is_outside(target, &self.chain.planes[planes..])
-            {
-                self.seen[target as usize] = true;
+        let entered = &portals.all[portal as usize];
+        self.chain.planes.push(outward(&entered.plane, portals.margins.keep));
+        let (mut found, mut left) = (false, false);
+        for &target in targets.of(entered.to) {
+            if !self.open[target as usize] {
+                continue;
+            }
+            if targets.is_outside(target, &self.chain.planes[planes..]) {
+                left = true;
+            } else {
+                (self.seen[target as usize], self.open[target as usize]) = (true, false);
+                found = true;
+            }
+        }
+        if found && !left {
+            // Nothing is left to be found in this cell, whichever portal leads there.
+            for out in portals.from(entered.to) {
+                let into = portals.all[out as usize].reverse;
+                self.goals[into as usize / 64] &= !(1 << (into % 64));
             }
         }
         let set = self.chain.sets.len();
-        let more = self.push_reachable_set(search, entered.to, planes);
+        let more = self.push_reachable_set(search, portal, planes);
         self.chain.planes.truncate(own_planes.end);
         if !more {
             self.chain.sets.truncate(set);
             return false;
         }
-        let children = search.portals.from(entered.to);
+        let children = portals.from(entered.to);
         self.chain.frames.push(ChainFrame {
             portal,
             source,
@@ -234,42 +341,47 @@ impl Chains {
         true
     }
 
-    /// Appends to the chain's sets the bitset of the directed portals that can be reached from `cell` without
-    /// leaving the inner side of any of the chain's planes from index `planes` on. Returns `false` if no cell
-    /// behind these portals holds an unseen target inside the planes.
-    fn push_reachable_set(&mut self, search: &Search, cell: u32, planes: usize) -> bool {
+    /// Appends to the chain's sets the bitset of the directed portals that a line through directed portal
+    /// `last` can reach without leaving the inner side of any of the chain's planes from index `planes` on.
+    /// Returns `false` if no cell behind these portals holds an open candidate inside the planes.
+    fn push_reachable_set(&mut self, search: &Search, last: u32, planes: usize) -> bool {
+        let Input { portals, matrix, pairs, targets } = search.input;
         let PortalChain { frames, planes: all_planes, sets, .. } = &mut self.chain;
         let set = sets.len();
         sets.resize(set + search.words, 0);
         // The new set is a subset of the previous frame's set.
         let within = frames.last().map(|frame| frame.set);
         let planes = &all_planes[planes..];
-        let source = &search.portals.all[search.first as usize];
+        let later = pairs.row(last);
         let mut more = false;
-        self.flood.begin(search.matrix.cell_count(), cell);
+        self.flood.begin(matrix.cell_count(), portals.all[last as usize].to);
         while let Some(cell) = self.flood.next_cell() {
-            for next in search.portals.from(cell) {
-                let portal = &search.portals.all[next as usize];
+            for next in portals.from(cell) {
+                let portal = &portals.all[next as usize];
                 let (word, bit) = (next as usize / 64, 1 << (next % 64));
-                let known = match within {
-                    Some(within) => sets[within + word] & bit != 0,
-                    None => {
-                        search.matrix.sees(search.from, CellId(portal.to))
-                            && search.portals.can_follow(source, portal)
-                    }
-                };
-                if !known || is_outside(search.portals, planes, next, (portal.center, portal.radius)) {
+                let known = later[word] & bit != 0
+                    && match within {
+                        Some(within) => sets[within + word] & bit != 0,
+                        None => matrix.sees(search.from, CellId(portal.to)),
+                    };
+                if !known || is_outside(portals, planes, next, (portal.center, portal.radius)) {
                     continue;
                 }
                 sets[set + word] |= bit;
-                if self.flood.reach(portal.to) {
-                    let unseen = |&target: &u32| {
-                        !self.seen[target as usize] && !search.targets.is_outside(target, planes)
-                    };
-                    more |= search.targets.of(portal.to).iter().any(unseen);
+                if self.flood.reach(portal.to) && !more {
+                    let inside =
+                        |&target: &u32| self.open[target as usize] && !targets.is_outside(target, planes);
+                    more = targets.of(portal.to).iter().any(inside);
                 }
             }
         }
         more
     }
+}
+
+/// Returns the frame of the first portal of a chain, whose vertices are the first `count` of the chain's
+/// points.
+fn first_frame(portal: u32, count: usize) -> ChainFrame {
+    let (source, pass) = (0..count, 0..count);
+    ChainFrame { portal, source, pass, planes: 0..0, set: 0, children: 0..0, points: 0 }
 }
