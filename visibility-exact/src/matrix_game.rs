@@ -45,14 +45,10 @@ impl Matrix {
         self.rows.truncate(rows);
     }
 
-    /// Adds a row of entries, each with a bound on its error.
-    pub(crate) fn push(&mut self, entries: impl Iterator<Item = (f64, f64)>) {
+    /// Adds a row of the entries that `fill` appends. `fill` returns a bound on their errors.
+    pub(crate) fn push(&mut self, fill: impl FnOnce(&mut Vec<f64>) -> f64) {
         let start = self.entries.len();
-        let mut error = 0.0f64;
-        for (entry, bound) in entries {
-            self.entries.push(entry);
-            error = error.max(bound);
-        }
+        let error = fill(&mut self.entries);
         let row = &mut self.entries[start..];
         let scale = row.iter().fold(0.0f64, |most, x| most.max(x.abs())).max(1e-200);
         row.iter_mut().for_each(|x| *x /= scale);
@@ -82,20 +78,20 @@ impl MatrixGame {
         if m == 0 || n == 0 || !self.optimize(entries, m, n) {
             return Value::Open;
         }
-        let width = m + 1;
-        let total = self.tableau[n * width + m];
+        let height = n + 1;
+        let total = self.tableau[m * height + n];
         if !(total > 0.0 && total.is_finite()) {
             return Value::Open;
         }
         let (beside, below) = self.labels.split_at(m);
         for (k, &label) in beside.iter().enumerate() {
             if label >= m {
-                self.column_weights[label - m] = (self.tableau[n * width + k] / total).max(0.0);
+                self.column_weights[label - m] = (self.tableau[k * height + n] / total).max(0.0);
             }
         }
         for (j, &label) in below.iter().enumerate() {
             if label < m {
-                self.row_weights[label] = (self.tableau[j * width + m] / total).max(0.0);
+                self.row_weights[label] = (self.tableau[m * height + j] / total).max(0.0);
             }
         }
         // The weights evaluated from the entries: m products and sums round to at most 2 m U of the weights'
@@ -117,30 +113,35 @@ impl MatrixGame {
     /// Maximizes the sum of y with sum_k y_k (entry_kj + [`SHIFT`]) <= 1 for each column j. Returns whether
     /// the optimum was reached.
     fn optimize(&mut self, entries: &[f64], m: usize, n: usize) -> bool {
-        let width = m + 1;
+        // By columns, as the matrix has fewer rows than columns: a column for each weight, one of sums.
+        let height = n + 1;
         self.tableau.clear();
-        for j in 0..n {
-            self.tableau.extend((0..m).map(|k| entries[k * n + j] + SHIFT));
-            self.tableau.push(1.0);
+        for entries in entries.chunks_exact(n) {
+            self.tableau.extend(entries.iter().map(|entry| entry + SHIFT));
+            self.tableau.push(-1.0);
         }
-        self.tableau.extend((0..m).map(|_| -1.0));
+        self.tableau.extend((0..n).map(|_| 1.0));
         self.tableau.push(0.0);
         self.labels.clear();
         self.labels.extend(0..m + n);
         for step in 0..STEPS {
-            let costs = &self.tableau[n * width..n * width + m];
-            let improving = costs.iter().enumerate().filter(|(_, cost)| **cost < -1e-12);
+            // The value is at most 1 / total - SHIFT, by the present weights of rows: surely negative.
+            if self.tableau[m * height + n] > CERTAIN {
+                return true;
+            }
+            let costs = self.tableau.chunks_exact(height).take(m).map(|column| column[n]);
+            let improving = costs.enumerate().filter(|(_, cost)| *cost < -1e-12);
             let entering = if step < STEPS / 2 {
-                improving.min_by(|a, b| a.1.total_cmp(b.1))
+                improving.min_by(|a, b| a.1.total_cmp(&b.1))
             } else {
                 improving.min_by_key(|(k, _)| self.labels[*k])
             };
             let Some((c, _)) = entering else { return true };
             let mut leaving: Option<(f64, usize)> = None;
-            for j in 0..n {
-                let by = self.tableau[j * width + c];
+            let sums = &self.tableau[m * height..];
+            for (j, (&by, &sum)) in self.tableau[c * height..c * height + n].iter().zip(sums).enumerate() {
                 if by > 1e-11 {
-                    let ratio = self.tableau[j * width + m] / by;
+                    let ratio = sum / by;
                     let label = |j: usize| self.labels[m + j];
                     let is_less = leaving
                         .is_none_or(|(least, at)| ratio < least || (ratio == least && label(j) < label(at)));
@@ -150,31 +151,32 @@ impl MatrixGame {
                 }
             }
             let Some((_, r)) = leaving else { return false };
-            self.pivot(r, c, width);
+            self.pivot(r, c, height);
             self.labels.swap(c, m + r);
         }
         false
     }
 
-    fn pivot(&mut self, r: usize, c: usize, width: usize) {
-        let inverse = 1.0 / self.tableau[r * width + c];
-        let (before, rest) = self.tableau.split_at_mut(r * width);
-        let (row, after) = rest.split_at_mut(width);
-        for x in row.iter_mut() {
-            *x *= inverse;
-        }
-        row[c] = inverse;
-        for other in before.chunks_exact_mut(width).chain(after.chunks_exact_mut(width)) {
-            let factor = other[c];
-            if factor != 0.0 {
-                other[c] = 0.0;
-                for (x, y) in other.iter_mut().zip(row.iter()) {
-                    *x -= factor * y;
-                }
+    fn pivot(&mut self, r: usize, c: usize, height: usize) {
+        let (before, rest) = self.tableau.split_at_mut(c * height);
+        let (entering, after) = rest.split_at_mut(height);
+        let inverse = 1.0 / entering[r];
+        for other in before.chunks_exact_mut(height).chain(after.chunks_exact_mut(height)) {
+            let at = other[r] * inverse;
+            for (x, y) in other.iter_mut().zip(entering.iter()) {
+                *x -= y * at;
             }
+            other[r] = at;
         }
+        for x in entering.iter_mut() {
+            *x *= -inverse;
+        }
+        entering[r] = inverse;
     }
 }
+
+/// Total of the rows' weights from which on the value is below -1e-6.
+const CERTAIN: f64 = 1.0 / (SHIFT - 1e-6);
 
 /// Added to all entries, which are at least -1, so that the value of the game is positive.
 const SHIFT: f64 = 2.0;
@@ -189,7 +191,10 @@ mod tests {
         let mut solve = |rows: &[[f64; 3]]| {
             matrix.start(3);
             for row in rows {
-                matrix.push(row.iter().map(|&x| (x, 0.0)));
+                matrix.push(|entries| {
+                    entries.extend(row);
+                    0.0
+                });
             }
             (game.solve(&matrix), game.row_weights.clone(), game.column_weights.clone())
         };
@@ -212,8 +217,12 @@ mod tests {
         let (mut game, mut matrix) = (MatrixGame::default(), Matrix::default());
         for (error, value) in [(2e-3, Value::Open), (1e-4, Value::Negative)] {
             matrix.start(2);
-            matrix.push([(-1e-3, error), (-1.0, 0.0)].into_iter());
-            matrix.push([(-1e-3, error), (-2.0, 0.0)].into_iter());
+            for x in [-1.0, -2.0] {
+                matrix.push(|entries| {
+                    entries.extend([-1e-3, x]);
+                    error
+                });
+            }
             assert_eq!(game.solve(&matrix), value, "{error}");
         }
     }

@@ -44,24 +44,47 @@ impl Loop {
 }
 
 /// The lines of a node that satisfy all rows of a stack.
-struct RowNode<'s> {
-    sight: &'s Sight,
+struct RowNode {
+    sight: Sight,
     /// Bound on the errors of positions in sides.
     delta: f64,
     rows: Vec<Row>,
     /// The sides of all pairs of corners, row by row.
     matrix: Matrix,
+    /// The program of all rows if it is solved already.
+    solution: Option<Solution>,
 }
 
-impl<'s> RowNode<'s> {
-    fn new(sight: &'s Sight, delta: f64, rows: &[Row]) -> Self {
+/// The value of a program, with the weights of its rows if that is negative, of its columns otherwise.
+type Solution = (Value, Box<[f64]>);
+
+impl RowNode {
+    fn new(sight: Sight, delta: f64, rows: &[Row]) -> Self {
         let mut matrix = Matrix::default();
-        fill(&mut matrix, sight, delta, rows);
-        Self { sight, delta, rows: rows.into(), matrix }
+        matrix.start(sight.p.corners().len() * sight.q.corners().len());
+        let mut node =
+            Self { sight, delta, rows: Vec::with_capacity(rows.len() + 4), matrix, solution: None };
+        rows.iter().for_each(|row| node.push(*row));
+        node
     }
 
     fn push(&mut self, row: Row) {
-        push_sides(&mut self.matrix, self.sight, self.delta, &row);
+        let (sight, delta) = (&self.sight, self.delta);
+        let [a, b] = row.edge.ends;
+        let zeros = &Zeros::new(sight, &row.edge);
+        self.matrix.push(|entries| {
+            let mut greatest = 0.0f64;
+            for &from in sight.p.corners() {
+                let from_here = SideFrom::new(from, a, b, delta);
+                for (&to, &zero) in sight.q.corners().iter().zip(&sight.q.zero) {
+                    let is_zero = zeros.hold(sight, from, to, zero);
+                    let (value, error) = if is_zero { (0.0, 0.0) } else { from_here.to(to) };
+                    entries.push(value * row.side);
+                    greatest = greatest.max(error);
+                }
+            }
+            greatest
+        });
         self.rows.push(row);
     }
 
@@ -71,56 +94,35 @@ impl<'s> RowNode<'s> {
     }
 }
 
-fn fill(matrix: &mut Matrix, sight: &Sight, delta: f64, rows: &[Row]) {
-    matrix.start(sight.p.corners().len() * sight.q.corners().len());
-    for row in rows {
-        push_sides(matrix, sight, delta, row);
-    }
-}
-
-fn push_sides(matrix: &mut Matrix, sight: &Sight, delta: f64, row: &Row) {
-    let [a, b] = row.edge.ends;
-    let zeros = &Zeros::new(sight, &row.edge);
-    matrix.push(sight.p.corners().iter().flat_map(|&from| {
-        let side = SideFrom::new(from, a, b, delta);
-        sight.q.corners().iter().zip(&sight.q.zero).map(move |(&to, &zero)| {
-            if zeros.hold(sight, from, to, zero) {
-                return (0.0, 0.0);
-            }
-            let (value, error) = side.to(to);
-            (value * row.side, error)
-        })
-    }));
-}
-
 /// Most occluders on a line of which the loop is tried.
 const LOOPS: usize = 6;
 
 impl Search<'_> {
     /// Searches the lines of a node. `left` is the number of nodes still allowed.
     pub(crate) fn divide(&mut self, sight: &Sight, left: &mut u32) -> Answer {
-        self.divide_rows(&mut RowNode::new(sight, sight.side_error(self.delta), &[]), left, 0)
+        self.divide_rows(&mut RowNode::new(*sight, sight.side_error(self.delta), &[]), left, 0)
     }
 
     /// `halvings` is the number of halvings so far.
     fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32) -> Answer {
-        let sight = node.sight;
         if *left == 0 {
             return Answer::Undecided;
         }
         *left -= 1;
         self.stats.divided_nodes += 1;
-        let mut line = Some(self.middle(sight));
+        let mut line = Some(self.middle(&node.sight));
         if !node.rows.is_empty() {
-            match self.solve(&node.matrix) {
-                Value::Negative => {
-                    self.steps.push(Step::Empty { weights: self.game.row_weights.as_slice().into() });
+            let solution = node.solution.take();
+            match solution.unwrap_or_else(|| self.solve(&node.matrix)) {
+                (Value::Negative, weights) => {
+                    self.steps.push(Step::Empty { weights });
                     return Answer::Hidden;
                 }
-                Value::Open => return Answer::Undecided,
-                Value::Positive => line = self.line_inside(node),
+                (Value::Open, _) => return Answer::Undecided,
+                (Value::Positive, weights) => line = self.line_inside(node, &weights),
             }
         }
+        let sight = &node.sight;
         let Some(line) = line else {
             // No point of the polytope of the program is a line, or none was found.
             if let Some(edges) = corner_proof::find(sight, &node.rows, node.delta) {
@@ -149,8 +151,8 @@ impl Search<'_> {
             let mut found = if divides { LoopEdge::Divides } else { LoopEdge::Inside };
             if divides && base > 0 {
                 node.push(by.row(k, -by.side));
-                if self.solve(&node.matrix) == Value::Negative {
-                    found = LoopEdge::Never { weights: self.game.row_weights.as_slice().into() };
+                if let (Value::Negative, weights) = self.solve(&node.matrix) {
+                    found = LoopEdge::Never { weights };
                 }
                 node.truncate(base);
             }
@@ -188,35 +190,35 @@ impl Search<'_> {
         if halvings >= self.budget.halvings {
             return Answer::Undecided;
         }
-        let sight = node.sight;
+        let sight = &node.sight;
         let p_is_larger = sight.p.size() >= sight.q.size();
-        let mut best: Option<(u32, bool, bool)> = None;
+        let mut best: Option<(u32, Step, [RowNode; 2])> = None;
         for (of_p, across) in [(true, false), (false, false), (true, true), (false, true)] {
             let polygon = if of_p { &sight.p } else { &sight.q };
             if across && !polygon.has_two_ways() {
                 continue;
             }
             let mut score = u32::from(of_p == p_is_larger);
-            if !node.rows.is_empty() {
-                for half in sight.halves(of_p, across) {
-                    let mut matrix = core::mem::take(&mut self.matrix);
-                    fill(&mut matrix, &half, half.side_error(self.delta), &node.rows);
-                    score += if self.solve(&matrix) == Value::Negative { 4 } else { 0 };
-                    self.matrix = matrix;
+            let halves = sight.halves(of_p, across).map(|half| {
+                let mut half = RowNode::new(half, half.side_error(self.delta), &node.rows);
+                if !node.rows.is_empty() {
+                    let solution = self.solve(&half.matrix);
+                    score += if solution.0 == Value::Negative { 4 } else { 0 };
+                    half.solution = Some(solution);
                 }
-            }
-            if best.is_none_or(|(most, ..)| score > most) {
-                best = Some((score, of_p, across));
+                half
+            });
+            if best.as_ref().is_none_or(|(most, ..)| score > *most) {
+                best = Some((score, Step::Halves { of_p, across }, halves));
             }
             if score >= 4 {
                 break;
             }
         }
-        let Some((_, of_p, across)) = best else { return Answer::Undecided };
+        let Some((_, step, halves)) = best else { return Answer::Undecided };
         let mark = self.steps.len();
-        self.steps.push(Step::Halves { of_p, across });
-        for half in sight.halves(of_p, across) {
-            let mut half = RowNode::new(&half, half.side_error(self.delta), &node.rows);
+        self.steps.push(step);
+        for mut half in halves {
             let answer = self.divide_rows(&mut half, left, halvings + 1);
             if !matches!(answer, Answer::Hidden) {
                 self.steps.truncate(mark);
@@ -226,19 +228,22 @@ impl Search<'_> {
         Answer::Hidden
     }
 
-    fn solve(&mut self, matrix: &Matrix) -> Value {
+    fn solve(&mut self, matrix: &Matrix) -> Solution {
         self.stats.programs += 1;
-        self.game.solve(matrix)
+        let value = self.game.solve(matrix);
+        let is_negative = value == Value::Negative;
+        let weights = if is_negative { &self.game.row_weights } else { &self.game.column_weights };
+        (value, weights.as_slice().into())
     }
 
     /// Returns a segment of the node that satisfies all rows, starting from the weights of the last program,
     /// by programs in p and in q in turn.
-    fn line_inside(&mut self, node: &RowNode) -> Option<Segment> {
+    fn line_inside(&mut self, node: &RowNode, weights: &[f64]) -> Option<Segment> {
         let RowNode { sight, delta, rows, .. } = node;
         let delta = *delta;
         let (p, q) = (sight.p.corners(), sight.q.corners());
         let (mut from, mut to, mut total) = (DVec3::ZERO, DVec3::ZERO, 0.0);
-        for (k, weight) in self.game.column_weights.iter().enumerate() {
+        for (k, weight) in weights.iter().enumerate() {
             from += p[k / q.len()] * *weight;
             to += q[k % q.len()] * *weight;
             total += weight;
@@ -267,11 +272,16 @@ impl Search<'_> {
             self.matrix.start(corners.len());
             for row in rows {
                 let [a, b] = row.edge.ends;
-                self.matrix.push(corners.iter().map(|&x| {
-                    let (from, to) = if of_q { (line.p, x) } else { (x, line.q) };
-                    let (value, error) = side(from, to, a, b, delta);
-                    (value * row.side, error)
-                }));
+                self.matrix.push(|entries| {
+                    let mut greatest = 0.0f64;
+                    for &x in corners {
+                        let (from, to) = if of_q { (line.p, x) } else { (x, line.q) };
+                        let (value, error) = side(from, to, a, b, delta);
+                        entries.push(value * row.side);
+                        greatest = greatest.max(error);
+                    }
+                    greatest
+                });
             }
             self.game.solve(&self.matrix);
             let weights = &self.game.column_weights;
