@@ -152,6 +152,44 @@ fn from_below_and_behind_a_change_nothing_is_hidden() {
     assert_eq!(is_seen(&scene, &occluders, 1.7), [true; 2]);
 }
 
+/// Coordinates and transforms at the ends of `f32`: no panic, and the hill beside them hides as before.
+#[test]
+fn hostile_ground_hides_nothing_more() {
+    let bad = [f32::NAN, f32::INFINITY, f32::MAX, 1e-44, 1e30, 0.0];
+    let eye = DVec3::new(0.0, 0.0, 1.7);
+    let hides = |hostile: &[Triangle], transform: Affine3A| {
+        let mut scene = Scene::new();
+        let boxes = BOXES.map(|[min, max]| scene.insert(Aabb::from_arrays(min, max)));
+        insert(&mut scene, &ground(-5..25, 20, hill), true, Affine3A::IDENTITY);
+        let mesh = OccluderMesh::from_triangles(hostile).unwrap().with_two_sided(true);
+        let id =
+            scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])) });
+        let mesh = scene.add_mesh(mesh);
+        // A transform that is refused leaves an occluder without a mesh.
+        let _ = scene.set_mesh(id, mesh, transform);
+        let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
+        let mut visible = VisibleSet::new();
+        HorizonCuller::new(occluders.into()).cull(&scene, &view(eye.to_array(), 0.1), &mut visible);
+        boxes.map(|id| visible.contains(&scene, id))
+    };
+    let low = ground(-5..5, 5, |x, y| 0.3 * (x + y).sin() - 9.0);
+    for value in bad {
+        for entry in 0..12 {
+            let mut columns = Affine3A::IDENTITY.to_cols_array();
+            columns[entry] = value;
+            let seen = hides(&low, Affine3A::from_cols_array(&columns));
+            assert!(seen[1] && seen[2], "{value} as entry {entry}");
+        }
+    }
+    for scale in [1e-44, 1e-38, 1e-20, 1e18, 1e36] {
+        let scaled: Vec<Triangle> = low.iter().map(|t| t.map(|p| p * scale)).collect();
+        if OccluderMesh::from_triangles(&scaled).is_ok() {
+            let seen = hides(&scaled, Affine3A::IDENTITY);
+            assert!(seen[1] && seen[2], "scaled by {scale}");
+        }
+    }
+}
+
 /// A mesh and its place.
 struct Tile {
     triangles: Vec<Triangle>,

@@ -52,6 +52,8 @@ struct Triangle {
     corners: [[f64; 3]; 3],
     /// Vertices; those of one point are equal.
     vertices: [u32; 3],
+    /// Bound on the distance of a corner from the exact one, in metres.
+    error: f64,
     /// Position in [`Terrain::objects`].
     object: u32,
 }
@@ -120,12 +122,11 @@ pub(crate) struct Terrain {
 impl Terrain {
     /// Finds the sheets of the occluders of a scene.
     pub(crate) fn new(scene: &Scene, up: UpAxis) -> Self {
-        let (objects, mut triangles) = triangles_that_face_up(scene, up);
-        let error = triangles.1;
-        let borders = join(&mut triangles.0);
-        let mut sheets: Vec<Sheet> = largest(&triangles.0, &borders)
+        let (objects, triangles) = triangles_that_face_up(scene, up);
+        let borders = join(&triangles);
+        let mut sheets: Vec<Sheet> = largest(&triangles, &borders)
             .iter()
-            .filter_map(|members| Sheet::new(&triangles.0, &borders.sides, members, error))
+            .filter_map(|members| Sheet::new(&triangles, &borders.sides, members))
             .collect();
         // Objects of no sheet are forgotten.
         let mut place = vec![u32::MAX; objects.len()];
@@ -168,11 +169,11 @@ impl Sheet {
         self.owner_ends.len()
     }
 
-    /// Puts the triangles `members` into squares. `error` bounds the distance of their corners from the exact
-    /// ones. `None` if it is flat, or if coordinates are too large beside the sheet.
-    fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32], error: f64) -> Option<Self> {
+    /// Puts the triangles `members` into squares. `None` if it is flat, or if coordinates are too large beside the sheet.
+    fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32]) -> Option<Self> {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        let mut size = 0.0f64;
+        let (mut size, mut error) = (0.0f64, 0.0f64);
+        members.iter().for_each(|&t| error = error.max(triangles[t as usize].error));
         for corner in members.iter().flat_map(|&t| triangles[t as usize].corners) {
             for axis in 0..2 {
                 min[axis] = min[axis].min(corner[axis]);
@@ -455,10 +456,10 @@ fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
 /// What makes two corners one vertex: a position in bits, or the number of an object and of its vertex.
 type VertexKey = [u64; 4];
 
-/// Returns the objects and the triangles that face up, with a bound on the error of their corners. Triangles
+/// Returns the objects and the triangles that face up. Triangles
 /// of meshes that hide from both sides are turned up.
-fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, (Vec<Triangle>, f64)) {
-    let (mut objects, mut triangles, mut error) = (Vec::new(), Vec::new(), 0.0f64);
+fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<Triangle>) {
+    let (mut objects, mut triangles) = (Vec::new(), Vec::<Triangle>::new());
     let mut keys: Vec<(VertexKey, u32)> = Vec::new();
     for id in scene.ids() {
         let Some((mesh, transform)) = scene.occluder(id) else { continue };
@@ -474,46 +475,44 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, (Vec
         }
         let object = objects.len() as u32;
         let mut bounds = Aabb::EMPTY;
-        let points: Vec<([f64; 3], VertexKey)> = (0u32..)
+        let points: Vec<([f64; 3], VertexKey, f64)> = (0u32..)
             .zip(mesh.positions())
             .map(|(vertex, &p)| {
                 if let Some(p) = placed_exactly(p, transform) {
                     let p = up.split(p).map(|x| x + 0.0);
                     let [x, y, z] = p.map(f64::to_bits);
-                    return (p, [x, y, z, 0]);
+                    return (p, [x, y, z, 0], 0.0);
                 }
                 let (p, size) = placed(p.as_dvec3(), transform);
-                error = error.max(8.0 * f64::EPSILON * size);
-                (up.split(p), [vertex.into(), 0, 0, u64::from(object) + 1])
+                (up.split(p), [vertex.into(), 0, 0, u64::from(object) + 1], 8.0 * f64::EPSILON * size)
             })
             .collect();
         for t in mesh.triangles() {
             let mut t = t.map(|vertex| points[vertex as usize]);
             let is_fit = |x: &f64| *x == 0.0 || (LEAST..GREATEST).contains(&x.abs());
-            if !t.iter().all(|(p, _)| p.iter().all(is_fit)) {
+            if !t.iter().all(|(p, ..)| p.iter().all(is_fit)) {
                 continue;
             }
-            let [a, b, c] = t.map(|(p, _)| [p[0], p[1]]);
+            let [a, b, c] = t.map(|(p, ..)| [p[0], p[1]]);
             let area = orient(a, b, c);
             if area < 0.0 && mesh.is_two_sided() {
                 t.swap(1, 2);
             } else if area.is_nan() || area <= 0.0 {
                 continue;
             }
-            for (p, key) in t {
+            let error = t.iter().fold(0.0f64, |most, (.., error)| most.max(*error));
+            for (p, key, error) in t {
                 keys.push((key, keys.len() as u32));
                 let p = up.join(p);
-                bounds.min = bounds.min.min(p.as_vec3());
-                bounds.max = bounds.max.max(p.as_vec3());
+                // Two roundings to `f32`, of the point and of what it is moved by.
+                let by = p.abs() * f64::from(f32::EPSILON) + error + f64::from(f32::MIN_POSITIVE);
+                bounds.min = bounds.min.min((p - by).as_vec3());
+                bounds.max = bounds.max.max((p + by).as_vec3());
             }
-            triangles.push(Triangle { corners: t.map(|(p, _)| p), vertices: [0; 3], object });
+            triangles.push(Triangle { corners: t.map(|(p, ..)| p), vertices: [0; 3], error, object });
         }
         if bounds.min.x <= bounds.max.x {
-            // Rounded to `f32` and off by the error.
-            let by = Vec3::splat((error as f32).next_up());
-            let wide = |p: Vec3| p.abs() * f32::EPSILON + f32::MIN_POSITIVE + by;
-            let (min, max) = (bounds.min - wide(bounds.min), bounds.max + wide(bounds.max));
-            objects.push(GroundObject { id, bounds: Aabb::new(min, max) });
+            objects.push(GroundObject { id, bounds });
         }
     }
     keys.sort_unstable();
@@ -522,7 +521,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, (Vec
             triangles[corner as usize / 3].vertices[corner as usize % 3] = vertex;
         }
     }
-    (objects, (triangles, error))
+    (objects, triangles)
 }
 
 /// How triangles join.
@@ -535,9 +534,9 @@ struct Borders {
 }
 
 /// Finds the borders of triangles.
-fn join(triangles: &mut [Triangle]) -> Borders {
+fn join(triangles: &[Triangle]) -> Borders {
     let mut sides: Vec<([u32; 2], bool, u32)> = Vec::with_capacity(3 * triangles.len());
-    for (i, t) in (0u32..).zip(&*triangles) {
+    for (i, t) in (0u32..).zip(triangles) {
         for side in 0..3 {
             let (a, b) = (t.vertices[side], t.vertices[(side + 1) % 3]);
             sides.push(([a.min(b), a.max(b)], a > b, 3 * i + side as u32));
