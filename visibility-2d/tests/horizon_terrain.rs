@@ -119,6 +119,22 @@ fn holes_and_turned_triangles_are_open() {
     assert_eq!(seen(&[open], true, 0.1, |_| true), HIDDEN);
 }
 
+/// A mirror image keeps the fronts of its triangles.
+#[test]
+fn mirrored_ground_hides_from_its_front() {
+    let mirrored = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(1.0, -1.0, 1.0)));
+    let down: Vec<Triangle> = ground(-5..25, 20, hill).iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    for (two_sided, is_seen) in [(false, true), (true, false)] {
+        let mut scene = Scene::new();
+        let behind = scene.insert(Aabb::from_arrays(BOXES[0][0], BOXES[0][1]));
+        insert(&mut scene, &down, two_sided, mirrored);
+        let occluders = HorizonOccluders::new(&scene, UpAxis::Z);
+        let mut visible = VisibleSet::new();
+        HorizonCuller::new(occluders.into()).cull(&scene, &view([0.0, 0.0, 1.7], 0.1), &mut visible);
+        assert_eq!(visible.contains(&scene, behind), is_seen, "two-sided: {two_sided}");
+    }
+}
+
 /// What the near plane cuts away shows what is behind.
 #[test]
 fn a_hill_before_the_near_plane_hides_nothing() {
