@@ -4,8 +4,8 @@
 
 use std::sync::Arc;
 use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
-use visibility_core::glam::DVec3;
-use visibility_core::{Culler, OcclusionCuller, Pose, Scene, View, VisibleSet};
+use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::{Aabb, Culler, Object, OccluderMesh, OcclusionCuller, Pose, Scene, View, VisibleSet};
 use visibility_testing::Random;
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
 use visibility_testing::swapped::{Swapped, hold_against_fresh, scene};
@@ -212,4 +212,29 @@ fn occluders_of_another_up_axis_hide_nothing_until_the_next_frame() {
     assert_eq!(culler.horizon().test(&behind), Occlusion::Hidden);
     culler.set_occluders(HorizonOccluders::new(&scene, UpAxis::Y).into());
     assert_ne!(culler.horizon().test(&behind), Occlusion::Hidden);
+}
+
+/// Furniture hides next to nothing beside walls, and costs as much.
+#[test]
+fn small_solids_beside_large_ones_are_left_out() {
+    let mut scene = Scene::new();
+    let mut insert = |size: f32| {
+        let bounds = Aabb::from_arrays([0.0; 3], [size; 3]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        id
+    };
+    // Upright faces of 16 and of 1 m2.
+    let walls = [(); 20].map(|()| insert(4.0));
+    let chairs = [(); 60].map(|()| insert(1.0));
+    let mut occluders = HorizonOccluders::new(&scene, UpAxis::Z);
+    assert_eq!(occluders.solid_count(), walls.len());
+    // A chair that moves stays out, one that grows is taken in.
+    scene.set_bounds(chairs[0], Aabb::from_arrays([5.0; 3], [6.0; 3])).unwrap();
+    let wardrobe = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.5; 3])).unwrap());
+    scene.set_mesh(chairs[1], wardrobe, Affine3A::IDENTITY).unwrap();
+    scene.set_occluder(walls[0], false).unwrap();
+    occluders.sync(&scene);
+    assert_eq!(occluders.solid_count(), walls.len());
 }

@@ -42,6 +42,8 @@ pub(crate) struct Solid {
     /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
     /// a closed solid.
     pub(crate) open_below: f64,
+    /// Area of the upright face in square metres: width times height.
+    pub(crate) face: f64,
 }
 
 /// Solids found so far.
@@ -49,6 +51,8 @@ pub(crate) struct Solid {
 pub(crate) struct Solids {
     pub(crate) solids: Vec<Solid>,
     pub(crate) posts: Vec<Post>,
+    /// Solids whose upright face is smaller than this, in square metres, are left out.
+    pub(crate) least_face: f64,
 }
 
 impl Solids {
@@ -126,26 +130,20 @@ impl Solids {
             return;
         }
         let error = dent + rounding(transform, size);
-        self.solids.push(Solid { shape, first: first as u32, count: count as u32, error, dent, open_below });
+        let face = face(&self.posts[first..]);
+        let (first, count) = (first as u32, count as u32);
+        self.solids.push(Solid { shape, first, count, error, dent, open_below, face });
     }
 
-    /// Drops the solids from `begin` on that are small beside the largest of these.
+    /// Drops the solids from `begin` on that are small beside the largest of these or beside
+    /// [`least_face`](Self::least_face).
     fn drop_small(&mut self, begin: usize) {
-        let face = |solids: &Self, solid: &Solid| {
-            let posts = solids.posts(solid);
-            let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-            for p in posts {
-                for (axis, (a, b)) in [(p.x, p.x), (p.y, p.y), (p.low, p.high)].into_iter().enumerate() {
-                    (min[axis], max[axis]) = (min[axis].min(a), max[axis].max(b));
-                }
-            }
-            (max[0] - min[0]).max(max[1] - min[1]) * (max[2] - min[2])
-        };
-        let largest = self.solids[begin..].iter().map(|solid| face(self, solid)).fold(0.0, f64::max);
+        let largest = self.solids[begin..].iter().map(|solid| solid.face).fold(0.0, f64::max);
+        let least = self.least_face.max(LEAST_FACE * largest);
         let (mut kept, mut posts) = (begin, self.solids.get(begin).map_or(0, |solid| solid.first as usize));
         for index in begin..self.solids.len() {
             let solid = self.solids[index];
-            if face(self, &solid) >= LEAST_FACE * largest {
+            if solid.face >= least {
                 let (from, count) = (solid.first as usize, solid.count as usize);
                 self.posts.copy_within(from..from + count, posts);
                 self.solids[kept] = Solid { first: posts as u32, ..solid };
@@ -238,6 +236,17 @@ impl Solids {
         self.finish(first, transform, size, Shape::Convex, 0.0, low);
         Some(())
     }
+}
+
+/// Returns the area of the upright face of posts, width times height, in square metres.
+fn face(posts: &[Post]) -> f64 {
+    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for p in posts {
+        for (axis, (a, b)) in [(p.x, p.x), (p.y, p.y), (p.low, p.high)].into_iter().enumerate() {
+            (min[axis], max[axis]) = (min[axis].min(a), max[axis].max(b));
+        }
+    }
+    (max[0] - min[0]).max(max[1] - min[1]) * (max[2] - min[2])
 }
 
 /// Returns a point under a transform, with the sum of the magnitudes of its largest coordinate's terms.

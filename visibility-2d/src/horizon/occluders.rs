@@ -9,6 +9,12 @@ use visibility_core::glam::Affine3A;
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::{ObjectId, OccluderMesh, Scene};
 
+/// Part of the solids that have no larger upright face than the face that all are compared with.
+const USUAL: f64 = 0.95;
+
+/// Solids with less than this part of that face are left out: furniture hides next to nothing beside walls.
+const LEAST_FACE: f64 = 1.0 / 8.0;
+
 /// The convex solids of a scene's occluders that a [`HorizonCuller`](super::HorizonCuller) draws, made from
 /// the occluder meshes in advance. Shared by the cullers of all views.
 ///
@@ -44,7 +50,8 @@ pub struct HorizonOccluders {
 }
 
 impl HorizonOccluders {
-    /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh. Takes time
+    /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh, but for those
+    /// that are small beside the large ones of the scene: furniture, where there are walls. Takes time
     /// proportional to the triangles of all occluders, about a microsecond for a house.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
         let mut occluders = Self {
@@ -79,20 +86,34 @@ impl HorizonOccluders {
 
     fn make_all(&mut self, scene: &Scene) {
         self.solids.clear();
+        self.solids.least_face = 0.0;
         self.ranges.clear();
         self.used = 0;
         for id in scene.ids() {
             self.take(scene, id);
         }
+        let mut faces: Vec<f64> = self.solids.solids.iter().map(|solid| solid.face).collect();
+        if !faces.is_empty() {
+            let place = (faces.len() as f64 * USUAL) as usize;
+            let (_, usual, _) = faces.select_nth_unstable_by(place, f64::total_cmp);
+            self.solids.least_face = LEAST_FACE * *usual;
+            self.drop_former();
+        }
         self.terrain = Terrain::new(scene, self.up);
     }
 
-    /// Keeps only the solids in use.
+    /// Keeps only the solids in use that are not too small.
     fn drop_former(&mut self) {
-        let all = core::mem::take(&mut self.solids);
+        let least_face = self.solids.least_face;
+        let all = core::mem::replace(&mut self.solids, Solids { least_face, ..Solids::default() });
+        self.used = 0;
         for range in &mut self.ranges {
             let begin = self.solids.solids.len() as u32;
             for solid in &all.solids[range[0] as usize..range[1] as usize] {
+                if solid.face < least_face {
+                    continue;
+                }
+                self.used += 1;
                 let first = self.solids.posts.len() as u32;
                 self.solids.posts.extend_from_slice(all.posts(solid));
                 self.solids.solids.push(Solid { first, ..*solid });
