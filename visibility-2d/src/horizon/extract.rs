@@ -36,8 +36,8 @@ pub(crate) struct Solid {
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
-    /// Part of `error` that is no rounding of the posts: the hull may reach so far out of the mesh, which may
-    /// be dented.
+    /// Part of `error` that is no rounding of the posts: the hull may reach so far out of the mesh, which
+    /// may be dented.
     pub(crate) dent: f64,
     /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
     /// a closed solid.

@@ -50,9 +50,9 @@ pub struct HorizonOccluders {
 }
 
 impl HorizonOccluders {
-    /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh, but for those
-    /// that are small beside the large ones of the scene: furniture, where there are walls. Takes time
-    /// proportional to the triangles of all occluders, about a microsecond for a house.
+    /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh, but for
+    /// those that are small beside the large ones of the scene: furniture, where there are walls. Takes
+    /// time proportional to the triangles of all occluders, about a microsecond for a house.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
         let mut occluders = Self {
             up,

@@ -169,7 +169,8 @@ impl Sheet {
         self.owner_ends.len()
     }
 
-    /// Puts the triangles `members` into squares. `None` if it is flat, or if coordinates are too large beside the sheet.
+    /// Puts the triangles `members` into squares. `None` if it is flat, or if coordinates are too large
+    /// beside the sheet.
     fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32]) -> Option<Self> {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut size, mut error) = (0.0f64, 0.0f64);
