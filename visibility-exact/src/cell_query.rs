@@ -24,7 +24,7 @@ use visibility_core::glam::DVec3;
 /// proven of its parts in less time. With 300 nodes and divisions, a city took twice as long for the same
 /// answer.
 const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
-const OBJECT: Budget = Budget { nodes: 2000, divided: 200, halvings: 12 };
+const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
 const ALL_TRIANGLES: u32 = 8000;
 /// A second look at each triangle of an object whose others are all hidden. Where occluders meet in a corner
