@@ -1,6 +1,6 @@
 //! Plans as GeoJSON: lines and the rings of polygons are walls, points are eyes (RFC 7946).
 
-use super::plan_file::{PlanFile, Problem};
+use super::plan_file::{PlanFile, Problem, check};
 use serde_json::Value;
 
 /// Reads a plan from GeoJSON of any type. Coordinates are taken as they are, without a map projection.
@@ -30,6 +30,8 @@ fn object(value: &Value, path: &str, plan: &mut PlanFile) -> Result<(), Problem>
         // A feature may have no geometry.
         Some("Feature") if value["geometry"].is_null() => {}
         Some("Feature") => object(&value["geometry"], &format!("{path}.geometry"), plan)?,
+        // An empty point is no geometry.
+        Some("Point") if coordinates.as_array().is_some_and(Vec::is_empty) => {}
         Some("Point") => plan.eyes.push(position(coordinates, &path_of)?),
         Some("MultiPoint") => plan.eyes.extend(positions(coordinates, &path_of)?),
         Some("LineString") => plan.push_chain(&positions(coordinates, &path_of)?, false),
@@ -63,7 +65,10 @@ fn positions(value: &Value, path: &str) -> Result<Vec<[f64; 2]>, Problem> {
 
 fn position(value: &Value, path: &str) -> Result<[f64; 2], Problem> {
     match [&value[0], &value[1]].map(Value::as_f64) {
-        [Some(x), Some(y)] => Ok([x, y]),
+        [Some(x), Some(y)] => {
+            let both = check(x).and_then(|()| check(y));
+            both.map(|()| [x, y]).map_err(|problem| Problem::new(path, problem))
+        }
         _ => Err(Problem::new(path, "expected a position: a list of two or three numbers")),
     }
 }
@@ -79,7 +84,7 @@ mod tests {
                 {"type": "Feature", "geometry": {"type": "LineString", "coordinates": [[0, 0], [1, 0], [1, 2]]}},
                 {"type": "Feature", "geometry": {"type": "Polygon",
                     "coordinates": [[[5, 5, 9], [6, 5], [6, 6], [5, 5]], []]}},
-                {"type": "Feature", "geometry": null},
+                {"type": "Feature", "geometry": null}, {"type": "Point", "coordinates": []},
                 {"type": "Feature", "geometry": {"type": "GeometryCollection", "geometries": [
                     {"type": "Point", "coordinates": [3, 4]},
                     {"type": "MultiPolygon", "coordinates": [[[[0, 0], [1, 1], [2, 0]]]]}]}}]}"#,
@@ -96,6 +101,7 @@ mod tests {
         assert_eq!(place("{"), "line 1");
         assert_eq!(place("[]"), ".type");
         assert_eq!(place(r#"{"type": "LineString", "coordinates": [[0, 0], [1]]}"#), ".coordinates[1]");
+        assert_eq!(place(r#"{"type": "MultiPoint", "coordinates": [[0, 1], [1e61, 0]]}"#), ".coordinates[1]");
         assert_eq!(place(r#"{"type": "LineString"}"#), ".coordinates");
         let nested = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": {}}]}"#;
         assert_eq!(place(nested), ".features[0].geometry.type");

@@ -6,6 +6,7 @@ pub mod forest_walk;
 pub mod geojson;
 mod plan_file;
 pub mod svg_paths;
+mod svg_transform;
 pub mod text;
 
 pub use plan_file::{PlanFile, Problem};
@@ -20,11 +21,13 @@ use std::path::Path;
 /// Returns [`SourceError`] when the file cannot be read, or its content is not of its format.
 pub fn load(file: &Path) -> Result<PlanFile, SourceError> {
     let content = std::fs::read_to_string(file).map_err(|cause| SourceError::io(file, cause))?;
+    // Some editors begin a file with a byte order mark.
+    let content = content.trim_start_matches('\u{feff}');
     let extension = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     let read = match extension.as_str() {
-        "svg" => svg_paths::read(&content),
-        "json" | "geojson" => geojson::read(&content),
-        _ => text::read(&content),
+        "svg" => svg_paths::read(content),
+        "json" | "geojson" => geojson::read(content),
+        _ => text::read(content),
     };
     read.map_err(|Problem { place, problem }| SourceError::content(file, place, problem))
 }

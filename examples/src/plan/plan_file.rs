@@ -23,10 +23,18 @@ impl PlanFile {
     }
 }
 
+/// Greatest magnitude of a coordinate of a plan.
+const GREATEST: f64 = 1e60;
+
+/// Returns an error for a coordinate that a plan cannot have.
+pub(super) fn check(x: f64) -> Result<(), String> {
+    if x.abs() <= GREATEST { Ok(()) } else { Err(format!("the coordinate {x:?} is no number up to 1e60")) }
+}
+
 /// Error in the content of a plan file, with its place.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Problem {
-    /// Position in the file: a line, a byte offset or a key path.
+    /// Position in the file: a line or a key path.
     pub place: String,
     /// Description for a person.
     pub problem: String,

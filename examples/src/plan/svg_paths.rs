@@ -1,10 +1,12 @@
 //! Plans as SVG: the outlines of paths, lines, polylines, polygons, rectangles and ellipses are walls.
 //!
-//! Curves become chords. Coordinates are user units of the file, with y downwards. Transforms, `use` and an
-//! `svg` inside another would move walls, so a file that has any is refused rather than read wrongly. What is
-//! not drawn where it stands (definitions, clip paths, masks, markers, patterns, symbols) is no wall.
+//! Curves become chords. Coordinates are user units of the file, with y downwards, under the transforms of
+//! the elements. `use`, an `svg` inside another and transforms in style sheets would move walls, so a file
+//! that has any is refused rather than read wrongly. What is not drawn where it stands (definitions, clip
+//! paths, masks, markers, patterns, symbols) or not at all (`display: none`) is no wall.
 
-use super::plan_file::{PlanFile, Problem};
+use super::plan_file::{PlanFile, Problem, check};
+use super::svg_transform::Matrix;
 
 /// Number of chords of a curve.
 const CHORDS: usize = 16;
@@ -12,66 +14,128 @@ const CHORDS: usize = 16;
 /// Elements whose content is not drawn where it stands.
 const UNDRAWN: [&str; 6] = ["defs", "clipPath", "mask", "marker", "pattern", "symbol"];
 
-const TRANSFORM: &str = "transforms are not supported: apply them to the coordinates first";
+const MOVED: &str = "only the attribute `transform` may move what is drawn";
 
 /// Properties of style sheets that move what is drawn.
-const MOVING: [&str; 5] = ["transform", "translate", "rotate", "scale", "offset-path"];
+const MOVING: [&str; 6] = ["transform", "transform-origin", "translate", "rotate", "scale", "offset-path"];
+
+/// An element that has begun and not ended.
+#[derive(Clone, Copy)]
+struct Open<'a> {
+    name: &'a str,
+    /// From coordinates of the element to those of the file.
+    matrix: Matrix,
+    is_drawn: bool,
+}
 
 /// Reads the outlines of an SVG file as walls.
 ///
 /// # Errors
 ///
-/// Returns the byte offset of an element whose coordinates are wrong, or that moves what is drawn.
+/// Returns the line of an element whose coordinates are wrong, that moves what is drawn, or that does not
+/// end; the last line of a file without an element.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let mut plan = PlanFile { y_down: true, ..PlanFile::default() };
-    let (mut at, mut has_root) = (0, false);
+    let (mut at, mut elements, mut has_root) = (0, 0, false);
+    let mut open: Vec<Open<'_>> = Vec::new();
     while let Some(begin) = content[at..].find('<').map(|index| at + index) {
+        let problem = |problem: String| {
+            let line = 1 + content[..begin].matches('\n').count();
+            Problem::new(format!("line {line}"), problem)
+        };
+        let endless = || problem("what begins here has no end".into());
         // Comments and declarations hold no elements.
         let skip = [("<!--", "-->"), ("<![CDATA[", "]]>")]
             .into_iter()
             .find(|(mark, _)| content[begin..].starts_with(mark));
         if let Some((_, end)) = skip {
-            at = content[begin..].find(end).map_or(content.len(), |index| begin + index + end.len());
+            at = begin + content[begin..].find(end).ok_or_else(endless)? + end.len();
             continue;
         }
-        let end = element_end(content, begin);
-        let problem = |problem: String| Problem::new(format!("byte {begin}"), problem);
+        let end = element_end(content, begin).ok_or_else(endless)?;
         let text = &content[begin + 1..end];
+        at = end + 1;
+        if text.starts_with(['!', '?']) {
+            continue;
+        }
+        if let Some(name) = text.strip_prefix('/') {
+            if open.pop().is_none_or(|element| element.name != name_of(name)) {
+                return Err(problem(format!("`{}` ends without a begin", name_of(name))));
+            }
+            continue;
+        }
         let name = name_of(text);
         if name == "svg" && core::mem::replace(&mut has_root, true) {
             return Err(problem("an `svg` inside another is not supported".into()));
         }
-        element(text, &mut plan).map_err(problem)?;
-        at = end;
-        // The content of these elements is skipped, up to the end of the element.
-        if (name == "style" || UNDRAWN.contains(&name)) && !text.ends_with('/') {
-            let length = content[end..].find(&format!("</{name}")).unwrap_or(content.len() - end);
+        elements += 1;
+        let (outer, is_drawn) = open.last().map_or((Matrix::IDENTITY, true), |o| (o.matrix, o.is_drawn));
+        let is_drawn = is_drawn && !UNDRAWN.contains(&name) && !is_hidden(text);
+        let matrix = if is_drawn { outer.after(&transform(text).map_err(problem)?) } else { outer };
+        if is_drawn {
+            let first = plan.walls.len();
+            element(text, &mut plan).map_err(problem)?;
+            for wall in &mut plan.walls[first..] {
+                *wall = wall.map(|end| matrix.apply(end));
+                wall.as_flattened().iter().try_for_each(|&x| check(x)).map_err(problem)?;
+            }
+        }
+        if text.ends_with('/') {
+            continue;
+        }
+        open.push(Open { name, matrix, is_drawn });
+        // The content of a style sheet is no element.
+        if name == "style" {
+            let length = content[end..].find("</").ok_or_else(endless)?;
             at = end + length;
-            if name == "style" && is_moving(&content[end..at]) {
-                return Err(problem(TRANSFORM.into()));
+            if is_moving(&content[end..at]) {
+                return Err(problem(MOVED.into()));
             }
         }
     }
-    Ok(plan)
+    let last = || format!("line {}", content.lines().count().max(1));
+    match open.last() {
+        Some(element) => Err(Problem::new(last(), format!("`{}` has no end", element.name))),
+        None if elements == 0 => Err(Problem::new(last(), "the file has no element of SVG")),
+        None => Ok(plan),
+    }
 }
 
-/// Returns the offset of the `>` that ends an element, outside of quotes; the end of the file without one.
-fn element_end(content: &str, begin: usize) -> usize {
+/// Returns the offset of the `>` that ends an element, outside of quotes.
+fn element_end(content: &str, begin: usize) -> Option<usize> {
     let mut quote = None;
     for (index, c) in content[begin..].char_indices() {
         match (quote, c) {
-            (None, '>') => return begin + index,
+            (None, '>') => return Some(begin + index),
             (None, '"' | '\'') => quote = Some(c),
             (Some(open), c) if open == c => quote = None,
             _ => {}
         }
     }
-    content.len()
+    None
 }
 
-/// Returns the name of an element, given the text between `<` and `>`.
+/// Returns the name of an element without its namespace, given the text between `<` and `>`.
 fn name_of(element: &str) -> &str {
-    element.split(|c: char| c.is_whitespace() || c == '/').next().unwrap_or("")
+    let name = element.split(|c: char| c.is_whitespace() || c == '/').next().unwrap_or("");
+    name.rsplit(':').next().unwrap_or(name)
+}
+
+/// Returns the transform of an element. An error if something else moves it.
+fn transform(element: &str) -> Result<Matrix, String> {
+    if attribute(element, "transform-origin").is_some() || attribute(element, "style").is_some_and(is_moving)
+    {
+        return Err(MOVED.into());
+    }
+    Matrix::parse(attribute(element, "transform").unwrap_or(""))
+}
+
+/// Returns whether an element and its content are not displayed.
+fn is_hidden(element: &str) -> bool {
+    let style = attribute(element, "style").unwrap_or("");
+    let mut properties = style.split(';').filter_map(|part| part.split_once(':'));
+    attribute(element, "display").is_some_and(|display| display.trim() == "none")
+        || properties.any(|(name, value)| name.trim() == "display" && value.trim() == "none")
 }
 
 /// Returns whether a style has a property that moves what is drawn.
@@ -99,9 +163,6 @@ fn attribute<'a>(element: &'a str, name: &str) -> Option<&'a str> {
 }
 
 fn element(element: &str, plan: &mut PlanFile) -> Result<(), String> {
-    if attribute(element, "transform").is_some() || attribute(element, "style").is_some_and(is_moving) {
-        return Err(TRANSFORM.into());
-    }
     let number = |name: &str| match attribute(element, name) {
         None => Ok(0.0),
         Some(value) => value.trim().parse::<f64>().map_err(|_| format!("`{name}` is no number: `{value}`")),
@@ -141,14 +202,14 @@ fn element(element: &str, plan: &mut PlanFile) -> Result<(), String> {
 }
 
 /// Numbers of path data that are left to read, with the letters of commands between.
-struct Numbers<'a>(&'a str);
+pub(super) struct Numbers<'a>(pub(super) &'a str);
 
 impl Numbers<'_> {
     fn skip(&mut self) {
         self.0 = self.0.trim_start_matches(|c: char| c.is_whitespace() || c == ',');
     }
 
-    fn is_at_end(&mut self) -> bool {
+    pub(super) fn is_at_end(&mut self) -> bool {
         self.skip();
         self.0.is_empty()
     }
@@ -160,7 +221,7 @@ impl Numbers<'_> {
         Some(c)
     }
 
-    fn number(&mut self) -> Result<f64, String> {
+    pub(super) fn number(&mut self) -> Result<f64, String> {
         self.skip();
         let bytes = self.0.as_bytes();
         let (mut end, mut dots, mut exponent) = (0, 0, false);
@@ -177,9 +238,11 @@ impl Numbers<'_> {
         }
         let (number, rest) = self.0.split_at(end);
         self.0 = rest;
-        number
-            .parse()
-            .map_err(|_| format!("expected a number before `{}`", rest.chars().take(12).collect::<String>()))
+        let wrong = || match rest.chars().take(12).collect::<String>() {
+            rest if rest.is_empty() => "expected one more number".to_owned(),
+            rest => format!("expected a number before `{rest}`"),
+        };
+        number.parse().map_err(|_| wrong())
     }
 
     /// Reads a flag of an arc: a single digit, after which no separator is needed.
@@ -371,8 +434,21 @@ mod tests {
     }
 
     #[test]
+    fn transforms_apply_from_the_inner_to_the_outer() {
+        let svg = r#"<g transform="translate(10 20)"><g transform="scale(2)">
+            <path transform="rotate(90)" d="M1 0L0 3"/></g></g><line x2="1"/>"#;
+        let [[a, b], plain] = walls(svg)[..] else { panic!("two walls") };
+        let is = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).abs() < 1e-12 && (p[1] - q[1]).abs() < 1e-12;
+        assert!(is(a, [10.0, 22.0]) && is(b, [4.0, 20.0]), "{a:?} {b:?}");
+        assert_eq!(plain, [[0.0, 0.0], [1.0, 0.0]]);
+    }
+
+    #[test]
     fn what_is_not_drawn_is_no_wall() {
         for svg in [
+            r#"<g style="fill:none; display: none"><g><use/></g></g><path d="M0 0L1 1"/>"#,
+            r#"<g display="none"><g/><path d="M2 2L3 3"/></g><path d="M0 0L1 1"/>"#,
+            r#"<svg:svg><svg:path d="M0 0L1 1"/></svg:svg>"#,
             r#"<defs/><style>.a{text-transform:none}</style><path style="fill:none" d="M0 0L1 1"/>"#,
             r#"<defs id="d"><path d="M2 2L3 3"/></defs><path d="M0 0L1 1"/>"#,
             r#"<clipPath><rect width="3" height="3"/></clipPath><path d="M0 0L1 1"/>"#,
@@ -387,7 +463,12 @@ mod tests {
             r#"<path d="M1"/>"#,
             r#"<path d="M1 1 X"/>"#,
             r#"<path d="M1 1L2 2z3 3"/>"#,
-            r#"<g transform="scale(2)"><path d="M0 0L1 1"/></g>"#,
+            r#"<g transform="spin(2)"><path d="M0 0L1 1"/></g>"#,
+            r#"<g transform-origin="2 2"><path d="M0 0L1 1"/></g>"#,
+            r#"<g><path d="M0 0L1 1"/>"#,
+            r#"<path d="M0 0L1 1"/></g>"#,
+            r#"<path d="M0 0L1e61 1"/>"#,
+            r#"<path d="M0 0A1e300 1e-300 0 0 1 5 5"/>"#,
             r#"<line x1="one"/>"#,
             r#"<path d="5 5 6 6"/>"#,
             r#"<path d="L5 5 6 6"/>"#,
@@ -399,7 +480,10 @@ mod tests {
             assert!(read(svg).is_err(), "{svg}");
         }
         for svg in ["", "<", "<path d=\"", "<path d=", "<!--", "text", "<p\u{e4}th d='M'>"] {
-            let _ = read(svg);
+            assert!(read(svg).is_err(), "{svg}");
         }
+        let place = |svg| read(svg).unwrap_err().place;
+        assert_eq!(place("<svg>\n<g>\n<line\nx1='one'/></g></svg>"), "line 3");
+        assert_eq!(place("<svg>\n<g>\n</g>\n"), "line 3");
     }
 }

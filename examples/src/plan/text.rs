@@ -1,6 +1,6 @@
 //! Plans as text: a line `SEGMENTS QUERIES`, then so many lines `x1 y1 x2 y2`, then so many lines `x y`.
 
-use super::plan_file::{PlanFile, Problem};
+use super::plan_file::{PlanFile, Problem, check};
 
 /// Reads a plan from text. Empty lines, and what follows a `#` in a line, are ignored.
 ///
@@ -31,13 +31,9 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
 
 fn coordinates<const N: usize>(line: Option<(&str, i32)>, form: &str) -> Result<[f64; N], Problem> {
     let row = row::<N, f64>(line, form)?;
-    match row.iter().find(|x| x.is_nan() || x.abs() > 1e60) {
-        Some(x) => Err(Problem::new(
-            line.map_or_else(String::new, |(_, number)| format!("line {number}")),
-            format!("the coordinate {x} is no number up to 1e60"),
-        )),
-        None => Ok(row),
-    }
+    let place = || line.map_or_else(String::new, |(_, number)| format!("line {number}"));
+    row.iter().try_for_each(|&x| check(x)).map_err(|problem| Problem::new(place(), problem))?;
+    Ok(row)
 }
 
 fn row<const N: usize, T: std::str::FromStr + Copy + Default>(

@@ -39,7 +39,10 @@ impl fmt::Display for PlanError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Coordinate { index, point: [x, y] } => {
-                write!(f, "point ({x}, {y}) of number {index} has a coordinate that is no number up to 1e60")
+                write!(
+                    f,
+                    "point ({x:?}, {y:?}) of number {index} has a coordinate that is no number up to 1e60"
+                )
             }
             Self::TooMany { count } => write!(f, "{count} walls, crossings or overlaps are too many"),
             Self::UnknownWall { wall, walls } => {
