@@ -4,24 +4,41 @@
 //! are differences between objects: a tenth to a half of the objects in the scenes tried.
 //!
 //! # Format
-//! The header of the [binary format](visibility_core::binary_format), `VISI-SET`, version 2, with a hash of
+//! The header of the [binary format](visibility_core::binary_format), `VISI-SET`, version 3, with a hash of
 //! the bounds of the scene's objects as its fingerprint; the greatest index of an object plus 1 and the
 //! number of viewcells (`u32` each); for each viewcell six `f64` of its corners, the number of its planes
-//! (`u32`) and four `f64` for each; the number of bytes of the classes (`u32`), and these: for each class the
-//! number of its objects and for each object its index, less that of the object before and 1, with 7 bits a
-//! byte as in a [`Pvs`](visibility_core::pvs); the number of bytes of the sets (`u32`), and these as a `Pvs`
-//! of classes. Objects of no class are seen from no viewcell.
+//! (`u32`) and four `f64` for each; the number of bytes of the classes (`u32`), and these: for each object of
+//! each class twice a number, and 1 more unless the object is the last of its class, with
+//! [7 bits a byte](visibility_core::binary_format::push_number); the number of bytes of the sets (`u32`), and
+//! these as a `Pvs` of classes. The number of an object is its index, less that of the object before and 1.
+//! For the first object of a class, it is the difference from the first object of the class before (0 for
+//! the first), twice that, and if it is negative, twice its absolute value less 1. Objects of no class are
+//! seen from no viewcell.
+//!
+//! Classes that are seen from nearly the same viewcells have numbers near each other, so that rows have few
+//! runs.
 
 use crate::fingerprint::bounds_fingerprint;
 use std::collections::HashMap;
 use std::fmt;
 use visibility_core::Scene;
-use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
+use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
-use visibility_core::pvs::{Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells};
+use visibility_core::pvs::{
+    Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells, check_rows,
+};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 2 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 3 };
+
+/// Most columns on either side that are compared to find one that is similar.
+const TRIED: usize = 128;
+
+/// Most words of columns that are compared, about.
+const WORK: usize = 1 << 31;
+
+/// Greatest index of an object plus 1 that the classes can store.
+const INDEX_LIMIT: usize = 1 << 29;
 
 /// Most neighbours of a viewcell whose rows are tried as bases of its own.
 const BASES: usize = 12;
@@ -110,15 +127,9 @@ impl BakedSet {
         if cells.len() != rows.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: rows.len() });
         }
-        for (number, row) in rows.iter().enumerate() {
-            let row = row.as_ref();
-            let descends = row.windows(2).find(|pair| pair[0] >= pair[1]).map(|pair| pair[1]);
-            if let Some(target) =
-                descends.or(row.last().copied().filter(|&last| last as usize >= index_limit))
-            {
-                let viewcell = ViewcellId(number as u32);
-                return Err(PvsError::Target { viewcell, target }.into());
-            }
+        check_rows(rows, index_limit)?;
+        if index_limit > INDEX_LIMIT {
+            return Err(PvsError::TooLarge.into());
         }
         let (classes, rows) = classes(rows, index_limit);
         // One target more, which no viewcell sees.
@@ -264,6 +275,7 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
     }
     columns.retain(|(column, _)| !column.is_empty());
     columns.sort_unstable();
+    let columns = tour(columns, rows.len());
     let mut number_of = vec![None; count as usize];
     let mut by_class = vec![Vec::new(); rows.len()];
     for (number, (column, class)) in (0..).zip(&columns) {
@@ -279,49 +291,82 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
     (classes, by_class)
 }
 
+/// Returns the columns in an order in which each is followed by the most similar of those that are near it in
+/// the given order and do not have their place yet. Time is linear in the columns and rows, times the number
+/// of columns tried, which is less where there are many.
+fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
+    let (count, words) = (columns.len(), row_count.div_ceil(64));
+    let tried = (WORK / count.saturating_mul(words).max(1)).clamp(1, TRIED);
+    let mut bits = vec![0u64; count * words];
+    for (bits, (column, _)) in bits.chunks_exact_mut(words.max(1)).zip(&columns) {
+        column.iter().for_each(|&row| bits[row as usize / 64] |= 1 << (row % 64));
+    }
+    let bits = |at: usize| &bits[at * words..(at + 1) * words];
+    // The columns without a place form a list.
+    let mut next: Vec<Option<usize>> = (0..count).map(|at| Some(at + 1).filter(|&at| at < count)).collect();
+    let mut before: Vec<Option<usize>> = (0..count).map(|at| at.checked_sub(1)).collect();
+    let mut order = Vec::with_capacity(count);
+    let mut last = (count > 0).then_some(0);
+    while let Some(at) = last {
+        order.push(at);
+        if let Some(next) = next[at] {
+            before[next] = before[at];
+        }
+        if let Some(before) = before[at] {
+            next[before] = next[at];
+        }
+        let distance = |other: usize| -> u32 {
+            bits(at).iter().zip(bits(other)).map(|(a, b)| (a ^ b).count_ones()).sum()
+        };
+        let links = [&before, &next];
+        let near =
+            links.into_iter().flat_map(|link| std::iter::successors(link[at], |&at| link[at]).take(tried));
+        last = near.min_by_key(|&other| (distance(other), other));
+    }
+    let mut columns: Vec<Option<(Vec<u32>, u32)>> = columns.into_iter().map(Some).collect();
+    order.into_iter().filter_map(|at| columns[at].take()).collect()
+}
+
 fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let mut push = |mut number: u32| {
-        while number >= 0x80 {
-            bytes.push(number as u8 | 0x80);
-            number >>= 7;
-        }
-        bytes.push(number as u8);
-    };
+    let (mut bytes, mut first) = (Vec::new(), 0u32);
     for class in classes {
-        push(class.len() as u32);
-        let mut next = 0;
-        for &index in class {
-            push(index - next);
-            next = index + 1;
+        let mut next = None;
+        for (at, &index) in class.iter().enumerate() {
+            let number = match next {
+                Some(next) => u64::from(index - next),
+                None => signed_code(i64::from(index) - i64::from(first)),
+            };
+            let code = number * 2 + u64::from(at + 1 < class.len());
+            // Indices are below half of the greatest number, or `BakedSet::new` has failed.
+            push_number(code as u32, &mut bytes);
+            next = Some(index + 1);
         }
+        first = class.first().copied().unwrap_or(first);
     }
     bytes
+}
+
+/// Returns 0, 1, 2, 3, 4 for 0, -1, 1, -2, 2, and so on.
+fn signed_code(number: i64) -> u64 {
+    if number < 0 { number.unsigned_abs() * 2 - 1 } else { number.unsigned_abs() * 2 }
 }
 
 /// Reads what [`class_bytes`] has written. `None` if an object is in two classes or not below `limit`, or if
 /// the bytes end within a class.
 fn read_classes(bytes: &[u8], limit: usize) -> Option<Vec<Vec<u32>>> {
-    let mut rest = bytes;
-    let number = |rest: &mut &[u8]| {
-        let mut number = 0u32;
-        for shift in [0, 7, 14, 21, 28] {
-            let (&byte, after) = rest.split_first()?;
-            *rest = after;
-            number |= u32::from(byte & 0x7f) << shift;
-            if byte & 0x80 == 0 {
-                return Some(number);
-            }
-        }
-        None
-    };
+    let (mut rest, mut first) = (bytes, 0u32);
     let (mut classes, mut all) = (Vec::new(), Vec::new());
     while !rest.is_empty() {
-        let (mut class, mut next) = (Vec::new(), 0u32);
-        for _ in 0..number(&mut rest)? {
-            let index = next.checked_add(number(&mut rest)?)?;
-            next = index.checked_add(1).filter(|_| (index as usize) < limit)?;
-            class.push(index);
+        let code = take_number(&mut rest)?;
+        let (number, mut has_more) = (code / 2, code % 2 == 1);
+        let step = if number % 2 == 1 { -i64::from(number / 2) - 1 } else { i64::from(number / 2) };
+        first = u32::try_from(i64::from(first) + step).ok().filter(|&index| (index as usize) < limit)?;
+        let (mut class, mut last) = (vec![first], first);
+        while has_more {
+            let code = take_number(&mut rest)?;
+            has_more = code % 2 == 1;
+            last = last.checked_add(1)?.checked_add(code / 2).filter(|&index| (index as usize) < limit)?;
+            class.push(last);
         }
         all.extend_from_slice(&class);
         classes.push(class);
@@ -351,7 +396,9 @@ mod tests {
         assert!(read(&[&[1, 2, 300], &[399]]).is_some());
         assert_eq!(read(&[&[1, 2, 300], &[400]]), None, "unknown");
         assert_eq!(read(&[&[1, 2, 300], &[0, 2]]), None, "twice");
-        for cut_off in [&[2, 1][..], &[1, 0x80], &[0x80], &[1, 0xff, 0xff, 0xff, 0xff, 0x8f]] {
+        for cut_off in
+            [&[5][..], &[4, 0x80], &[0x80], &[1, 0xff, 0xff, 0xff, 0xff, 0x8f], &[2], &[5, 0x80, 0]]
+        {
             assert_eq!(read_classes(cut_off, 400), None, "{cut_off:?}");
         }
     }

@@ -154,6 +154,48 @@ fn checksum(bytes: &[u8]) -> u64 {
     all.fold(Fingerprint::new(), |hash, &byte| hash.with(byte.into())).value()
 }
 
+/// Appends a number with seven bits a byte, least significant first; the top bit is set on all bytes but the
+/// last. For lists of small numbers.
+///
+/// ```
+/// use visibility_core::binary_format::{push_number, take_number};
+/// let mut bytes = Vec::new();
+/// push_number(300, &mut bytes);
+/// push_number(7, &mut bytes);
+/// assert_eq!(bytes, [0xac, 2, 7]);
+/// let mut rest = &bytes[..];
+/// assert_eq!((take_number(&mut rest), take_number(&mut rest), take_number(&mut rest)), (Some(300), Some(7), None));
+/// ```
+pub fn push_number(mut number: u32, to: &mut Vec<u8>) {
+    while number >= 0x80 {
+        to.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    to.push(number as u8);
+}
+
+/// Reads a number that [`push_number`] has written at the front of `bytes`, and advances `bytes` past it.
+/// `None`, with `bytes` unspecified, if the bytes end within the number, if it exceeds 32 bits, or if it is
+/// not written in its fewest bytes.
+#[inline]
+pub fn take_number(bytes: &mut &[u8]) -> Option<u32> {
+    let (&first, rest) = bytes.split_first()?;
+    *bytes = rest;
+    if first & 0x80 == 0 {
+        return Some(first.into());
+    }
+    let mut number = u32::from(first & 0x7f);
+    for shift in [7, 14, 21, 28] {
+        let (&next, rest) = bytes.split_first()?;
+        *bytes = rest;
+        number |= u32::from(next & 0x7f) << shift;
+        if next & 0x80 == 0 {
+            return (next != 0 && (shift < 28 || next < 0x10)).then_some(number);
+        }
+    }
+    None
+}
+
 /// Writes a file of this format to memory, number by number.
 #[derive(Clone, Debug)]
 pub struct Writer {
@@ -367,6 +409,34 @@ mod tests {
             Reader::new(&longer, FORMAT).unwrap_err(),
             FormatError::Length { found: longer.len() as u64, expected: good.len() as u64 }
         );
+    }
+
+    #[test]
+    fn numbers_have_one_form() {
+        let mut bytes = Vec::new();
+        let numbers = (0..32).flat_map(|bit| [(1u32 << bit) - 1, 1 << bit, u32::MAX >> bit]);
+        for number in numbers.clone() {
+            push_number(number, &mut bytes);
+        }
+        let mut rest = &bytes[..];
+        for number in numbers {
+            assert_eq!(take_number(&mut rest), Some(number));
+        }
+        assert!(rest.is_empty());
+        let wrong: [&[u8]; 8] = [
+            &[],
+            &[0x80],
+            &[0x80, 0],
+            &[0xff, 0x80, 0],
+            &[0xff, 0xff, 0xff, 0xff],
+            &[0xff, 0xff, 0xff, 0xff, 0x10],
+            &[0xff, 0xff, 0xff, 0xff, 0x8f, 0],
+            &[0x80, 0x80, 0x80, 0x80, 0],
+        ];
+        for mut bytes in wrong {
+            assert_eq!(take_number(&mut bytes), None, "{bytes:?}");
+        }
+        assert_eq!(take_number(&mut &[0xff, 0xff, 0xff, 0xff, 0xf][..]), Some(u32::MAX));
     }
 
     #[test]

@@ -10,12 +10,12 @@
 //! from the least index in the cell, each later object as the difference from its predecessor. An empty cell
 //! has an empty list.
 //!
-//! Numbers take seven bits per byte, lowest bits first. The highest bit of a byte is set if another byte
-//! follows.
+//! Numbers take [seven bits per byte](push_number).
 
 use crate::normal_bins::BoxFromEye;
 use crate::surface_class::{ANY_SIDE, LEAN_AT_45_DEGREES, MaxLean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
+use visibility_core::binary_format::{push_number, take_number};
 
 /// Minimum number of objects in a layer (group of similar objects of a cell that face one axis side). Fewer
 /// only if no more objects face that side. Visiting a layer costs about as much as testing 12 objects;
@@ -41,7 +41,7 @@ pub(crate) fn push_list(
         classes.get(object as usize).copied().unwrap_or((SurfaceClass::default(), UNKNOWN_LEAN))
     };
     let class = |object: u32| known(object).0;
-    push_number(bytes, least);
+    push_number(least, bytes);
     let mut counts = [0usize; 256];
     for &object in &*objects {
         counts[usize::from(class(object).side)] += 1;
@@ -67,14 +67,14 @@ pub(crate) fn push_list(
             layer.sort_unstable();
             let mut last = least;
             for &mut object in layer {
-                push_number(&mut of_layer, object - last);
+                push_number(object - last, &mut of_layer);
                 last = object;
             }
             block.extend_from_slice(&[mean.area, mean.openness]);
-            push_number(&mut block, of_layer.len() as u32);
+            push_number(of_layer.len() as u32, &mut block);
             block.extend_from_slice(&of_layer);
         }
-        push_number(bytes, block.len() as u32);
+        push_number(block.len() as u32, bytes);
         bytes.extend_from_slice(&block);
     }
     block_count
@@ -95,36 +95,6 @@ fn layer_length(objects: &[u32], rank: impl Fn(u32) -> u32) -> usize {
         length += objects[length..].partition_point(|&object| rank(object) > least);
     }
     if objects.len() - length < MIN_LAYER { objects.len() } else { length }
-}
-
-/// Appends a number to `bytes`, seven bits per byte, lowest bits first.
-fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
-    while number >= 0x80 {
-        bytes.push(number as u8 | 0x80);
-        number >>= 7;
-    }
-    bytes.push(number as u8);
-}
-
-/// Decodes a number at the front of `bytes` and advances `bytes` past the number. `None` if `bytes` ends
-/// inside the number. Bits beyond 32 are dropped.
-#[inline]
-fn take_number(bytes: &mut &[u8]) -> Option<u32> {
-    let (&first, rest) = bytes.split_first()?;
-    *bytes = rest;
-    if first & 0x80 == 0 {
-        return Some(first.into());
-    }
-    let (mut number, mut shift) = (u32::from(first & 0x7f), 7);
-    loop {
-        let (&next, rest) = bytes.split_first()?;
-        *bytes = rest;
-        number |= u32::from(next & 0x7f).wrapping_shl(shift);
-        shift += 7;
-        if next & 0x80 == 0 || shift >= 35 {
-            return Some(number);
-        }
-    }
 }
 
 /// Iterator over the object indices of one layer (group of similar objects of a cell), in ascending order.

@@ -3,18 +3,19 @@
 //!
 //! # Format
 //! All numbers are little-endian:
-//! - The header of the [binary format](crate::binary_format): `VISI-PVS`, version 1, kind (0: cells, 1:
+//! - The header of the [binary format](crate::binary_format): `VISI-PVS`, version 2, kind (0: cells, 1:
 //!   objects). In place of a fingerprint, the header holds the number of viewcells and the number of targets
 //!   (`u32` each).
-//! - For each viewcell, the offset of its row from the first row, in bytes (`u32`), and once more the end of
-//!   the last row.
-//! - The rows. The first byte of a row is its form: 0, or the sum of 1 if the row differs from another, and
-//!   of 2 if its list is in bits. The number of the other viewcell (`u32`) follows if the row differs: that
-//!   viewcell's row must be plain, and the list is the symmetric difference from it. Then the list of
+//! - For each 16th viewcell from the first on, the offset of its row from the first row, in bytes (`u32`),
+//!   and once more the end of the last row.
+//! - The rows. A row begins with the number of its bytes that follow. Then comes a byte, its form: 0, or the
+//!   sum of 1 if the row differs from another, and of 2 if its list is in bits. If the row differs, a number
+//!   follows: how many viewcells before this one the other is; the list is the symmetric difference from the
+//!   row of that viewcell, which may itself differ from another, and so on up to four times. Then the list of
 //!   targets: as bits, target `t` in bit `t % 8` of byte `t / 8`; or as runs, alternating lengths: of targets
-//!   that are not in the row, of targets that are, and so on. A length takes 7 bits a byte, least significant
-//!   first, with the top bit set on all bytes but the last. Targets after the last run or bit are not in the
-//!   row.
+//!   that are not in the row, of targets that are, and so on. Targets after the last run or bit are not in
+//!   the row.
+//! - Numbers and lengths take [7 bits a byte](crate::binary_format::push_number).
 //!
 //! Neighbouring rooms have similar visible sets, so most rows are shorter as differences (Gotsman, Sudarsky
 //! and Fayman, "Optimized Occlusion Culling Using Five-Dimensional Subdivision", 1999, store differences from
@@ -33,7 +34,7 @@ pub use error::PvsError;
 pub use prefetch::{Arrival, Prefetch};
 pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 
-use crate::binary_format::{Format, Writer};
+use crate::binary_format::{Format, Writer, push_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 use runs::{word, write_bits, write_runs};
@@ -76,12 +77,33 @@ impl PartialEq for Pvs {
 
 impl Eq for Pvs {}
 
-const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 1 };
+const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 2 };
 
 /// In the form of a row: the row is the difference from another.
 const DIFFERS: u8 = 1;
 /// In the form of a row: targets are bits instead of runs.
 const BITS: u8 = 2;
+/// Number of viewcells whose rows share an offset.
+const BLOCK: usize = 16;
+/// Most rows that a row is the difference from, one after another.
+const DEPTH: u8 = 4;
+
+/// Checks the rows of a PVS: each must be strictly ascending, with targets below `target_count`.
+///
+/// # Errors
+/// [`PvsError::Target`] for the first row that is not.
+pub fn check_rows<R: AsRef<[u32]>>(rows: &[R], target_count: usize) -> Result<(), PvsError> {
+    for (viewcell, row) in rows.iter().enumerate() {
+        let row = row.as_ref();
+        let descends = row.windows(2).find(|pair| pair[0] >= pair[1]).map(|pair| pair[1]);
+        // The greatest target of an ascending row is the last.
+        let unknown = row.last().copied().filter(|&last| last as usize >= target_count);
+        if let Some(target) = descends.or(unknown) {
+            return Err(PvsError::Target { viewcell: ViewcellId(viewcell as u32), target });
+        }
+    }
+    Ok(())
+}
 
 impl Pvs {
     /// Compresses the rows of a PVS. Row `i` lists the targets visible from viewcell `i`, strictly ascending
@@ -104,38 +126,32 @@ impl Pvs {
         if rows.len() >= u32::MAX as usize || target_count > u32::MAX as usize {
             return Err(PvsError::TooLarge);
         }
+        check_rows(rows, target_count)?;
+        // Offset of each block of rows in `bytes`, and the end of the last row.
+        let (mut starts, mut bytes) = (Vec::new(), Vec::new());
+        // By row, the number of other rows that it takes to read it.
+        let mut depths = alloc::vec![0u8; rows.len()];
+        let (mut best, mut trial) = (Vec::new(), Vec::new());
+        let offset = |bytes: &[u8]| u32::try_from(bytes.len()).map_err(|_| PvsError::TooLarge);
         for (viewcell, row) in rows.iter().enumerate() {
             let row = row.as_ref();
-            let descends = row.windows(2).find(|pair| pair[0] >= pair[1]).map(|pair| pair[1]);
-            let unknown = row.iter().copied().find(|&target| target as usize >= target_count);
-            if let Some(target) = descends.or(unknown) {
-                return Err(PvsError::Target { viewcell: ViewcellId(viewcell as u32), target });
-            }
-        }
-        // Offset of each row in `bytes`, and the end of the last row.
-        let (mut starts, mut bytes) = (alloc::vec![0], Vec::new());
-        let (mut plain, mut best, mut trial) = (alloc::vec![false; rows.len()], Vec::new(), Vec::new());
-        for (viewcell, row) in rows.iter().enumerate() {
-            let row = row.as_ref();
-            // Only plain rows serve as bases, so that reading a row never takes more than two rows.
             best.clear();
             best.push(0);
             write_runs(row.iter().copied(), &mut best);
             trial.clear();
             trial.push(BITS);
             write_bits(row.iter().copied(), &mut trial);
-            plain[viewcell] = true;
             if trial.len() < best.len() {
                 core::mem::swap(&mut trial, &mut best);
             }
             for base in neighbours(ViewcellId(viewcell as u32)) {
-                if base.index() >= viewcell || !plain[base.index()] {
+                if base.index() >= viewcell || depths[base.index()] >= DEPTH {
                     continue;
                 }
                 for form in [DIFFERS, DIFFERS | BITS] {
                     trial.clear();
                     trial.push(form);
-                    trial.extend_from_slice(&base.0.to_le_bytes());
+                    push_number(viewcell as u32 - base.0, &mut trial);
                     let list = difference(row, rows[base.index()].as_ref());
                     if form == DIFFERS {
                         write_runs(list, &mut trial)
@@ -144,13 +160,17 @@ impl Pvs {
                     }
                     if trial.len() < best.len() {
                         core::mem::swap(&mut trial, &mut best);
-                        plain[viewcell] = false;
+                        depths[viewcell] = depths[base.index()] + 1;
                     }
                 }
             }
+            if viewcell.is_multiple_of(BLOCK) {
+                starts.push(offset(&bytes)?);
+            }
+            push_number(best.len() as u32, &mut bytes);
             bytes.extend_from_slice(&best);
-            starts.push(u32::try_from(bytes.len()).map_err(|_| PvsError::TooLarge)?);
         }
+        starts.push(offset(&bytes)?);
         let counts = rows.len() as u64 | (target_count as u64) << 32;
         let mut writer = Writer::new(FORMAT, targets as u32, counts);
         writer.u32s(starts);

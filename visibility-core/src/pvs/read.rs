@@ -1,8 +1,8 @@
 //! Loading and querying a stored PVS.
 
 use super::runs::Runs;
-use super::{BITS, DIFFERS, FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
-use crate::binary_format::{HEADER_LENGTH, Reader};
+use super::{BITS, BLOCK, DEPTH, DIFFERS, FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
+use crate::binary_format::{HEADER_LENGTH, Reader, take_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
@@ -19,50 +19,61 @@ impl Pvs {
         if reader.kind() > PvsTargets::Objects as u32 {
             return Err(reader.content_error("the targets are neither cells nor objects").into());
         }
-        reader.bytes((reader.fingerprint() as u32 as usize).saturating_add(1).saturating_mul(4))?;
+        let count = reader.fingerprint() as u32 as usize;
+        reader.bytes((count.div_ceil(BLOCK) + 1).saturating_mul(4))?;
         let pvs = Self { bytes, stamp: Stamp::new() };
+        let mut depths: Vec<u8> = Vec::new();
         for viewcell in (0..pvs.word(16)).map(ViewcellId) {
-            pvs.check_row(viewcell).map_err(|problem| PvsError::Row { viewcell, problem })?;
+            let depth = pvs.check_row(viewcell, &depths);
+            depths.push(depth.map_err(|problem| PvsError::Row { viewcell, problem })?);
         }
         Ok(pvs)
     }
 
-    fn check_row(&self, viewcell: ViewcellId) -> Result<(), &'static str> {
+    /// Checks a row after all rows before it. Returns the number of other rows that it takes to read it,
+    /// given those numbers of the rows before.
+    fn check_row(&self, viewcell: ViewcellId, depths: &[u8]) -> Result<u8, &'static str> {
         let row = self.row(viewcell).ok_or("it lies outside the rows")?;
-        let (base, runs) = parts(row).ok_or("it has no known form")?;
-        if let Some(base) = base {
-            let other = self.row(base).ok_or("it differs from an unknown viewcell")?;
-            if !matches!(parts(other), Some((None, _))) {
-                return Err("it differs from a row that is itself a difference");
-            }
+        let Row { base, runs } = Row::new(viewcell, row).ok_or("it has no known form")?;
+        let depth = match base {
+            None => 0,
+            Some(base) => depths.get(base.index()).copied().unwrap_or(DEPTH) + 1,
+        };
+        if depth > DEPTH {
+            return Err("it takes too many other rows");
         }
         for run in runs {
             if run?.1 as usize > self.target_count() {
                 return Err("it names an unknown target");
             }
         }
-        Ok(())
+        Ok(depth)
     }
 
-    /// Returns the bytes of a viewcell's row. `None` for an unknown viewcell, or if the offsets lie outside
-    /// the rows.
+    /// Returns the bytes of a viewcell's row, without their number. `None` for an unknown viewcell, or if the
+    /// row lies outside the rows.
     fn row(&self, viewcell: ViewcellId) -> Option<&[u8]> {
         if viewcell.index() >= self.viewcell_count() {
             return None;
         }
-        let rows = HEADER_LENGTH + (self.viewcell_count() + 1) * 4;
-        let [start, end] = [0, 1].map(|i| self.word(HEADER_LENGTH + (viewcell.index() + i) * 4) as usize);
-        self.bytes.get(rows..)?.get(start..end)
+        let block = viewcell.index() / BLOCK;
+        let rows = HEADER_LENGTH + (self.viewcell_count().div_ceil(BLOCK) + 1) * 4;
+        let [start, end] = [0, 1].map(|i| self.word(HEADER_LENGTH + (block + i) * 4) as usize);
+        let mut rest = self.bytes.get(rows..)?.get(start..end)?;
+        for _ in 0..viewcell.index() % BLOCK {
+            let length = take_number(&mut rest)?;
+            rest = rest.get(length as usize..)?;
+        }
+        let length = take_number(&mut rest)?;
+        rest.get(..length as usize)
     }
 
-    /// Returns the runs of a viewcell's row, and the runs of its base row. The viewcell sees exactly the
-    /// targets that are in one of the two and not in both. The runs of the base row are empty for a plain
-    /// row; both are empty for an unknown viewcell.
-    fn runs(&self, viewcell: ViewcellId) -> [Runs<'_>; 2] {
-        let none = || Runs::new(&[], false);
-        let of = |viewcell| self.row(viewcell).and_then(parts).unwrap_or((None, none()));
-        let (base, runs) = of(viewcell);
-        [runs, base.map_or_else(none, |base| of(base).1)]
+    /// Returns the runs of a viewcell's row, and of those that it differs from. The viewcell sees exactly the
+    /// targets that are in an odd number of them. Empty for an unknown viewcell.
+    fn runs(&self, viewcell: ViewcellId) -> impl Iterator<Item = (u32, u32)> {
+        let row = |viewcell| Row::new(viewcell, self.row(viewcell)?);
+        let rows = core::iter::successors(row(viewcell), move |last| row(last.base?));
+        rows.flat_map(|row| row.runs.flatten())
     }
 
     /// Replaces `words` by the PVS row of a viewcell: bit `t % 64` of word `t / 64` is set if the viewcell
@@ -71,7 +82,7 @@ impl Pvs {
     pub fn write_bits(&self, viewcell: ViewcellId, words: &mut Vec<u64>) -> bool {
         words.clear();
         words.resize(self.target_count().div_ceil(64), 0);
-        for (start, end) in self.runs(viewcell).into_iter().flatten().flatten() {
+        for (start, end) in self.runs(viewcell) {
             flip(words, start as usize, end as usize);
         }
         viewcell.index() < self.viewcell_count()
@@ -97,22 +108,31 @@ impl Pvs {
     /// Tests whether a viewcell sees a target. Returns false if viewcell or target is unknown. Time is linear
     /// in the bytes of the row. For many targets of one viewcell, [`write_bits`](Self::write_bits) is faster.
     pub fn sees(&self, viewcell: ViewcellId, target: u32) -> bool {
-        let runs = self.runs(viewcell).into_iter().flatten().flatten();
+        let runs = self.runs(viewcell);
         runs.filter(|&(start, end)| start <= target && target < end).count() % 2 == 1
     }
 }
 
-/// Splits the bytes of a row into its base viewcell and its runs. The viewcell is `None` for a plain row.
-/// Returns `None` if the row has no form or an unknown one.
-fn parts(row: &[u8]) -> Option<(Option<ViewcellId>, Runs<'_>)> {
-    let (&form, rest) = row.split_first()?;
-    let (base, list) = match form & DIFFERS {
-        0 => (None, rest),
-        _ => rest
-            .split_first_chunk()
-            .map(|(base, list)| (Some(ViewcellId(u32::from_le_bytes(*base))), list))?,
-    };
-    (form <= DIFFERS | BITS).then_some((base, Runs::new(list, form & BITS != 0)))
+/// A stored row.
+struct Row<'a> {
+    /// Viewcell from whose row it differs, with a lesser number. `None` for a plain row.
+    base: Option<ViewcellId>,
+    runs: Runs<'a>,
+}
+
+impl<'a> Row<'a> {
+    /// Splits the bytes of a viewcell's row. `None` if the row has no form or an unknown one.
+    fn new(viewcell: ViewcellId, bytes: &'a [u8]) -> Option<Self> {
+        let (&form, mut list) = bytes.split_first()?;
+        let base = match form & DIFFERS {
+            0 => None,
+            _ => {
+                let back = take_number(&mut list).filter(|&back| back > 0)?;
+                Some(ViewcellId(viewcell.0.checked_sub(back)?))
+            }
+        };
+        (form <= DIFFERS | BITS).then_some(Self { base, runs: Runs::new(list, form & BITS != 0) })
+    }
 }
 
 /// Inverts the bits `start..end` of a bitset.

@@ -1,16 +1,7 @@
 //! Encoding of the lists of PVS rows: as lengths of runs, or as bits.
 
+use crate::binary_format::{push_number, take_number};
 use alloc::vec::Vec;
-
-/// Appends a number with 7 bits a byte, least significant first; the top bit is set on all bytes but the
-/// last.
-pub(super) fn push_number(mut number: u32, out: &mut Vec<u8>) {
-    while number >= 0x80 {
-        out.push(number as u8 | 0x80);
-        number >>= 7;
-    }
-    out.push(number as u8);
-}
 
 /// Appends the runs of a strictly ascending row: alternating lengths of absent and of present numbers,
 /// beginning with absent ones (maybe 0) and ending with present ones.
@@ -62,16 +53,7 @@ impl<'a> Runs<'a> {
     }
 
     fn number(&mut self) -> Result<u32, &'static str> {
-        let mut number = 0u64;
-        for shift in [0, 7, 14, 21, 28] {
-            let Some((&byte, rest)) = self.bytes.split_first() else { return Err("it ends within a number") };
-            self.bytes = rest;
-            number |= u64::from(byte & 0x7f) << shift;
-            if byte & 0x80 == 0 {
-                return u32::try_from(number).map_err(|_| "a number is too large");
-            }
-        }
-        Err("a number is too long")
+        take_number(&mut self.bytes).ok_or("a number is cut off, too large or longer than it need be")
     }
 
     fn run(&mut self) -> Result<(u32, u32), &'static str> {

@@ -26,10 +26,8 @@ fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
 #[test]
 fn rows_next_to_each_other_are_stored_as_differences() {
     let pvs = sample();
-    let rows = HEADER_LENGTH + 5 * 4;
-    let start = pvs.word(HEADER_LENGTH + 3 * 4) as usize;
-    // A byte 1, viewcell 2, a run of 33 absent numbers and a run of one present number.
-    assert_eq!(pvs.bytes[rows + start..], [1, 2, 0, 0, 0, 33, 1]);
+    // Four bytes: form 1, one viewcell back, a run of 33 absent numbers and a run of one present number.
+    assert!(pvs.bytes.ends_with(&[4, 1, 1, 33, 1]));
     assert!(!pvs.sees(ViewcellId(3), 33) && pvs.sees(ViewcellId(2), 33) && pvs.sees(ViewcellId(3), 36));
     assert_eq!((pvs.targets(), pvs.viewcell_count(), pvs.target_count()), (PvsTargets::Cells, 4, 400));
 }
@@ -40,7 +38,7 @@ fn the_form_of_a_stored_set_stays() {
     let pvs = Pvs::new(PvsTargets::Objects, 300, &rows, |id| [ViewcellId(id.0 / 2)]).unwrap();
     let stored = |content: &[u8]| {
         let counts = [&[2, 0, 0, 0, 44, 1, 0, 0][..], &[40 + content.len() as u8, 0, 0, 0, 0, 0, 0, 0]];
-        let mut bytes = [b"VISI-PVS", &[1, 0, 0, 0, 1, 0, 0, 0][..], &counts.concat()].concat();
+        let mut bytes = [b"VISI-PVS", &[2, 0, 0, 0, 1, 0, 0, 0][..], &counts.concat()].concat();
         let all = bytes.iter().chain(content);
         let sum = all
             .fold(0xcbf2_9ce4_8422_2325_u64, |sum, &b| (sum ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
@@ -49,16 +47,11 @@ fn the_form_of_a_stored_set_stays() {
         bytes
     };
     // Row 0 in bits; then the difference from row 0 in runs, in which 299 are left out and one follows.
-    let short = [&[0, 0, 0, 0, 3, 0, 0, 0, 11, 0, 0, 0][..], &[2, 0x56, 5], &[1, 0, 0, 0, 0, 0xab, 2, 1]];
+    let short = [&[0, 0, 0, 0, 10, 0, 0, 0][..], &[3, 2, 0x56, 5], &[5, 1, 1, 0xab, 2, 1]];
     assert_eq!(pvs.as_bytes(), stored(&short.concat()));
     // Row 0 in runs: one is left out, two follow, and so on; and the difference in bits.
-    let long = [
-        &[0, 0, 0, 0, 11, 0, 0, 0, 54, 0, 0, 0][..],
-        &[0, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1],
-        &[3],
-        &[0; 41],
-        &[8],
-    ];
+    let long =
+        [&[0, 0, 0, 0, 53, 0, 0, 0][..], &[11, 0, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1], &[40, 3, 1], &[0; 37], &[8]];
     let long = Pvs::from_bytes(stored(&long.concat())).unwrap();
     for target in 0..300 {
         for (number, row) in (0..).zip(&rows) {
@@ -90,24 +83,56 @@ fn every_damaged_byte_is_noticed() {
 #[test]
 fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
     let good = sample().bytes;
-    let rows = HEADER_LENGTH + 5 * 4;
+    let rows = HEADER_LENGTH + 2 * 4;
     let wrong = |place: usize, byte: u8| {
         let mut bytes = good.clone();
         bytes[place] = byte;
         Pvs::from_bytes(resealed(bytes)).unwrap_err().to_string()
     };
     let last = good.len() - 1;
-    assert_eq!(wrong(8, 2), "version 2 of the format, where only version 1 is known");
+    assert_eq!(wrong(8, 3), "version 3 of the format, where only version 2 is known");
     assert_eq!(wrong(12, 7), "at byte 40: the targets are neither cells nor objects");
-    assert_eq!(wrong(rows, 9), "the row of viewcell 0: it has no known form");
-    assert_eq!(wrong(last, 0x81), "the row of viewcell 3: it ends within a number");
-    assert_eq!(wrong(last - 5, 9), "the row of viewcell 3: it differs from an unknown viewcell");
-    assert_eq!(
-        wrong(last - 5, 3),
-        "the row of viewcell 3: it differs from a row that is itself a difference"
-    );
+    assert_eq!(wrong(rows + 1, 9), "the row of viewcell 0: it has no known form");
+    let number = "a number is cut off, too large or longer than it need be";
+    assert_eq!(wrong(last, 0x81), alloc::format!("the row of viewcell 3: {number}"));
+    for back in [0, 4, 9] {
+        assert_eq!(wrong(last - 2, back), "the row of viewcell 3: it has no known form");
+    }
+    assert_eq!(wrong(last - 4, 5), "the row of viewcell 3: it lies outside the rows");
     assert_eq!(wrong(20, 99), "the row of viewcell 2: it names an unknown target");
     assert_eq!(wrong(HEADER_LENGTH + 7, 0xff), "the row of viewcell 0: it lies outside the rows");
+}
+
+#[test]
+fn rows_differ_from_rows_that_differ_up_to_a_depth() {
+    // Each row has one target more than the row before.
+    let rows: Vec<Vec<u32>> =
+        (0..40).map(|row| (0..350).filter(|x| x % 7 < 3 || x / 7 < row).collect()).collect();
+    let before = |cell: ViewcellId| cell.0.checked_sub(1).map(ViewcellId);
+    let pvs = Pvs::new(PvsTargets::Objects, 350, &rows, before).unwrap();
+    let loaded = Pvs::from_bytes(pvs.as_bytes()).unwrap();
+    let mut words = Vec::new();
+    for (number, row) in (0..).zip(&rows) {
+        loaded.write_bits(ViewcellId(number), &mut words);
+        assert!(
+            (0..350).all(|x| (words[x as usize / 64] >> (x % 64) & 1 == 1) == row.contains(&x)),
+            "{number}"
+        );
+    }
+    // Eight whole rows in bits, 44 bytes each, and 32 differences.
+    assert!(pvs.bytes.len() < HEADER_LENGTH + 4 * 4 + 8 * 47 + 32 * 7, "{}", pvs.bytes.len());
+
+    // Row 0 has target 0; each later row differs from the one before by one target.
+    let chain = |length: u8| {
+        let mut writer = Writer::new(FORMAT, 1, u64::from(length) | 400 << 32);
+        writer.u32s([0, 4 + 5 * (u32::from(length) - 1)]);
+        writer.bytes(&[3, 0, 0, 1]);
+        (1..length).for_each(|row| writer.bytes(&[4, 1, 1, row, 1]));
+        Pvs::from_bytes(writer.finish())
+    };
+    let deepest = chain(5).unwrap();
+    assert!((0..5).all(|target| deepest.sees(ViewcellId(4), target)) && !deepest.sees(ViewcellId(3), 4));
+    assert_eq!(chain(6).unwrap_err().to_string(), "the row of viewcell 5: it takes too many other rows");
 }
 
 #[test]
