@@ -164,7 +164,7 @@ fn checksum(bytes: &[u8]) -> u64 {
 /// push_number(7, &mut bytes);
 /// assert_eq!(bytes, [0xac, 2, 7]);
 /// let mut rest = &bytes[..];
-/// assert_eq!((take_number(&mut rest), take_number(&mut rest), take_number(&mut rest)), (Some(300), Some(7), None));
+/// assert_eq!([(); 3].map(|()| take_number(&mut rest)), [Some(300), Some(7), None]);
 /// ```
 pub fn push_number(mut number: u32, to: &mut Vec<u8>) {
     while number >= 0x80 {
