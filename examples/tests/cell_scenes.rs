@@ -10,7 +10,7 @@ mod shared_scenes;
 use shared_scenes::{assert_none_hidden, scene};
 use visibility_core::glam::DVec3;
 use visibility_core::{Pose, View, cells::CellId, pvs::Viewcells};
-use visibility_examples::pvs::built::{Origin, cells};
+use visibility_examples::pvs::built::Origin;
 use visibility_examples::pvs::solids::boxes;
 use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::cell_sets::{
@@ -20,7 +20,8 @@ use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{SceneSource, built_in};
 
 /// Makes `count` views from random positions in random cells in random directions. Positions inside `solids`
-/// (minimum and maximum corner) are avoided.
+/// (minimum and maximum corner) are avoided, and cells thinner than a centimetre: between a wall and a slab
+/// that nearly touch, an eye sees along gaps narrower than the tolerance with which cells are made.
 fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed: u64) -> Vec<View> {
     let solid = |p: DVec3| solids.iter().any(|[min, max]| min.cmple(p).all() && p.cmple(*max).all());
     let mut random = Random(seed);
@@ -29,7 +30,7 @@ fn random_views(viewcells: &Viewcells, solids: &[[DVec3; 2]], count: usize, seed
         let cell = &viewcells.cells()[random.below(viewcells.cells().len())];
         let mut at = |i: usize| random.between(cell.min[i], cell.max[i]);
         let eye = DVec3::new(at(0), at(1), at(2));
-        if !cell.contains(eye) || solid(eye) {
+        if (cell.max - cell.min).min_element() < 0.01 || !cell.contains(eye) || solid(eye) {
             continue;
         }
         let direction = random.direction();
@@ -92,13 +93,27 @@ fn no_object_of_the_largest_office_is_missed() {
     check_office("7,24", 1000);
 }
 
+/// Culls a scene of a file from `eyes` random eyes in cells made from its triangles, by portals and by sets
+/// of objects. Fails if a visible object is hidden, or if either leaves more than `share` of what the frustum
+/// leaves.
+fn check_file(name: &str, eyes: usize, share: f64) {
+    let mut world = World::new(scene(name), (1280, 720), Some(1)).unwrap();
+    world.makes_cells = true;
+    let viewcells = world.cells().unwrap().viewcells.clone();
+    let means = check(world, &viewcells, "frustum,portals,pvs", eyes);
+    assert!(means[1].max(means[2]) < share * means[0], "{means:?}");
+}
+
 #[test]
 #[ignore = "a minute"]
 fn no_object_of_an_arena_is_missed() {
-    let world = World::new(scene("oa_dm2"), (1280, 720), Some(1)).unwrap();
-    let made = cells(&world.source, Origin::Polygons).unwrap();
-    let means = check(world, &made.viewcells, "frustum,pvs:bsp", 1000);
-    assert!(means[1] < 0.7 * means[0], "{means:?}");
+    check_file("oa_dm2", 1000, 0.7);
+}
+
+#[test]
+#[ignore = "two minutes"]
+fn no_object_of_a_clinic_is_missed() {
+    check_file("clinic", 400, 0.9);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use std::time::Instant;
 use visibility_examples::open;
 use visibility_examples::tradeoff::{Effort, output, plot, sweep};
 use visibility_examples::walkthrough::auto::advise;
-use visibility_examples::walkthrough::cullers::entries;
+use visibility_examples::walkthrough::cullers::quick_entries;
 use visibility_examples::walkthrough::{Prepared, World};
 
 #[global_allocator]
@@ -53,12 +53,14 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     fs::create_dir_all(&arguments.out)
         .map_err(|error| format!("cannot make {}: {error}", arguments.out.display()))?;
     let effort = if arguments.quick { Effort::QUICK } else { Effort::FULL };
-    let wanted = if arguments.cullers.is_empty() { entries() } else { arguments.cullers.clone() };
     let (start, mut all) = (Instant::now(), Vec::new());
     let table = arguments.out.join("points.csv");
     for scene in &arguments.scenes {
         let mut world = World::new(open(scene)?, (640, 360), Some(effort.frames))?;
         world.prepared = Prepared::measuring(|| MEMORY.current_usage());
+        world.makes_cells = true;
+        let given = &arguments.cullers;
+        let wanted = if given.is_empty() { quick_entries(&world) } else { given.clone() };
         let name = world.source.name.clone();
         let total = wanted.len();
         let mut count = 0;

@@ -41,7 +41,8 @@ struct Arguments {
 
     /// Cullers to compare, separated by commas. a+b runs b after a, and `auto` is the best of all for the
     /// scene. All but `frustum` itself run after the frustum. `portals` and `pvs` need cells and portals; if
-    /// the scene brings none, they are made from its opaque triangles.
+    /// the scene brings none, they are made from its opaque triangles, and `pvs` bakes them, which takes a
+    /// minute for thousands of cells.
     #[arg(long, default_value = "frustum,hzb", value_name = "LIST")]
     cullers: String,
 

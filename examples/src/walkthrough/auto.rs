@@ -25,7 +25,7 @@ pub struct Advice {
     pub least_us: f64,
     /// Number of cullers that were tried.
     pub tried: usize,
-    /// Whether the scene brings cells and portals.
+    /// Whether the scene brings cells and portals; cells made of its triangles do not count.
     pub cells: bool,
 }
 
@@ -63,7 +63,7 @@ pub fn advise(world: &World, entries: &[String]) -> Result<Advice, MeasureError>
 }
 
 /// Returns a list of cullers with each `auto` replaced by the advised culler, and the advice; `None` as the
-/// advice if the list has no `auto`.
+/// advice if the list has no `auto`. The cullers tried are the [`quick_entries`](cullers::quick_entries).
 ///
 /// # Errors
 ///
@@ -72,7 +72,7 @@ pub fn resolve(list: &str, world: &World) -> Result<(String, Option<Advice>), Me
     if !list.split(',').any(|entry| entry.trim() == "auto") {
         return Ok((list.to_owned(), None));
     }
-    let advice = advise(world, &cullers::entries())?;
+    let advice = advise(world, &cullers::quick_entries(world))?;
     let resolved = list.split(',').map(|entry| if entry.trim() == "auto" { &advice.entry } else { entry });
     Ok((resolved.collect::<Vec<_>>().join(","), Some(advice)))
 }
@@ -80,7 +80,7 @@ pub fn resolve(list: &str, world: &World) -> Result<(String, Option<Advice>), Me
 impl fmt::Display for Advice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { entry, facts, chosen, frustum, least_us, tried, cells } = self;
-        let with = if *cells { "with" } else { "without" };
+        let with = if *cells { "with" } else { "without given" };
         writeln!(f, "{facts}, {with} cells")?;
         writeln!(
             f,
@@ -112,5 +112,11 @@ mod tests {
         assert_eq!(list, format!("frustum,{}", advice.entry));
         assert!(advice.chosen.is_sound() && advice.chosen.total_us <= advice.frustum.total_us);
         assert!(advice.tried > 1 && cullers::parse(&list, &world).is_ok());
+        // Sets of cells that would have to be made are not baked in passing; the culler of cells is tried.
+        let mut outdoors = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
+        outdoors.makes_cells = true;
+        let has = |world, name: &str| cullers::quick_entries(world).iter().any(|entry| entry.contains(name));
+        assert!(has(&world, "pvs:objects") && !has(&outdoors, "pvs:objects") && !has(&outdoors, "pvs+"));
+        assert!(has(&outdoors, "region-pvs") && has(&outdoors, "portals+hzb"));
     }
 }

@@ -53,6 +53,16 @@ pub fn entries() -> Vec<String> {
     entries
 }
 
+/// Returns the [`entries`] that a world has quickly: all if its scene brings cells, otherwise all but those
+/// for which sets of made cells would have to be baked first, which may take minutes.
+pub fn quick_entries(world: &World) -> Vec<String> {
+    let mut entries = entries();
+    if world.source.cells.is_none() {
+        entries.retain(|entry| !entry.split('+').any(|stage| stage == "pvs" || stage.starts_with("pvs:")));
+    }
+    entries
+}
+
 /// Makes pipelines from a list of entries separated by commas, such as `frustum,a,a+b:10%`. The entry `a+b`
 /// runs `b` after `a`, and `b:10%` sets the dial of `b`. Every pipeline begins with the frustum. Each entry
 /// is returned with its pipeline; spaces in entries are removed.
