@@ -31,7 +31,11 @@ fn loose(rng: &mut Random, kind: usize) -> Case {
             0 => soup(rng),
             1 => cuboid(rng.vector(4.0), rng.vector(1.5).abs()),
             2 => grid_cube(rng),
-            3 => wall(rng),
+            3 => match rng.below(4) {
+                0 => crooked_wall(rng),
+                1 => ground(rng),
+                _ => wall(rng),
+            },
             _ => match rng.below(4) {
                 0 => soup(rng),
                 1 => cuboid(rng.vector(4.0), rng.vector(0.5).abs()),
@@ -155,6 +159,45 @@ fn wall(rng: &mut Random) -> Triangles {
     let mut half = DVec3::splat(rng.range(1.0, 6.0));
     half[rng.below(3)] = if rng.one_in(2) { 0.0 } else { 1e-3 };
     cuboid(rng.vector(4.0).round(), half)
+}
+
+/// Makes an upright wall around corners, of one height or of several: no convex solid.
+fn crooked_wall(rng: &mut Random) -> Triangles {
+    let mut corner = rng.vector(4.0);
+    let mut triangles = Vec::new();
+    let mut top = rng.range(0.0, 3.0);
+    for _ in 0..1 + rng.below(5) {
+        let next = (corner + rng.vector(3.0)).with_z(corner.z);
+        if rng.one_in(3) {
+            top = rng.range(0.0, 3.0);
+        }
+        let up = DVec3::Z * top;
+        triangles.push([corner, next, next + up].map(DVec3::as_vec3));
+        triangles.push([corner, next + up, corner + up].map(DVec3::as_vec3));
+        corner = next;
+    }
+    triangles
+}
+
+/// Makes hilly ground of squares, of which some are missing.
+fn ground(rng: &mut Random) -> Triangles {
+    let (corner, side, count) = (rng.vector(4.0), rng.range(0.2, 2.0), 2 + rng.below(5));
+    let steep = rng.range(0.0, 2.0);
+    let points: Vec<Vec3> = (0..(count + 1).pow(2))
+        .map(|i| {
+            let at = DVec3::new((i % (count + 1)) as f64, (i / (count + 1)) as f64, rng.range(0.0, steep));
+            (corner + at * side).as_vec3()
+        })
+        .collect();
+    let mut triangles = Vec::new();
+    for i in 0..count * count {
+        let first = i / count * (count + 1) + i % count;
+        let [a, b, c, d] = [first, first + 1, first + count + 2, first + count + 1].map(|i| points[i]);
+        if !rng.one_in(30) {
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    triangles
 }
 
 /// Draws a power of ten from 1e-30 to 1e30.

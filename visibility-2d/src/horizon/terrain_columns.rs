@@ -116,6 +116,8 @@ struct Wedge<'a> {
     face: usize,
     /// Lateral coordinates at depth 1.
     sides: [f64; 2],
+    /// Inverse of the side of a square in 1/m, exact.
+    per_side: f64,
     /// Depth at which the next ring begins, in metres.
     depth: f64,
     /// Depth behind which there is no square.
@@ -175,7 +177,19 @@ impl<'a> Wedge<'a> {
         let (bottom, top) = (f64::from(sheet.bottom) - eye[2], f64::from(sheet.top) - eye[2]);
         // NaN, and errors that squares do not allow for, leave nothing to walk.
         let end = if error < PAD * sheet.side && size < 1e15 { end } else { 0.0 };
-        Self { frame, sheet, face, sides, depth, end, error, run: Run::EMPTY, bottom, top }
+        Self {
+            frame,
+            sheet,
+            face,
+            sides,
+            per_side: 1.0 / sheet.side,
+            depth,
+            end,
+            error,
+            run: Run::EMPTY,
+            bottom,
+            top,
+        }
     }
 
     /// Returns the next step, `None` at the end of the sheet. `is_present` tells whether all objects of a
@@ -237,7 +251,7 @@ impl<'a> Wedge<'a> {
         let eye = self.frame.eye;
         let (min, max) = ([eye[0] + x0, eye[1] + y0], [eye[0] + x1, eye[1] + y1]);
         let index = |at: [f64; 2], axis: usize, pad: f64| {
-            floor((at[axis] - self.sheet.corner[axis]) / self.sheet.side + pad)
+            floor((at[axis] - self.sheet.corner[axis]) * self.per_side + pad)
         };
         let first = [index(min, 0, -PAD), index(min, 1, -PAD)];
         let last = [index(max, 0, PAD), index(max, 1, PAD)];
@@ -252,14 +266,16 @@ impl<'a> Wedge<'a> {
         if x0 < 0 || y0 < 0 || x1 as usize >= squares.columns || y1 as usize >= rows {
             return None;
         }
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        let (mut low, mut high, mut known) = (f32::INFINITY, f32::NEG_INFINITY, BROKEN);
         for row in y0 as usize..=y1 as usize {
             let begin = row * squares.columns;
             for square in &squares.squares[begin + x0 as usize..=begin + x1 as usize] {
                 let Square { low: a, high: b, owners } = *square;
-                if owners == BROKEN || !is_present(owners) {
+                // Most neighbours have the same owners.
+                if owners == BROKEN || owners != known && !is_present(owners) {
                     return None;
                 }
+                known = owners;
                 (low, high) = (low.min(a), high.max(b));
             }
         }
