@@ -5,6 +5,7 @@ pub mod drawing;
 pub mod forest_walk;
 pub mod geojson;
 mod plan_file;
+mod svg_numbers;
 pub mod svg_paths;
 mod svg_transform;
 pub mod text;

@@ -1,6 +1,6 @@
 //! Transforms of SVG elements: the attribute `transform` (SVG 1.1, section 7.6).
 
-use super::svg_paths::Numbers;
+use super::svg_numbers::Numbers;
 
 /// A map of the plane: (x, y) becomes (a x + c y + e, b x + d y + f).
 #[derive(Clone, Copy, PartialEq, Debug)]
