@@ -6,6 +6,9 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 /// Most viewcells of a group.
 const MOST: usize = 16;
 
+/// Number of the viewcells that come first; then as many again, then twice as many, and so on.
+const FIRST: usize = 64;
+
 /// Greatest volume of the box around a group, relative to that of its viewcells together.
 const SPREAD: f64 = 2.5;
 
@@ -21,7 +24,13 @@ impl CellGroups {
     pub(crate) fn new(viewcells: &Viewcells) -> Self {
         let all = viewcells.cells();
         let mut cells = Vec::new();
-        let mut waiting = vec![(0..all.len() as u32).collect::<Vec<u32>>()];
+        // Viewcells that come first are worked on first, so a group has none that come much later.
+        let mut waiting = Vec::new();
+        let (mut start, mut end) = (0, FIRST);
+        while start < all.len() {
+            waiting.push((start as u32..end.min(all.len()) as u32).collect::<Vec<u32>>());
+            (start, end) = (end, end.saturating_mul(2));
+        }
         while let Some(mut part) = waiting.pop() {
             if part.is_empty() {
                 continue;
@@ -57,4 +66,34 @@ pub(crate) fn bounds(all: &[Viewcell], some: &[u32]) -> Viewcell {
         (min.min(cell.min), max.max(cell.max))
     });
     Viewcell::from_box(min, max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_are_compact_and_those_of_the_first_viewcells_come_first() {
+        // Two layers of 20 x 20 viewcells, one without a point, and one far away.
+        let at = |i: u32| DVec3::new(f64::from(i % 20), f64::from(i / 20 % 20), f64::from(i / 400)) * 4.0;
+        let mut cells: Vec<Viewcell> =
+            (0..800).map(|i| Viewcell::from_box(at(i), at(i) + DVec3::splat(4.0))).collect();
+        cells.push(Viewcell::from_box(DVec3::ONE, DVec3::ZERO));
+        cells.push(Viewcell::from_box(DVec3::splat(1e6), DVec3::splat(1e6 + 1.0)));
+        let viewcells = Viewcells::new(cells);
+        let groups = CellGroups::new(&viewcells);
+        let mut all: Vec<u32> = groups.cells.concat();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..802), "each viewcell is in one group");
+        for (number, members) in (0..).zip(&groups.cells) {
+            assert!(members.is_sorted() && members.len() <= MOST);
+            assert!(members.iter().all(|&cell| groups.of[cell as usize] == number));
+            let bounds = bounds(viewcells.cells(), members);
+            let volume = (bounds.max - bounds.min).max(DVec3::ZERO).element_product();
+            assert!(volume <= SPREAD * 64.0 * members.len() as f64, "{members:?}");
+            assert!(members[0] >= 64 || members.iter().all(|&cell| cell < 64), "{members:?}");
+        }
+        assert!(groups.cells.len() < 100, "{}", groups.cells.len());
+        assert!(groups.cells.is_sorted(), "in the order of their first viewcells");
+    }
 }

@@ -14,12 +14,12 @@ use visibility_core::pvs::Viewcell;
 /// Where viewcells are.
 #[derive(Args, Clone, Debug)]
 pub struct Places {
-    /// Places of the viewcells: `free` for the boxes of a grid that a walking camera reaches from the
-    /// scene's walks (or --from) without passing through opaque objects, with those that the walks pass;
-    /// `walks` for the boxes that the walks pass; `grid` for all boxes over the scene, or over --over;
-    /// `graph` for the scene's own cells; or a file (.glb, .gltf, .vscn) of walkable triangles, such as
-    /// a navigation mesh, for the boxes above them. By default `free`, and `grid` with --over. An eye
-    /// outside all viewcells sees everything.
+    /// Places of the viewcells: `walks` for the boxes of a grid that the scene's walks pass; `free` for
+    /// those, and all that a walking camera reaches from the walks (or from --from) without passing
+    /// through opaque objects; `grid` for all boxes over the scene, or over --over; `graph` for the
+    /// scene's own cells; or a file (.glb, .gltf, .vscn) of walkable triangles, such as a navigation
+    /// mesh, for the boxes above them. By default `grid` with --over, `free` with --from, else `walks`.
+    /// An eye outside all viewcells sees everything.
     #[arg(long, value_name = "PLACES|FILE")]
     pub cells: Option<Kind>,
 
@@ -116,7 +116,8 @@ pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
     let kind = match &places.cells {
         Some(kind) => kind.clone(),
         None if over.is_some() => Kind::Grid,
-        None => Kind::Free,
+        None if !places.from.is_empty() => Kind::Free,
+        None => Kind::Walks,
     };
     // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it,
     // under all that stands there.
