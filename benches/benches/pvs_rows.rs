@@ -3,7 +3,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
-use visibility_core::glam::{DVec2, DVec3};
+use visibility_core::glam::DVec2;
 use visibility_core::pvs::{Pvs, PvsTargets, Viewcell, ViewcellId, Viewcells};
 
 /// Viewcells and objects on an axis.
@@ -37,7 +37,7 @@ fn rows(c: &mut Criterion) {
         b.iter(|| {
             number = (number + 389) % (cells * cells);
             let eye = at(number, cells).extend(0.5);
-            let cell = viewcells.locate(black_box(DVec3::from(eye))).expect("a viewcell");
+            let cell = viewcells.locate(black_box(eye)).expect("a viewcell");
             pvs.write_bits(cell, &mut bits);
             black_box(bits.first().copied())
         });
