@@ -52,7 +52,8 @@ pub struct HorizonOccluders {
 impl HorizonOccluders {
     /// Makes the solids of all objects of `scene` that are flagged as occluders and have a mesh, but for
     /// those that are small beside the large ones of the scene: furniture, where there are walls. Takes
-    /// time proportional to the triangles of all occluders, about a microsecond for a house.
+    /// time proportional to the triangles of all occluders: about a microsecond for a house, and as much for
+    /// each triangle that faces up and may be ground.
     pub fn new(scene: &Scene, up: UpAxis) -> Self {
         let mut occluders = Self {
             up,
