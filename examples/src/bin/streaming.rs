@@ -93,7 +93,8 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     }
     let traffic = cache.traffic();
     println!(
-        "{frames} frames: at most {:.1} % of all triangles in memory at a time; {} loads, {} of them ahead, {} unloads, {} spared by patience",
+        "{frames} frames: at most {:.1} % of all triangles in memory at a time; {} loads, \
+         {} of them ahead, {} unloads, {} spared by patience",
         traffic.peak as f64 / all * 100.0,
         traffic.loads,
         traffic.ahead,

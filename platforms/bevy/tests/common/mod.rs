@@ -64,7 +64,7 @@ pub fn seen_by(app: &mut App, camera: Number) -> BTreeSet<Number> {
     numbers(app, list)
 }
 
-/// What is visible in any view.
+/// Returns the numbers of the entities that are visible in any view.
 pub fn seen_by_any(app: &mut App) -> BTreeSet<Number> {
     let mut all = app.world_mut().query::<(&Number, &ViewVisibility)>();
     all.iter(app.world()).filter(|(_, result)| result.get()).map(|(number, _)| *number).collect()
