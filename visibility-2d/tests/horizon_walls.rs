@@ -47,7 +47,7 @@ fn panels_around_corners_hide_as_one_wall() {
     let wall = panels(&CROOKED, stands);
     assert!(hides(&wall, true, Affine3A::IDENTITY, BEHIND));
     assert!(hides(&wall, false, Affine3A::IDENTITY, BEHIND));
-    // What is above the wall shows.
+    // The part above the wall shows.
     assert!(!hides(&wall, true, Affine3A::IDENTITY, [[20.0, -8.0, 0.5], [22.0, 8.0, 6.0]]));
     // Panels of several heights hide what all of them hide.
     let uneven = |i: usize| [[-0.5, 0.0, -0.2, 0.1][i], [3.0, 2.5, 4.0, 3.5][i]];

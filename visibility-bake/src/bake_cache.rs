@@ -13,8 +13,8 @@ pub(crate) const HIDDEN: u8 = 1;
 /// An object that a sweep left is neither seen nor proven hidden.
 pub(crate) const OPEN: u8 = 2;
 
-/// What was found for a viewcell, in terms of its group: objects are numbered in the order of those that the
-/// sweep of the group has left.
+/// The results of a viewcell, in terms of its group: objects are numbered in the order of the objects that
+/// the sweep of the group has left.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct CellRecord {
     /// Hash of all that the answers depend on, but for the objects' numbers.

@@ -92,7 +92,7 @@ pub struct SandwichOutcome {
     pub cache: BakeCache,
 }
 
-/// What was found for one viewcell.
+/// The results of one viewcell.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct FoundCell {
     sandwich: CellSandwich,

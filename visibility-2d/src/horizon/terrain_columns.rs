@@ -199,7 +199,7 @@ impl<'a> Wedge<'a> {
             let from = self.depth;
             let to = from + self.sheet.side.max(from * RING);
             self.depth = to;
-            // Nothing from here on can be higher in the picture than the crest.
+            // No point from here on can be higher in the picture than the crest.
             if self.top / if self.top > 0.0 { from } else { self.end } < self.run.crest[1] {
                 break;
             }
@@ -216,7 +216,7 @@ impl<'a> Wedge<'a> {
             let under = low / if low > 0.0 { from } else { to };
             let mut step = None;
             if under > run.crest[1] && run.low < under {
-                // Nothing of the sheet behind the crest is lower in the picture than its lowest point.
+                // No point of the sheet behind the crest is lower in the picture than its lowest point.
                 run.crest = [run.low.max(self.bottom / to), under, to];
                 run.since = Some(0);
             } else if let Some(since) = &mut run.since {

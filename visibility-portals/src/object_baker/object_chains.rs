@@ -171,7 +171,7 @@ impl Chains {
             let complete = self.search(&search, steps + share, &mut steps);
             gave_up |= !complete;
             for target in self.candidates.drain(..) {
-                // Those that are still open after a complete search are hidden from this portal.
+                // Objects that are still open after a complete search are hidden from this portal.
                 self.seen[target as usize] |= core::mem::take(&mut self.open[target as usize]) && !complete;
             }
         }

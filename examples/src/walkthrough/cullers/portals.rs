@@ -8,7 +8,8 @@ use visibility_portals::{Narrowing, PortalCuller, PortalEye, SceneCells};
 
 pub(super) const KNOWN: &[Known] = &[Known {
     name: "portals",
-    what: "what is not seen through the portals of the scene's cells is hidden (cells given, or made by the program); portals:rectangle narrows each to a rectangle of the screen",
+    what: "what is not seen through the portals of the scene's cells is hidden (cells given, or made by the \
+           program); portals:rectangle narrows each to a rectangle of the screen",
     dials: &["polygon", "rectangle"],
     make: |dial, world| Ok(Box::new(portals(dial, world)?) as Box<dyn Culler + Send + Sync>),
 }];
