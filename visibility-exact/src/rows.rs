@@ -103,7 +103,7 @@ impl Search<'_> {
         self.divide_rows(&mut RowNode::new(*sight, sight.side_error(self.delta), &[]), left, 0)
     }
 
-    /// `halvings` is the number of halvings so far.
+    /// Searches the lines of a node that satisfy all rows. `halvings` is the number of halvings so far.
     fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32) -> Answer {
         if *left == 0 {
             return Answer::Undecided;
@@ -228,6 +228,7 @@ impl Search<'_> {
         Answer::Hidden
     }
 
+    /// Solves the program of a node's rows.
     fn solve(&mut self, matrix: &Matrix) -> Solution {
         self.stats.programs += 1;
         let value = self.game.solve(matrix);
@@ -236,11 +237,11 @@ impl Search<'_> {
         (value, weights.as_slice().into())
     }
 
-    /// Returns a segment of the node that satisfies all rows, starting from the weights of the last program,
-    /// by programs in p and in q in turn.
+    /// Returns a segment of the node that satisfies all rows, starting from the weights of columns for which
+    /// the program of the rows is positive, by programs in p and in q in turn.
     fn line_inside(&mut self, node: &RowNode, weights: &[f64]) -> Option<Segment> {
-        let RowNode { sight, delta, rows, .. } = node;
-        let delta = *delta;
+        let RowNode { sight, rows, .. } = node;
+        let delta = node.delta;
         let (p, q) = (sight.p.corners(), sight.q.corners());
         let (mut from, mut to, mut total) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (k, weight) in weights.iter().enumerate() {

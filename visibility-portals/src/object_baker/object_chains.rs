@@ -315,7 +315,7 @@ impl Chains {
             }
         }
         if found && !left {
-            // Nothing is left to be found in this cell, whichever portal leads there.
+            // No object is left to be found in this cell, whichever portal leads there.
             for out in portals.from(entered.to) {
                 let into = portals.all[out as usize].reverse;
                 self.goals[into as usize / 64] &= !(1 << (into % 64));
