@@ -28,6 +28,7 @@ mod grid;
 mod method_times;
 mod part_scene;
 mod sandwich_baker;
+mod search;
 mod settings;
 mod shard;
 
