@@ -1,8 +1,10 @@
-//! Fuzz target: arbitrary bytes as a baked set or as a shard, and changed bytes of real ones with repaired
-//! checksums, are refused with a reason, or can be used to the last row.
+//! Fuzz target: arbitrary bytes as a baked set or as a shard, and real ones that were changed before
+//! compression, with repaired checksums, are refused with a reason, or can be used to the last row.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use miniz_oxide::deflate::compress_to_vec;
+use miniz_oxide::inflate::decompress_to_vec;
 use std::sync::{Arc, OnceLock};
 use visibility_bake::{BakedSet, SandwichBaker, Settings, Shard, assemble};
 use visibility_core::glam::DVec3;
@@ -10,10 +12,10 @@ use visibility_core::pvs::{Prefetch, PvsCuller, Viewcell, ViewcellId, Viewcells}
 use visibility_core::{Aabb, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_fuzz::mend;
 
-/// A scene of ten boxes, and the bytes of a set and a shard for three viewcells.
+/// A scene of ten boxes, and a set and a shard for three viewcells: the header and the content of each.
 struct Real {
     scene: Scene,
-    bytes: [Vec<u8>; 2],
+    files: [(Vec<u8>, Vec<u8>); 2],
 }
 
 fn real() -> &'static Real {
@@ -26,14 +28,18 @@ fn real() -> &'static Real {
         let rows = [vec![0, 1, 2, 3], vec![1, 2, 3, 7], vec![1, 2, 9]];
         let shard = Shard::bake(SandwichBaker::new(&scene, &cells, Settings::default()));
         let set = BakedSet::new(&scene, cells, &rows).expect("rows of the scene");
-        Real { scene, bytes: [set.to_bytes(), shard.to_bytes()] }
+        let parts = |file: Vec<u8>| {
+            let content = decompress_to_vec(&file[48..]).expect("own content");
+            (file[..40].to_vec(), content)
+        };
+        Real { scene, files: [set.to_bytes(), shard.to_bytes()].map(parts) }
     })
 }
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((&kind, changes)) = bytes.split_first() else { return };
     ask(bytes);
-    let mut forged = real().bytes[usize::from(kind % 2)].clone();
+    let (header, mut forged) = real().files[usize::from(kind % 2)].clone();
     // Each change is an offset and four new bytes; an offset near or past the end changes the length instead.
     for change in changes.chunks_exact(6) {
         let place = usize::from(u16::from_le_bytes([change[0], change[1]])) % (forged.len() + 2);
@@ -46,8 +52,10 @@ fuzz_target!(|bytes: &[u8]| {
     if let Some(start) = forged.windows(8).position(|window| window == b"VISI-PVS") {
         mend(&mut forged[start..]);
     }
-    mend(&mut forged);
-    ask(&forged);
+    let length = (forged.len() as u64).to_le_bytes();
+    let mut file = [&header[..], &length, &compress_to_vec(&forged, 1)].concat();
+    mend(&mut file);
+    ask(&file);
 });
 
 /// Reads bytes as a set and as a shard, and uses what is accepted.
@@ -67,7 +75,7 @@ fn ask(bytes: &[u8]) {
         Pipeline::new().with(PvsCuller::new(sets)).cull(scene, &view, &mut VisibleSet::new());
     }
     if let Ok(shard) = Shard::from_bytes(bytes) {
-        assert_eq!(shard.to_bytes(), bytes);
+        assert_eq!(Shard::from_bytes(&shard.to_bytes()).as_ref(), Ok(&shard));
         // Refused or taken, but without a panic.
         let _ = assemble(3, [shard.clone(), shard]);
     }

@@ -3,21 +3,12 @@
 //! Objects that are seen from the same viewcells share a target, so that a row has as many targets as there
 //! are differences between objects: a tenth to a half of the objects in the scenes tried.
 //!
-//! # Format
-//! The header of the [binary format](visibility_core::binary_format), `VISI-SET`, version 3, with a hash of
-//! the bounds of the scene's objects as its fingerprint; the greatest index of an object plus 1 and the
-//! number of viewcells (`u32` each); for each viewcell six `f64` of its corners, the number of its planes
-//! (`u32`) and four `f64` for each; the number of bytes of the classes (`u32`), and these: for each object of
-//! each class twice a number, and 1 more unless the object is the last of its class, with
-//! [7 bits a byte](visibility_core::binary_format::push_number); the number of bytes of the sets (`u32`), and
-//! these as a `Pvs` of classes. The number of an object is its index, less that of the object before and 1.
-//! For the first object of a class, it is the difference from the first object of the class before (0 for
-//! the first), twice that, and if it is negative, twice its absolute value less 1. Objects of no class are
-//! seen from no viewcell.
-//!
 //! Classes that are seen from nearly the same viewcells have numbers near each other, so that rows have few
 //! runs.
+//!
+//! The format of the file is described in `docs/formats.md` of the repository.
 
+use crate::deflated::{deflated, inflated};
 use crate::fingerprint::bounds_fingerprint;
 use std::collections::HashMap;
 use std::fmt;
@@ -29,7 +20,7 @@ use visibility_core::pvs::{
     Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells, check_rows,
 };
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 3 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 4 };
 
 /// Most columns on either side that are compared to find one that is similar.
 const TRIED: usize = 128;
@@ -163,7 +154,7 @@ impl BakedSet {
         row
     }
 
-    /// Returns the number of bytes of the sets, without the viewcells.
+    /// Returns the number of bytes of the sets in memory, without the viewcells.
     pub fn set_bytes(&self) -> usize {
         class_bytes(&self.classes).len() + self.pvs.as_bytes().len()
     }
@@ -192,9 +183,12 @@ impl BakedSet {
         let mut to = Writer::new(FORMAT, 0, self.fingerprint);
         to.u32(self.index_limit as u32);
         to.u32(self.viewcells.cells().len() as u32);
+        // One coordinate of all viewcells after another: equal numbers are near each other.
+        for axis in 0..3 {
+            to.u64s(self.viewcells.cells().iter().map(|cell| cell.min[axis].to_bits()));
+            to.u64s(self.viewcells.cells().iter().map(|cell| cell.max[axis].to_bits()));
+        }
         for cell in self.viewcells.cells() {
-            let corners = cell.min.to_array().into_iter().chain(cell.max.to_array());
-            to.u64s(corners.map(f64::to_bits));
             to.u32(cell.planes.len() as u32);
             for plane in &cell.planes {
                 to.u64s(plane.normal.to_array().into_iter().chain([plane.offset]).map(f64::to_bits));
@@ -205,26 +199,29 @@ impl BakedSet {
         to.bytes(&classes);
         to.u32(self.pvs.as_bytes().len() as u32);
         to.bytes(self.pvs.as_bytes());
-        to.finish()
+        deflated(FORMAT, self.fingerprint, to)
     }
 
     /// Reads the bytes of a file.
     ///
     /// # Errors
-    /// [`BakedSetError`] if they are damaged or something else. The bytes may be forged.
+    /// [`BakedSetError`] if they are damaged or something else. The bytes may be forged. Offsets in errors
+    /// are those of the content before compression.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, BakedSetError> {
-        let mut from = Reader::new(bytes, FORMAT)?;
+        let plain = inflated(bytes, FORMAT)?;
+        let mut from = Reader::new(&plain, FORMAT)?;
         let fingerprint = from.fingerprint();
         from.expect(0, fingerprint)?;
-        let (index_limit, count) = (from.u32()? as usize, from.u32()?);
+        let (index_limit, count) = (from.u32()? as usize, from.u32()? as usize);
         let floats = |from: &mut Reader<'_>, count| -> Result<Vec<f64>, FormatError> {
             Ok(from.u64s(count)?.into_iter().map(f64::from_bits).collect())
         };
+        let corners = floats(&mut from, count.saturating_mul(6))?;
         let mut cells = Vec::new();
-        for _ in 0..count {
-            let corners = floats(&mut from, 6)?;
-            let mut cell =
-                Viewcell::from_box(DVec3::from_slice(&corners[..3]), DVec3::from_slice(&corners[3..]));
+        for number in 0..count {
+            let corner =
+                |first: usize| DVec3::from_array([0, 2, 4].map(|at| corners[(first + at) * count + number]));
+            let mut cell = Viewcell::from_box(corner(0), corner(1));
             for _ in 0..from.u32()? {
                 let plane = floats(&mut from, 4)?;
                 cell.planes.push(Plane::new(DVec3::from_slice(&plane), plane[3]));

@@ -22,6 +22,7 @@ mod bake_cache;
 mod baked_set;
 mod cell_groups;
 mod cell_sandwich;
+mod deflated;
 mod fingerprint;
 mod free_space;
 mod grid;

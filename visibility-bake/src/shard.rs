@@ -1,12 +1,13 @@
 //! Parts of a bake that were worked on apart, on threads or machines, and their assembly.
 
 use crate::cell_sandwich::CellSandwich;
+use crate::deflated::{deflated, inflated};
 use crate::sandwich_baker::{SandwichBaker, SandwichOutcome};
 use std::fmt;
 use visibility_core::bake::Bake;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
 
-const FORMAT: Format = Format { magic: *b"VISSHARD", version: 1 };
+const FORMAT: Format = Format { magic: *b"VISSHARD", version: 2 };
 
 /// The sandwiches of a range of viewcells: a pure function of the scene, all viewcells, the settings and the
 /// range. Its bytes carry a checksum and the
@@ -57,7 +58,7 @@ impl Shard {
         for cell in &self.cells {
             cell.save(&mut to);
         }
-        to.finish()
+        deflated(FORMAT, self.fingerprint, to)
     }
 
     /// Reads the bytes of a shard.
@@ -65,7 +66,8 @@ impl Shard {
     /// # Errors
     /// [`FormatError`] if they are damaged or something else.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
-        let mut from = Reader::new(bytes, FORMAT)?;
+        let plain = inflated(bytes, FORMAT)?;
+        let mut from = Reader::new(&plain, FORMAT)?;
         let fingerprint = from.fingerprint();
         from.expect(0, fingerprint)?;
         let first = usize::try_from(from.u64()?).unwrap_or(usize::MAX);

@@ -20,8 +20,10 @@ pub struct Report {
     pub complete: bool,
     /// Triangles neither seen nor proven hidden, as a part of those reported, over all viewcells.
     pub gap: f64,
-    /// Bytes of the sets.
+    /// Bytes of the file that a game loads, viewcells included.
     pub bytes: usize,
+    /// Bytes of the sets in the memory of the game, without the viewcells.
+    pub memory: usize,
     /// Bytes of the sets with a bit for each viewcell and object.
     pub plain_bytes: usize,
     /// By viewcell.
@@ -104,7 +106,8 @@ impl Report {
             methods: Seconds::from(&times.iter().sum()),
             complete,
             gap: part(sums),
-            bytes: set.set_bytes(),
+            bytes: set.to_bytes().len(),
+            memory: set.set_bytes(),
             plain_bytes: cells.len() * scene.index_limit().div_ceil(8),
             viewcells,
         }
@@ -119,7 +122,7 @@ impl Report {
         let mut text = format!(
             "{}: {} viewcells of {} objects in {:.1} s{}\n\
              a viewcell sees {:.1} objects for certain, {:.1} are open, {:.1} swept away, {:.1} proven hidden\n\
-             gap {:.2} % of the triangles; {} bytes, {:.0} % of plain bits\n",
+             gap {:.2} % of the triangles; a file of {} bytes, {:.0} % of plain bits\n",
             self.scene,
             self.viewcells.len(),
             self.objects,
