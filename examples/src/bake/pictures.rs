@@ -3,9 +3,10 @@
 
 use super::Level;
 use super::report::{Cell, Report};
-use crate::region::picture::{CELL, HIDDEN, INK, LEGEND, PAPER, REPORTED, SAMPLED, outline};
+use crate::region::picture::{LEGEND, outline};
 use crate::walkthrough::canvas::{Canvas, Color};
 use crate::walkthrough::map_picture::Map;
+use crate::walkthrough::palette::{HIDDEN, INK, PAPER, REPORTED, VIEW, VISIBLE};
 use glam::DVec3;
 use std::fmt::Write;
 use std::path::Path;
@@ -15,7 +16,7 @@ use visibility_bake::CellSandwich;
 const WORST: usize = 4;
 
 /// Color of a viewcell without gap, of half the greatest gap, and of the greatest gap.
-const RAMP: [Color; 3] = [[74, 152, 96], [246, 222, 110], [190, 28, 40]];
+const RAMP: [Color; 3] = [VISIBLE, [246, 222, 110], [190, 28, 40]];
 
 /// Writes the pictures of a bake to a folder: `gaps.png` and `gaps.svg`, and `worst-N.png` for viewcell N.
 ///
@@ -121,7 +122,7 @@ fn worst(level: &Level, number: usize, cell: &Cell, found: &CellSandwich) -> Res
     let mut canvas = Canvas::new(map.width, map.height + LEGEND, PAPER);
     let color = |object: u32| {
         if found.seen.binary_search(&object).is_ok() {
-            SAMPLED
+            VISIBLE
         } else if found.open.binary_search(&object).is_ok() {
             REPORTED
         } else {
@@ -131,7 +132,7 @@ fn worst(level: &Level, number: usize, cell: &Cell, found: &CellSandwich) -> Res
     map.paint(&mut canvas, world, |_, _| true, color).map_err(|error| error.to_string())?;
     let corners = outline(viewcell, map.right, map.ahead);
     for (i, &from) in corners.iter().enumerate() {
-        canvas.line(map.place(from), map.place(corners[(i + 1) % corners.len()]), CELL);
+        canvas.line(map.place(from), map.place(corners[(i + 1) % corners.len()]), VIEW);
     }
     let title = format!(
         "{}, viewcell {number}: {} objects seen, {} open, gap {:.1} %",
@@ -140,7 +141,7 @@ fn worst(level: &Level, number: usize, cell: &Cell, found: &CellSandwich) -> Res
         cell.open,
         cell.gap * 100.0
     );
-    let entries = [(SAMPLED, "seen"), (REPORTED, "open"), (HIDDEN, "hidden"), (CELL, "viewcell")];
+    let entries = [(VISIBLE, "seen"), (REPORTED, "open"), (HIDDEN, "hidden"), (VIEW, "viewcell")];
     legend(&mut canvas, &map, &title, &entries);
     Ok(canvas)
 }

@@ -7,20 +7,14 @@ use super::trial::Trial;
 use crate::walkthrough::World;
 use crate::walkthrough::canvas::{Canvas, Color};
 use crate::walkthrough::map_picture::Map;
+use crate::walkthrough::palette::{HIDDEN, INK, LOST, PAPER, REPORTED, VIEW, VISIBLE};
 use glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, VisibleSet};
 use visibility_measure::MeasureError;
 
-pub(crate) const PAPER: Color = [250, 250, 247];
-pub(crate) const HIDDEN: Color = [205, 207, 210];
-pub(crate) const REPORTED: Color = [244, 190, 92];
-pub(crate) const SAMPLED: Color = [74, 152, 96];
-const LOST: Color = [214, 32, 44];
-pub(crate) const CELL: Color = [32, 84, 190];
 const UMBRA: Color = [70, 70, 80];
 const LINE: Color = [150, 120, 200];
-pub(crate) const INK: Color = [40, 40, 40];
 /// Number of probes along the longer side of the scene.
 const PROBES: f64 = 120.0;
 /// Height of the legend below the map, in pixels.
@@ -46,7 +40,7 @@ pub fn draw(
     let color = |object: u32| {
         let sampled = judged.sampled[object as usize];
         match trial.reported.binary_search(&object).is_ok() {
-            true if sampled => SAMPLED,
+            true if sampled => VISIBLE,
             true => REPORTED,
             false if sampled => LOST,
             false => HIDDEN,
@@ -62,7 +56,7 @@ pub fn draw(
     }
     let outline = outline(&judged.cell, map.right, map.ahead);
     for (i, &from) in outline.iter().enumerate() {
-        canvas.line(map.place(from), map.place(outline[(i + 1) % 4]), CELL);
+        canvas.line(map.place(from), map.place(outline[(i + 1) % 4]), VIEW);
     }
     for &object in &lost {
         if let Some((low, high)) = world.source.objects[object as usize].bounds() {
@@ -83,11 +77,11 @@ pub fn draw(
     );
     canvas.text(10, top, &title, INK);
     let entries = [
-        (SAMPLED, "sampled"),
+        (VISIBLE, "sampled"),
         (REPORTED, "reported, not sampled"),
         (HIDDEN, "hidden"),
         (LOST, "sampled, but hidden"),
-        (CELL, "viewcell"),
+        (VIEW, "viewcell"),
         (UMBRA, "umbra"),
         (LINE, "how it was found"),
     ];

@@ -1,13 +1,12 @@
 //! Picture of the projection planes of a viewcell: a row for each direction, nearest plane first.
 
 use crate::walkthrough::canvas::{Canvas, Color};
+use crate::walkthrough::palette::{INK, PAPER};
 use glam::DVec3;
 use visibility_region::ProjectionPlane;
 
-const PAPER: Color = [250, 250, 247];
 const OPEN: Color = [226, 228, 232];
 const COVERED: Color = [58, 84, 130];
-const INK: Color = [40, 40, 40];
 /// Side of the picture of a map, in pixels: one for a square of pixels of the map.
 const SIDE: usize = 128;
 /// Greatest number of planes in a row. Of more, evenly many are left out.

@@ -3,19 +3,13 @@
 
 use super::canvas::{Canvas, Color};
 use super::judge::Judgement;
+use super::palette::{HIDDEN, INK, LOST, PAPER, REPORTED, VIEW, VISIBLE};
 use super::{Trial, World};
 use glam::{DVec3, Vec3};
 use visibility_core::{Pose, View, view::Window};
 use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
-const PAPER: Color = [250, 250, 247];
-const CULLED: Color = [205, 207, 210];
-const FALSE_VISIBLE: Color = [244, 190, 92];
-const VISIBLE: Color = [74, 152, 96];
-const LOST: Color = [214, 32, 44];
-const SIGHT: Color = [32, 84, 190];
 const WALK: Color = [120, 120, 200];
-const INK: Color = [40, 40, 40];
 
 /// Longer side of the map, in pixels.
 const SIDE: f64 = 1200.0;
@@ -59,11 +53,11 @@ pub fn draw(
         if lost.binary_search(&object).is_ok() {
             LOST
         } else if reported.binary_search(&object).is_err() {
-            CULLED
+            HIDDEN
         } else if exact.binary_search(&object).is_ok() {
             VISIBLE
         } else {
-            FALSE_VISIBLE
+            REPORTED
         }
     };
     map.paint(&mut canvas, world, |_, _| true, color)?;
@@ -79,9 +73,9 @@ pub fn draw(
     let far = map.extent * 2.0;
     for side in [-1.0, 1.0] {
         let edge = pose.eye + (pose.forward + pose.right * (side * half_width)) * far;
-        canvas.line(map.place(pose.eye), map.place(edge), SIGHT);
+        canvas.line(map.place(pose.eye), map.place(edge), VIEW);
     }
-    canvas.disc(map.place(pose.eye), 6.0, false, SIGHT);
+    canvas.disc(map.place(pose.eye), 6.0, false, VIEW);
     for (object, color) in lost.iter().map(|&object| (object, LOST)).chain(marked.map(|object| (object, INK)))
     {
         if let Some((low, high)) =
@@ -109,10 +103,10 @@ fn legend(canvas: &mut Canvas, top: u32, world: &World, trial: &Trial, frame: us
     canvas.text(10, top, &title, INK);
     let entries = [
         (VISIBLE, "visible"),
-        (FALSE_VISIBLE, "reported, not visible"),
-        (CULLED, "culled"),
+        (REPORTED, "reported, not visible"),
+        (HIDDEN, "culled"),
         (LOST, "visible, but culled"),
-        (SIGHT, "eye and frustum"),
+        (VIEW, "eye and frustum"),
         (WALK, "walk"),
     ];
     canvas.legend(10, top + 20, &entries, INK);

@@ -16,6 +16,7 @@ pub mod freeze;
 pub mod judge;
 pub mod map_picture;
 pub mod output;
+pub(crate) mod palette;
 pub mod prepared;
 pub mod trial;
 pub mod world;
