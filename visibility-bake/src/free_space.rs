@@ -49,7 +49,7 @@ impl CameraRange {
 const CELL_VOXELS: usize = 1 << 21;
 
 /// Most voxels of a flood: two gigabytes of them.
-const ALL_VOXELS: usize = 1 << 33;
+const ALL_VOXELS: u64 = 1 << 33;
 
 /// Part of the extent of a voxel by which it counts as larger, for rounding.
 const SLACK: f64 = 1e-6;
@@ -359,7 +359,7 @@ impl<'a> Flood<'a> {
     fn voxels(&mut self, place: [i64; 3]) -> Result<&mut Voxels, GridError> {
         let count: usize = self.counts.iter().product();
         if !self.cells.contains_key(&place) {
-            if (self.cells.len() + 1).saturating_mul(count) > ALL_VOXELS || self.cells.len() >= Grid::LIMIT {
+            if (self.cells.len() as u64 + 1).saturating_mul(count as u64) > ALL_VOXELS || self.cells.len() >= Grid::LIMIT {
                 return Err(GridError::TooMany);
             }
             let voxels = self.voxelize(place);

@@ -439,8 +439,8 @@ enum vis_status vis_pipeline_lacks(const struct vis_pipeline *pipeline,
                                    size_t capacity,
                                    size_t *count);
 
-// Loads a set from the `length` bytes that `vis_pvs_write` or any tool of the family has stored. They are
-// checked.
+// Loads a set from the `length` bytes that `vis_pvs_write` has stored. They are checked. Files of the
+// program `bake` are read by `vis_scene_pvs_read`.
 enum vis_status vis_pvs_read(const uint8_t *bytes, size_t length, struct vis_pvs **pvs);
 
 // Makes a set of objects from rows, for bakers of your own: viewcell `i` sees the targets from
@@ -489,6 +489,15 @@ enum vis_status vis_scene_pvs_create(const struct vis_scene *scene,
                                      const uint32_t *targets,
                                      size_t pair_count,
                                      struct vis_scene_pvs **scene_pvs);
+
+// Loads the `length` bytes of a file that the program `bake` has written for a scene, for
+// `vis_pipeline_add_pvs`. They are checked. The scene must have just the objects of the baked scene,
+// inserted in the same order and with the same bounds; returns `VIS_ERROR_ARGUMENT` for another. Objects
+// that change later are never hidden.
+enum vis_status vis_scene_pvs_read(const struct vis_scene *scene,
+                                   const uint8_t *bytes,
+                                   size_t length,
+                                   struct vis_scene_pvs **scene_pvs);
 
 // Destroys a prepared set; pipelines that use it keep it alive. Does nothing for a null pointer.
 void vis_scene_pvs_destroy(struct vis_scene_pvs *pvs);

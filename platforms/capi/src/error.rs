@@ -5,6 +5,7 @@ use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use visibility_bake::BakedSetError;
 use visibility_core::cells::CellGraphError;
 use visibility_core::occlusion::MeshError;
 use visibility_core::pvs::PvsError;
@@ -101,6 +102,10 @@ codes! {
     PvsError, kind => match kind {
         PvsError::Format(_) | PvsError::Row { .. } => VIS_ERROR_FORMAT,
         _ => VIS_ERROR_ARGUMENT,
+    };
+    BakedSetError, kind => match kind {
+        BakedSetError::OtherScene => VIS_ERROR_ARGUMENT,
+        _ => VIS_ERROR_FORMAT,
     };
     BitsError, kind => match kind {
         BitsError::Unfinished => VIS_ERROR_STATE,

@@ -5,6 +5,7 @@ use crate::pointer::{array, buffer, create, destroy, out, reference};
 use crate::scene::vis_scene;
 use crate::volume::{vis_volume, volumes};
 use std::sync::Arc;
+use visibility_bake::BakedSet;
 use visibility_core::ObjectId;
 use visibility_core::pvs::{Pvs, PvsTargets, ScenePvs, ViewcellId};
 
@@ -21,8 +22,8 @@ impl vis_scene_pvs {
     }
 }
 
-/// Loads a set from the `length` bytes that `vis_pvs_write` or any tool of the family has stored. They are
-/// checked.
+/// Loads a set from the `length` bytes that `vis_pvs_write` has stored. They are checked. Files of the
+/// program `bake` are read by `vis_scene_pvs_read`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pvs_read(bytes: *const u8, length: usize, pvs: *mut *mut vis_pvs) -> vis_status {
     border(|| {
@@ -180,6 +181,28 @@ pub unsafe extern "C" fn vis_scene_pvs_create(
         let pairs = objects.iter().copied().map(ObjectId::from_bits).zip(targets.iter().copied());
         let regions = volumes(given, planes)?;
         let prepared = ScenePvs::new(&scene.read()?.scene, pvs.0.clone(), regions, pairs);
+        create(place, vis_scene_pvs(Arc::new(prepared)));
+        Ok(())
+    })
+}
+
+/// Loads the `length` bytes of a file that the program `bake` has written for a scene, for
+/// `vis_pipeline_add_pvs`. They are checked. The scene must have just the objects of the baked scene,
+/// inserted in the same order and with the same bounds; returns `VIS_ERROR_ARGUMENT` for another. Objects
+/// that change later are never hidden.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_pvs_read(
+    scene: *const vis_scene,
+    bytes: *const u8,
+    length: usize,
+    scene_pvs: *mut *mut vis_scene_pvs,
+) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, bytes) = unsafe { (reference(scene, "scene")?, array(bytes, length, "bytes")?) };
+        // SAFETY: as before.
+        let place = unsafe { out(scene_pvs, "scene_pvs") }?;
+        let prepared = BakedSet::from_bytes(bytes)?.for_scene(&scene.read()?.scene)?;
         create(place, vis_scene_pvs(Arc::new(prepared)));
         Ok(())
     })

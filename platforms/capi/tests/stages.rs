@@ -5,6 +5,10 @@ use std::ffi::{CStr, c_char};
 use std::ptr::{null, null_mut};
 use visibility::vis_status::*;
 use visibility::*;
+use visibility_bake::BakedSet;
+use visibility_core::Aabb;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Viewcell, Viewcells};
 
 fn make<T>(create: unsafe extern "C" fn(*mut *mut T) -> vis_status) -> *mut T {
     let mut handle = null_mut();
@@ -307,6 +311,39 @@ fn doors_shut_for_all_views_that_share_the_cells() {
         assert_eq!(see(), [0, 1], "pipelines keep the cells");
         visible.into_iter().for_each(|visible| vis_visible_destroy(visible));
         [first, second].into_iter().for_each(|pipeline| vis_pipeline_destroy(pipeline));
+        vis_view_destroy(view);
+        vis_scene_destroy(scene);
+    }
+}
+
+#[test]
+fn a_baked_file_is_read_for_its_scene_alone() {
+    let (mut baked, viewcell) = (visibility_core::Scene::new(), DVec3::splat(2.0));
+    for x in [5.0, 9.0] {
+        let vis_box { min, max } = cube_at(x);
+        baked.insert(Aabb::from_arrays(min, max));
+    }
+    let viewcells = Viewcells::new([Viewcell::from_box(-viewcell, viewcell)]);
+    let file = BakedSet::new(&baked, viewcells, &[[1]]).expect("rows of the scene").to_bytes();
+
+    let (scene, view, pipeline) = setting();
+    let (mut set, visible) = (null_mut(), new_visible(false));
+    let read = |bytes: &[u8], set: *mut *mut vis_scene_pvs| {
+        // SAFETY: the scene is live, and the bytes are as many as said.
+        unsafe { vis_scene_pvs_read(scene, bytes.as_ptr(), bytes.len(), set) }
+    };
+    insert(scene, vis_object_default(cube_at(5.0)));
+    assert_eq!(read(&file, &raw mut set), VIS_ERROR_ARGUMENT, "an object is missing");
+    let lamp = insert(scene, vis_object_default(cube_at(9.0)));
+    assert_eq!(read(&file[1..], &raw mut set), VIS_ERROR_FORMAT);
+    assert_eq!(read(&file, &raw mut set), VIS_OK);
+    // SAFETY: handles are live.
+    unsafe {
+        assert_eq!(vis_pipeline_add_pvs(pipeline, set), VIS_OK);
+        assert_eq!(visible_ids(pipeline, scene, view, visible), [lamp]);
+        vis_scene_pvs_destroy(set);
+        vis_visible_destroy(visible);
+        vis_pipeline_destroy(pipeline);
         vis_view_destroy(view);
         vis_scene_destroy(scene);
     }

@@ -154,7 +154,7 @@ export interface Visibility {
    * which portals and volumes may be misplaced, 1e-6 by default. All portals are open.
    */
   createCells(graph: Graph, volumes: readonly Volume[], options?: { tolerance?: number }): Cells;
-  /** Loads a baked set from bytes that any tool of the family has stored. */
+  /** Loads a set from the `bytes` of another. Files of the program `bake` are read by `readScenePvs`. */
   readPvs(bytes: Uint8Array): Pvs;
   /**
    * Creates a set of objects: row `i` has the targets, ascending and below `targetCount`, that viewcell `i`
@@ -172,6 +172,11 @@ export interface Visibility {
     ids: ArrayLike<ObjectId>,
     targets: Numbers,
   ): ScenePvs;
+  /**
+   * Loads a file that the program `bake` has written for a scene. The scene must have just the objects of the
+   * baked scene, inserted in the same order and with the same bounds. Objects that change later are never hidden.
+   */
+  readScenePvs(scene: Scene, bytes: Uint8Array): ScenePvs;
 }
 
 /** The objects, their hierarchy and their occluder meshes. */

@@ -418,6 +418,15 @@ class Visibility {
       return new ScenePvs(wasm, "scene_pvs", wasm.u32(place));
     });
   }
+
+  readScenePvs(scene, bytes) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const [pointer, place] = [wasm.put(Uint8Array, bytes), wasm.borrow(8)];
+      wasm.check("vis_scene_pvs_read", wasm.pointer(scene, "scene"), pointer, bytes.length, place);
+      return new ScenePvs(wasm, "scene_pvs", wasm.u32(place));
+    });
+  }
 }
 
 class Scene extends Handle {
