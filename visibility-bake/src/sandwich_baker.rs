@@ -22,7 +22,7 @@ use visibility_region::ExtendedProjectionCuller;
 
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
-const METHODS: u32 = 1;
+const METHODS: u32 = 2;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
 /// with progress, stopping and resuming, on any number of threads with the same result.
@@ -260,16 +260,17 @@ impl<'a> SandwichBaker<'a> {
         Group { key, ids, content }
     }
 
-    /// Finds the answers for a viewcell in the scene of its group.
+    /// Finds the answers for a viewcell in the scene of its group. `None` once `stop` has returned true.
     fn bake(
         &self,
-        number: u32,
-        cell: &Viewcell,
+        viewcell: usize,
         ids: &[ObjectId],
         (scene, prepared): &(Scene, ExtendedProjectionCuller),
         scratch: &mut BakeScratch,
         lap: &mut impl FnMut() -> Duration,
-    ) -> (CellRecord, MethodTimes, bool) {
+        stop: &dyn Fn() -> bool,
+    ) -> Option<(CellRecord, MethodTimes, bool)> {
+        let (cell, number) = (&self.viewcells.cells()[viewcell], self.groups.of[viewcell]);
         if scratch.local.as_ref().is_none_or(|&(of, _)| of != number) {
             scratch.local = Some((number, prepared.clone()));
         }
@@ -280,17 +281,22 @@ impl<'a> SandwichBaker<'a> {
         let key = with_viewcell(self.content_hash(left.iter().map(|&at| ids[at as usize])), cell).value();
         if let Some(known) = self.cache.cell(key).filter(|known| known.answers.len() == left.len()) {
             let record = CellRecord { left, ..known.clone() };
-            return (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true);
+            return Some((record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true));
+        }
+        if stop() {
+            return None;
         }
         let scene = part_scene(scene, &within, false);
-        let triangles = Arc::new(SceneTriangles::new(&scene));
+        let triangles = SceneTriangles::new(&scene);
         let sweep = lap();
-        let mut search = Search::new(&scene, cell, triangles);
-        search.aim_rays(&self.settings);
+        let mut search = Search::new(&scene, cell, &triangles, &self.settings, stop);
+        search.aim_rays();
         let rays = lap();
-        search.prove(&self.settings);
+        search.prove(self.settings.gap);
         let times = MethodTimes { sweep, rays, proofs: lap() };
-        (CellRecord { key, left, answers: search.answers, steps: search.steps }, times, false)
+        let steps = search.steps();
+        let is_done = !search.is_stopped();
+        is_done.then_some((CellRecord { key, left, answers: search.answers, steps }, times, false))
     }
 
     /// Returns the sandwich of a record, given the objects of its group.
@@ -345,22 +351,25 @@ impl Baker for SandwichBaker<'_> {
         u64::from(self.groups.of[self.range.start + item as usize])
     }
 
-    fn work(&self, item: u32, scratch: &mut BakeScratch) -> FoundCell {
+    fn work(&self, item: u32, scratch: &mut BakeScratch, stop: &dyn Fn() -> bool) -> Option<FoundCell> {
         let mut last = (self.clock)();
         let mut lap = || {
             let now = (self.clock)();
             now.saturating_sub(std::mem::replace(&mut last, now))
         };
         let number = self.range.start + item as usize;
-        let (cell, of) = (&self.viewcells.cells()[number], self.groups.of[number]);
+        let of = self.groups.of[number];
         let group = self.group(of, scratch);
+        if stop() {
+            return None;
+        }
         let (record, times, is_reused) = match &group.content {
             Content::Known(records) => {
                 let place = self.groups.cells[of as usize].binary_search(&(number as u32));
                 let record = records[place.unwrap_or_default()].clone();
                 (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true)
             }
-            Content::Scene(scene) => self.bake(of, cell, &group.ids, scene, scratch, &mut lap),
+            Content::Scene(scene) => self.bake(number, &group.ids, scene, scratch, &mut lap, stop)?,
         };
         let found = FoundCell {
             sandwich: self.sandwich(&record, &group.ids),
@@ -374,7 +383,7 @@ impl Baker for SandwichBaker<'_> {
         if slot.left == 0 {
             slot.group = None;
         }
-        found
+        Some(found)
     }
 
     fn take_in(&mut self, item: u32, found: FoundCell) -> u64 {

@@ -2,97 +2,115 @@
 
 use crate::bake_cache::{HIDDEN, OPEN, SEEN};
 use crate::settings::Settings;
-use std::sync::Arc;
+use visibility_core::Scene;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{ObjectId, RegionCuller, Scene, VisibleSet};
-use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings as ExactSettings, Verdict};
+use visibility_exact::{CellQuery, Effort, SceneTriangles, Settings as ExactSettings, Verdict};
 
-/// The search for answers from one viewcell, in the scene of the objects that its sweep has left.
+/// The search for answers from one viewcell, in the scene of the objects that its sweep has left. The objects
+/// of such a scene have consecutive indices from 0.
 pub(crate) struct Search<'a> {
-    scene: &'a Scene,
-    cell: &'a Viewcell,
-    triangles: Arc<SceneTriangles>,
-    ids: Vec<ObjectId>,
+    /// `None` if the viewcell cannot be used: then all objects stay open.
+    query: Option<CellQuery<'a>>,
+    /// By index of an object.
     costs: Vec<f64>,
     /// By index of an object.
     pub answers: Vec<u8>,
-    /// Work done: rays, and nodes of the search for proofs.
-    pub steps: u64,
+}
+
+/// How objects are proven hidden.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Method {
+    Boxes,
+    Triangles,
 }
 
 impl<'a> Search<'a> {
-    pub(crate) fn new(scene: &'a Scene, cell: &'a Viewcell, triangles: Arc<SceneTriangles>) -> Self {
-        let ids: Vec<ObjectId> = scene.ids().collect();
-        let cost = |&id: &ObjectId| scene.object(id).map_or(0, |object| object.cost);
+    /// Prepares the search. It gives up when `stop` returns true.
+    pub(crate) fn new(
+        scene: &Scene,
+        cell: &Viewcell,
+        triangles: &'a SceneTriangles,
+        settings: &Settings,
+        stop: &'a dyn Fn() -> bool,
+    ) -> Self {
+        let exact = ExactSettings::new(Effort::Exact(settings.clearance));
+        let (rays, aimed_rays) = (settings.rays.saturating_mul(64), settings.rays);
+        let query = CellQuery::new(triangles, cell, ExactSettings { rays, aimed_rays, ..exact });
+        let cost = |id| scene.object(id).map_or(0, |object| object.cost);
         // An object without cost counts a little, so that it is not left open for nothing.
-        let costs = ids.iter().map(|id| f64::from(cost(id)).max(1e-3)).collect();
-        Self { scene, cell, triangles, answers: vec![OPEN; ids.len()], ids, costs, steps: 0 }
+        let costs: Vec<f64> = scene.ids().map(|id| f64::from(cost(id)).max(1e-3)).collect();
+        let answers = vec![OPEN; costs.len()];
+        Self { query: query.map(|query| query.with_stop(stop)), costs, answers }
+    }
+
+    /// Returns whether the search has given up.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.query.as_ref().is_some_and(CellQuery::is_stopped)
+    }
+
+    /// Returns the work done: rays, and nodes of the search for proofs.
+    pub(crate) fn steps(&self) -> u64 {
+        self.query.as_ref().map_or(0, CellQuery::steps)
     }
 
     /// Finds what rays see.
-    pub(crate) fn aim_rays(&mut self, settings: &Settings) {
-        let mut rays =
-            ExactCuller::new(self.triangles.clone(), ExactSettings::new(Effort::Rays(settings.rays)));
-        let all: Vec<usize> = (0..self.ids.len()).collect();
-        self.decide(&mut rays, &all);
-        // Rays prove nothing.
-        self.answers.iter_mut().filter(|answer| **answer == HIDDEN).for_each(|answer| *answer = OPEN);
+    pub(crate) fn aim_rays(&mut self) {
+        if let Some(query) = &mut self.query {
+            query.look(&|_| true);
+        }
+        self.read();
     }
 
-    /// Tries to prove the most costly of the open objects hidden, until the gap is met.
-    pub(crate) fn prove(&mut self, settings: &Settings) {
-        // What rays can find, the method before has found.
-        let effort = ExactSettings::new(Effort::Exact(settings.clearance));
-        let effort = ExactSettings { rays: 0, aimed_rays: 0, ..effort };
-        let mut proofs = ExactCuller::new(self.triangles.clone(), effort);
-        let gap = if settings.gap > 0.0 { settings.gap } else { 0.0 };
-        let cost = |some: &[usize], costs: &[f64]| some.iter().map(|&at| costs[at]).sum::<f64>();
-        let mut open: Vec<usize> = (0..self.ids.len()).filter(|&at| self.answers[at] == OPEN).collect();
-        open.sort_by(|&a, &b| self.costs[b].total_cmp(&self.costs[a]).then(a.cmp(&b)));
-        let seen: Vec<usize> = (0..self.ids.len()).filter(|&at| self.answers[at] == SEEN).collect();
-        // Costs of objects seen, and of those that proofs were tried for in vain.
-        let (mut seen_cost, mut left_cost) = (cost(&seen, &self.costs), 0.0);
-        while !open.is_empty() {
-            let open_cost = cost(&open, &self.costs);
-            let allowed = gap * (seen_cost + left_cost + open_cost);
-            if left_cost + open_cost <= allowed {
-                break;
-            }
-            // The most costly objects, as many as must be decided to meet the gap.
-            let mut rest = open_cost;
-            let enough = open.iter().position(|&at| {
-                rest -= self.costs[at];
-                left_cost + rest <= allowed
-            });
-            let asked: Vec<usize> = open.drain(..enough.map_or(open.len(), |last| last + 1)).collect();
-            self.decide(&mut proofs, &asked);
-            for at in asked {
-                match self.answers[at] {
-                    SEEN => seen_cost += self.costs[at],
-                    OPEN => left_cost += self.costs[at],
-                    _ => {}
+    /// Tries to prove open objects hidden until the gap is met, the most costly first: all by their boxes,
+    /// and only then by their triangles, which takes a hundred times as long.
+    pub(crate) fn prove(&mut self, gap: f64) {
+        let gap = if gap > 0.0 { gap } else { 0.0 };
+        for method in [Method::Boxes, Method::Triangles] {
+            let mut untried: Vec<usize> =
+                (0..self.costs.len()).filter(|&at| self.answers[at] == OPEN).collect();
+            untried.sort_by(|&a, &b| self.costs[b].total_cmp(&self.costs[a]).then(a.cmp(&b)));
+            while !untried.is_empty() && !self.is_stopped() {
+                let mut open_cost = self.cost(OPEN);
+                let allowed = gap * (self.cost(SEEN) + open_cost);
+                if open_cost <= allowed {
+                    return;
                 }
+                let enough = match method {
+                    // As many as must be decided to meet the gap: they are proven in groups.
+                    Method::Boxes => untried.iter().position(|&at| {
+                        open_cost -= self.costs[at];
+                        open_cost <= allowed
+                    }),
+                    Method::Triangles => Some(0),
+                };
+                let mut is_asked = vec![false; self.costs.len()];
+                let asked = untried.drain(..enough.map_or(untried.len(), |last| last + 1));
+                asked.for_each(|at| is_asked[at] = self.answers[at] == OPEN);
+                let Some(query) = &mut self.query else { return };
+                match method {
+                    Method::Boxes => query.prove_boxes(&|id| is_asked[id.index()]),
+                    Method::Triangles => query.prove_triangles(&|id| is_asked[id.index()]),
+                }
+                self.read();
             }
         }
     }
 
-    /// Asks a culler for some objects, by their indices.
-    fn decide(&mut self, culler: &mut ExactCuller, asked: &[usize]) {
-        let mut is_asked = vec![false; self.ids.len()];
-        asked.iter().for_each(|&at| is_asked[at] = true);
-        let mut visible = VisibleSet::new();
-        visible.retain(self.scene, |id, _| is_asked[id.index()]);
-        culler.cull(self.scene, self.cell, &mut visible);
-        let Some(found) = culler.last() else { return };
-        self.steps += found.rays + found.nodes;
-        for (id, verdict) in found.iter(&self.triangles) {
-            if is_asked[id.index()] {
-                self.answers[id.index()] = match verdict {
-                    Verdict::Seen(_) => SEEN,
-                    Verdict::Hidden => HIDDEN,
-                    Verdict::Hardly(_) | Verdict::Open => OPEN,
-                };
-            }
+    /// Returns the cost of all objects with an answer.
+    fn cost(&self, answer: u8) -> f64 {
+        let some = self.answers.iter().zip(&self.costs).filter(|&(&of, _)| of == answer);
+        some.map(|(_, cost)| cost).sum()
+    }
+
+    /// Takes the answers from the query.
+    fn read(&mut self) {
+        let Some(query) = &self.query else { return };
+        for (id, verdict) in query.verdicts() {
+            self.answers[id.index()] = match verdict {
+                Verdict::Seen(_) => SEEN,
+                Verdict::Hidden => HIDDEN,
+                Verdict::Hardly(_) | Verdict::Open => OPEN,
+            };
         }
     }
 }

@@ -129,7 +129,7 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
     let outcome = pool.install(|| {
         let mut bake = Bake::new(baker().with_clock(clock));
         let begun = AtomicUsize::new(0);
-        bake.advance_unless(|| begun.fetch_add(1, Ordering::Relaxed) == 4);
+        bake.advance_unless(|| begun.fetch_add(1, Ordering::Relaxed) == 4, || false);
         let bake = Bake::resume(baker().with_clock(clock), &bake.save()).unwrap();
         assert_eq!(bake.progress().done, 4);
         bake.run()
@@ -161,7 +161,8 @@ fn shards_threads_and_stops_give_the_same_bytes() {
         let mut bake = Bake::resume(baker(), &state).unwrap();
         let (asked, before) = (AtomicUsize::new(0), bake.progress().done);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        let now = pool.install(|| bake.advance_unless(|| asked.fetch_add(1, Ordering::Relaxed) > stop % 3));
+        let pause = || asked.fetch_add(1, Ordering::Relaxed) > stop % 3;
+        let now = pool.install(|| bake.advance_unless(pause, || false));
         assert!(now.is_none_or(|now| now.done <= before + 1 + stop % 3));
         if now.is_none() {
             let shard = Shard::new(bake.baker().whole_fingerprint(), bake.finish());
@@ -184,6 +185,37 @@ fn shards_threads_and_stops_give_the_same_bytes() {
     let mut wrong = first.clone();
     wrong.cells[2].seen.pop();
     assert_eq!(assemble(10, [first, wrong]), Err(AssembleError::Contradiction(1)));
+}
+
+#[test]
+fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
+    let (scene, cells) = street();
+    let settings = Settings { gap: 0.0, rays: 20, ..Settings::default() };
+    let baker = || SandwichBaker::new(&scene, &cells, settings);
+    let whole = Shard::bake(baker()).to_bytes();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let asked = AtomicUsize::new(0);
+    let count = |_: ()| asked.fetch_add(1, Ordering::Relaxed);
+    let mut all = Bake::new(baker());
+    pool.install(|| all.advance_unless(|| false, || count(()) == usize::MAX));
+    let (all, steps) = (asked.swap(0, Ordering::Relaxed), all.progress().steps);
+    assert!(all as u64 * 40 > steps, "{all} times asked in {steps} steps");
+    // Once it has been asked so many times, in the midst of a viewcell.
+    for most in [1, 2, 3, all / 7, all / 3, all / 2, all / 10 * 9] {
+        let mut bake = Bake::new(baker());
+        asked.store(0, Ordering::Relaxed);
+        let now = pool.install(|| bake.advance_unless(|| false, || count(()) >= most)).unwrap();
+        let after = asked.load(Ordering::Relaxed) - most;
+        assert!(after <= 3, "goes on to ask {after} times");
+        assert!(now.done < 10 && (most < all / 2 || now.done > 2), "{} done", now.done);
+        let state = bake.save();
+        let outcome = bake.finish();
+        assert!(!outcome.complete);
+        let open = |cell: &&CellSandwich| cell.open.len() == scene.len();
+        assert_eq!(outcome.cells.iter().filter(open).count(), 10 - now.done);
+        let resumed = Bake::resume(baker(), &state).unwrap().run();
+        assert_eq!(Shard::new(baker().whole_fingerprint(), resumed).to_bytes(), whole);
+    }
 }
 
 #[test]

@@ -17,8 +17,8 @@
 //!     type Found = u32;
 //!     type Outcome = Vec<u32>;
 //!     fn item_count(&self) -> usize { self.0.len() }
-//!     fn work(&self, item: u32, _: &mut ()) -> u32 {
-//!         (1..=item + 1).filter(|divisor| (item + 1) % divisor == 0).count() as u32
+//!     fn work(&self, item: u32, _: &mut (), _: &dyn Fn() -> bool) -> Option<u32> {
+//!         Some((1..=item + 1).filter(|divisor| (item + 1) % divisor == 0).count() as u32)
 //!     }
 //!     fn take_in(&mut self, item: u32, found: u32) -> u64 {
 //!         self.0[item as usize] = found;
@@ -94,8 +94,9 @@ pub trait Baker: Sync {
     }
 
     /// Computes the result of one item from the baker's state before the round. Called from several threads
-    /// at once with feature `rayon`.
-    fn work(&self, item: u32, scratch: &mut Self::Scratch) -> Self::Found;
+    /// at once with feature `rayon`. A baker of long items calls `stop` several times a second; once that
+    /// has returned true, it returns `None`, and the item waits on. A baker of short items ignores `stop`.
+    fn work(&self, item: u32, scratch: &mut Self::Scratch, stop: &dyn Fn() -> bool) -> Option<Self::Found>;
 
     /// Merges the result of one item into the baker's state. Called at the end of a round for each item of
     /// the round, in ascending order of rank. Returns the cost of the item in the baker's own unit of work,
@@ -153,18 +154,24 @@ impl<B: Baker> Bake<B> {
     /// Works on the next round of items and merges their results. Returns the progress after the round, or
     /// `None` if no item was waiting.
     pub fn advance(&mut self) -> Option<Progress> {
-        self.advance_unless(|| false)
+        self.advance_unless(|| false, || false)
     }
 
-    /// Works on the next round of items as [`advance`](Self::advance) does, until `stop` returns true: items
-    /// of the round that no thread has begun by then wait on. The outcome of the whole bake stays the same if
-    /// the baker's items do not use one another's results; of other bakers it may be another.
-    pub fn advance_unless(&mut self, stop: impl Fn() -> bool + Sync) -> Option<Progress> {
+    /// Works on the next round of items as [`advance`](Self::advance) does, until `pause` or `stop` returns
+    /// true: items of the round that no thread has begun by then wait on. Items that were begun are finished
+    /// after `pause`; after `stop` they are given up and wait on too, if the baker [asks](Baker::work) for
+    /// it. The outcome of the whole bake stays the same if the baker's items do not use one another's
+    /// results; of other bakers it may be another.
+    pub fn advance_unless(
+        &mut self,
+        pause: impl Fn() -> bool + Sync,
+        stop: impl Fn() -> bool + Sync,
+    ) -> Option<Progress> {
         if self.waiting.is_empty() {
             return None;
         }
         let round = self.next_round();
-        let found = work_on_all(&self.baker, &round, &stop);
+        let found = work_on_all(&self.baker, &round, &pause, &stop);
         for (&item, found) in round.iter().zip(found) {
             match found {
                 Some(found) => self.steps = self.steps.saturating_add(self.baker.take_in(item, found)),
@@ -236,21 +243,28 @@ impl<B: Baker> Bake<B> {
 }
 
 /// Returns the results of the items of a round, in the order of `round`, computed on this thread. `None` for
-/// those that `stop` kept from being begun.
+/// those that `pause` or `stop` kept from being begun, and those that were given up.
 #[cfg(not(feature = "rayon"))]
-fn work_on_all<B: Baker>(baker: &B, round: &[u32], stop: &impl Fn() -> bool) -> Vec<Option<B::Found>> {
+fn work_on_all<B: Baker>(
+    baker: &B,
+    round: &[u32],
+    pause: &impl Fn() -> bool,
+    stop: &impl Fn() -> bool,
+) -> Vec<Option<B::Found>> {
     let mut scratch = B::Scratch::default();
-    round.iter().map(|&item| (!stop()).then(|| baker.work(item, &mut scratch))).collect()
+    let mut work = |&item| if stop() || pause() { None } else { baker.work(item, &mut scratch, stop) };
+    round.iter().map(&mut work).collect()
 }
 
 /// Returns the results of the items of a round, in the order of `round`, computed on all threads of the
-/// current pool. `None` for those that `stop` kept from being begun. Each thread takes the next item when its
-/// last is done. Items are taken from the end of the round, where the rank and thus the expected cost is
-/// greatest, so that no thread is left with a long item at the end.
+/// current pool. `None` for those that `pause` or `stop` kept from being begun, and those that were given up.
+/// Each thread takes the next item when its last is done. Items are taken from the end of the round, where
+/// the rank and thus the expected cost is greatest, so that no thread is left with a long item at the end.
 #[cfg(feature = "rayon")]
 fn work_on_all<B: Baker>(
     baker: &B,
     round: &[u32],
+    pause: &(impl Fn() -> bool + Sync),
     stop: &(impl Fn() -> bool + Sync),
 ) -> Vec<Option<B::Found>> {
     use core::sync::atomic::{AtomicUsize, Ordering};
@@ -258,10 +272,10 @@ fn work_on_all<B: Baker>(
     let taken = AtomicUsize::new(0);
     let work = |_| {
         let (mut scratch, mut found) = (B::Scratch::default(), Vec::new());
-        while !stop() {
+        while !stop() && !pause() {
             let next = round.len().checked_sub(1 + taken.fetch_add(1, Ordering::Relaxed));
             let Some(place) = next else { break };
-            found.push((place, baker.work(round[place], &mut scratch)));
+            found.extend(baker.work(round[place], &mut scratch, stop).map(|found| (place, found)));
         }
         found
     };

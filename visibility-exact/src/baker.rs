@@ -1,10 +1,10 @@
 //! Bakes of visible sets for many viewcells.
 
 use crate::chain_scratch::ChainScratch;
-use crate::culler::decide;
+use crate::culler::query;
 use crate::settings::Settings;
 use crate::triangles::SceneTriangles;
-use crate::verdict::Verdict;
+use crate::verdict::{CellVerdicts, Verdict};
 use alloc::{vec, vec::Vec};
 use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
@@ -122,9 +122,21 @@ impl Baker for ExactBaker<'_> {
         self.done.len()
     }
 
-    fn work(&self, item: u32, scratch: &mut BakeScratch) -> (BakedCell, u64) {
+    fn work(
+        &self,
+        item: u32,
+        scratch: &mut BakeScratch,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<(BakedCell, u64)> {
         let cell: &Viewcell = &self.viewcells.cells()[item as usize];
-        let found = decide(self.triangles, &self.settings, cell, &|_| true, &mut scratch.0);
+        let found = match query(self.triangles, &self.settings, cell, &mut scratch.0) {
+            Some(query) => {
+                let (found, memory) = query.with_stop(stop).run(&|_| true)?;
+                scratch.0 = Some(memory);
+                found
+            }
+            None => CellVerdicts::undecided(self.triangles),
+        };
         let mut baked = BakedCell { seen: Vec::new(), open: Vec::new() };
         for (place, object) in self.triangles.objects.iter().enumerate() {
             if found.keeps(place, object, &self.settings) {
@@ -135,7 +147,7 @@ impl Baker for ExactBaker<'_> {
         }
         baked.seen.sort_unstable();
         baked.open.sort_unstable();
-        (baked, found.rays + found.nodes)
+        Some((baked, found.rays + found.nodes))
     }
 
     fn take_in(&mut self, item: u32, found: (BakedCell, u64)) -> u64 {

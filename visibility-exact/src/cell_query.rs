@@ -16,7 +16,9 @@ use crate::sight::{CellBox, Target};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 use alloc::{vec, vec::Vec};
+use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
 
 /// Nodes for a group of objects, a single object's box, one triangle, and all triangles of an object.
 ///
@@ -82,10 +84,27 @@ impl Prices {
     }
 }
 
-/// A query at work.
-pub(crate) struct CellQuery<'a> {
+/// A query from one viewcell, step by step, each step for the objects asked about that are still
+/// [open](Verdict::Open): rays, proofs for boxes, proofs for triangles. [`ExactCuller`](crate::ExactCuller)
+/// takes all steps for all objects; a bake with a budget chooses.
+///
+/// ```
+/// use visibility_core::{glam::{DVec3, Vec3}, pvs::Viewcell, Aabb, Object, Scene};
+/// use visibility_exact::{CellQuery, Effort, SceneTriangles, Settings, Verdict};
+/// let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|v| v + Vec3::Z * 9.0);
+/// let mut scene = Scene::new();
+/// let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
+/// scene.set_triangles(id, [triangle])?;
+/// let triangles = SceneTriangles::new(&scene);
+/// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+/// let mut query = CellQuery::new(&triangles, &cell, Settings::new(Effort::Exact(1e-4))).unwrap();
+/// query.look(&|_| true);
+/// assert!(query.verdicts().all(|(_, verdict)| matches!(verdict, Verdict::Seen(_))));
+/// # Ok::<(), visibility_core::scene::SceneError>(())
+/// ```
+pub struct CellQuery<'a> {
     search: Search<'a>,
-    settings: &'a Settings,
+    settings: Settings,
     random: Random,
     verdicts: Vec<Verdict>,
     proofs: Vec<ProvenHidden>,
@@ -94,25 +113,29 @@ pub(crate) struct CellQuery<'a> {
 }
 
 impl<'a> CellQuery<'a> {
-    /// Decides the objects that `is_asked` names by their places among the objects of `triangles`; the others
-    /// stay [`Verdict::Open`]. `scratch` is memory that is used and given back.
-    pub(crate) fn run(
+    /// Prepares a query. All objects are open. `None` for a viewcell that is empty, not finite, or beyond
+    /// 1e30 metres from the scene's origin.
+    pub fn new(triangles: &'a SceneTriangles, cell: &Viewcell, settings: Settings) -> Option<Self> {
+        Some(Self::with_scratch(triangles, CellBox::new(cell, triangles.origin)?, settings, None))
+    }
+
+    /// Prepares a query in the memory of another, if that fits.
+    pub(crate) fn with_scratch(
         triangles: &'a SceneTriangles,
         cell: CellBox,
-        settings: &'a Settings,
-        is_asked: &dyn Fn(usize) -> bool,
-        scratch: &mut Option<ChainScratch>,
-    ) -> CellVerdicts {
+        settings: Settings,
+        scratch: Option<ChainScratch>,
+    ) -> Self {
         // A clearance within the error of positions would not part touching surfaces. What is hidden without
         // clearance is hidden with any.
         // So it is with any, if the clearance is no number.
         let c = settings.clearance;
         let is_usable = c.is_finite() && c >= 64.0 * triangles.position_error(cell.magnitude() + 3.0 * c);
-        let search = Search::new(triangles, cell, if is_usable { c } else { 0.0 }, scratch.take());
+        let search = Search::new(triangles, cell, if is_usable { c } else { 0.0 }, scratch);
         let seed = cell.min.to_array().into_iter().chain(cell.max.to_array());
         let seed = seed.fold(1, |seed, x| Random(seed ^ x.to_bits()).bits());
         let verdicts = vec![Verdict::Open; triangles.objects.len()];
-        let mut query = Self {
+        Self {
             search,
             settings,
             random: Random(seed),
@@ -120,33 +143,101 @@ impl<'a> CellQuery<'a> {
             proofs: Vec::new(),
             rays: 0,
             prices: Prices::default(),
-        };
-        let mut open: Vec<u32> = (0..triangles.objects.len() as u32)
-            .filter(|&o| is_asked(o as usize) && !triangles.objects[o as usize].is_open)
-            .collect();
-        open.retain(|&o| !query.find_inside(o as usize));
-        if !open.is_empty() {
-            query.uniform_rays();
-            query.aimed_rays(&open);
         }
-        if settings.proves {
-            let not_seen = open.iter().copied().filter(|&o| query.is_open(o)).collect();
-            let single = query.groups(not_seen);
-            if settings.share > 0.0 {
-                open.retain(|&o| query.verdicts[o as usize] != Verdict::Hidden);
-                query.hardly_visible(&open);
+    }
+
+    /// Returns the query with a function that it calls many times a second while it works. Once that has
+    /// returned true, the query gives up: what is not decided by then stays open.
+    #[must_use]
+    pub fn with_stop(mut self, stop: &'a dyn Fn() -> bool) -> Self {
+        self.search.stop = stop;
+        self
+    }
+
+    /// Returns whether the query has given up.
+    pub fn is_stopped(&self) -> bool {
+        self.search.is_stopped
+    }
+
+    /// Finds objects that reach into the viewcell, and what rays see: as many as the settings say.
+    pub fn look(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
+        let open = self.asked(is_asked);
+        self.look_at(open);
+    }
+
+    /// Tries to prove objects hidden by their bounding boxes, in groups first. Finds some that are seen.
+    pub fn prove_boxes(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
+        let open = self.asked(is_asked);
+        self.groups(open);
+    }
+
+    /// Decides objects by their triangles, largest first. Some hundred times the work of a proof for a box,
+    /// which should have failed before.
+    pub fn prove_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
+        let open = self.asked(is_asked);
+        self.triangles(&open);
+    }
+
+    /// Returns the objects and what is known of each, in ascending order of index.
+    pub fn verdicts(&self) -> impl Iterator<Item = (ObjectId, Verdict)> {
+        let objects = &self.search.triangles.objects;
+        objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
+    }
+
+    /// Returns the work done so far: rays, and nodes of the search for proofs.
+    pub fn steps(&self) -> u64 {
+        self.rays + self.nodes()
+    }
+
+    /// Takes all steps that the settings ask for, for the objects that `is_asked` names by their places among
+    /// the objects of the triangles. The others stay [`Verdict::Open`]. Returns the memory of the query too,
+    /// or `None` if it has given up.
+    pub(crate) fn run(mut self, is_asked: &dyn Fn(usize) -> bool) -> Option<(CellVerdicts, ChainScratch)> {
+        let asked = self.usable(is_asked);
+        let mut open = self.look_at(asked);
+        if self.settings.proves {
+            let not_seen = open.iter().copied().filter(|&o| self.is_open(o)).collect();
+            let single = self.groups(not_seen);
+            if self.settings.share > 0.0 {
+                open.retain(|&o| self.verdicts[o as usize] != Verdict::Hidden);
+                self.hardly_visible(&open);
             } else {
-                query.triangles(&single);
+                self.triangles(&single);
             }
         }
-        *scratch = Some(query.search.chain);
-        CellVerdicts {
-            verdicts: query.verdicts,
-            proofs: query.proofs,
-            rays: query.rays,
-            nodes: query.search.stats.nodes + query.search.stats.divided_nodes,
-            is_decided: true,
+        if self.is_stopped() {
+            return None;
         }
+        let nodes = self.nodes();
+        let (verdicts, proofs, rays) = (self.verdicts, self.proofs, self.rays);
+        Some((CellVerdicts { verdicts, proofs, rays, nodes, is_decided: true }, self.search.chain))
+    }
+
+    fn nodes(&self) -> u64 {
+        self.search.stats.nodes + self.search.stats.divided_nodes
+    }
+
+    /// Returns the places of objects that are asked about and open.
+    fn asked(&self, is_asked: &dyn Fn(ObjectId) -> bool) -> Vec<u32> {
+        self.usable(|place| {
+            self.verdicts[place] == Verdict::Open && is_asked(self.search.triangles.objects[place].id)
+        })
+    }
+
+    /// Returns the places of objects that are asked about and finite.
+    fn usable(&self, is_asked: impl Fn(usize) -> bool) -> Vec<u32> {
+        let objects = &self.search.triangles.objects;
+        (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()
+    }
+
+    /// Returns the objects that do not reach into the viewcell.
+    fn look_at(&mut self, mut open: Vec<u32>) -> Vec<u32> {
+        open.retain(|&o| !self.find_inside(o as usize));
+        if !open.is_empty() {
+            self.uniform_rays();
+            self.aimed_rays(&open);
+        }
+        open
     }
 
     fn is_open(&self, object: u32) -> bool {
@@ -173,12 +264,15 @@ impl<'a> CellQuery<'a> {
     fn uniform_rays(&mut self) {
         let mut left = self.settings.rays;
         let mut found = Vec::new();
-        while left > 0 {
+        while left > 0 && !self.search.must_stop() {
             left -= 1;
             self.rays += 1;
             let (p, d) = self.search.cell.uniform_ray(&mut self.random);
             found.extend(self.see_first(p, d).map(|object| (p, object)));
             while let Some((p, object)) = found.pop() {
+                if self.search.must_stop() {
+                    return;
+                }
                 let entry = &self.search.triangles.objects[object];
                 let (center, half) = ((entry.min + entry.max) * 0.5, (entry.max - entry.min) * 0.5);
                 for _ in 0..PAST.min(left) {
@@ -219,6 +313,9 @@ impl<'a> CellQuery<'a> {
 
     fn aimed_rays(&mut self, open: &[u32]) {
         for &object in open {
+            if self.search.must_stop() {
+                return;
+            }
             let entry = &self.search.triangles.objects[object as usize];
             let (first, count) = (entry.first, (entry.end - entry.first) as usize);
             for _ in 0..self.settings.aimed_rays {
@@ -237,6 +334,9 @@ impl<'a> CellQuery<'a> {
     /// Bounds the visible share of objects that few aimed rays reach.
     fn hardly_visible(&mut self, objects: &[u32]) {
         for &object in objects {
+            if self.search.must_stop() {
+                return;
+            }
             let entry = &self.search.triangles.objects[object as usize];
             let (min, max, first, count) = (entry.min, entry.max, entry.first, entry.end - entry.first);
             if self.meets_cell(min, max) || count == 0 {
@@ -278,6 +378,9 @@ impl<'a> CellQuery<'a> {
         let mut left = Vec::new();
         let mut stack = vec![(0, list.len())];
         while let Some((start, end)) = stack.pop() {
+            if self.search.must_stop() {
+                break;
+            }
             let group = &mut list[start..end];
             group.sort_by_key(|&o| !self.is_open(o));
             let count = group.partition_point(|&o| self.is_open(o));
@@ -346,7 +449,7 @@ impl<'a> CellQuery<'a> {
     /// Decides single objects by their triangles, largest first.
     fn triangles(&mut self, objects: &[u32]) {
         for &object in objects {
-            if self.is_open(object) {
+            if self.is_open(object) && !self.search.must_stop() {
                 self.object_by_triangles(object);
             }
         }
@@ -368,7 +471,7 @@ impl<'a> CellQuery<'a> {
             let mut left = Vec::new();
             for t in order {
                 let corners = triangles.corners(t);
-                if spent > most || !is_apart(&cell, &corners, pad) {
+                if spent > most || self.search.is_stopped || !is_apart(&cell, &corners, pad) {
                     return;
                 }
                 let (answer, used) = self.search.solve_target(Target::Triangle(t), budget);

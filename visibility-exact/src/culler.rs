@@ -71,31 +71,33 @@ impl ExactCuller {
     }
 
     fn decide(&mut self, cell: &Viewcell, is_asked: &dyn Fn(usize) -> bool) -> CellVerdicts {
-        decide(&self.triangles, &self.settings, cell, is_asked, &mut self.scratch)
+        let query = query(&self.triangles, &self.settings, cell, &mut self.scratch);
+        let Some((found, scratch)) = query.and_then(|query| query.run(is_asked)) else {
+            return CellVerdicts::undecided(&self.triangles);
+        };
+        self.scratch = Some(scratch);
+        found
     }
 }
 
-/// Decides objects from a viewcell; all are open if the viewcell cannot be used.
-pub(crate) fn decide(
-    triangles: &SceneTriangles,
+/// Prepares a query in the memory of the one before. `None` if the viewcell cannot be used.
+pub(crate) fn query<'a>(
+    triangles: &'a SceneTriangles,
     settings: &Settings,
     cell: &Viewcell,
-    is_asked: &dyn Fn(usize) -> bool,
     scratch: &mut Option<ChainScratch>,
-) -> CellVerdicts {
-    match CellBox::new(cell, triangles.origin) {
-        Some(cell) => CellQuery::run(triangles, cell, settings, is_asked, scratch),
-        None => CellVerdicts {
-            verdicts: vec![Verdict::Open; triangles.objects.len()],
-            proofs: Vec::new(),
-            rays: 0,
-            nodes: 0,
-            is_decided: false,
-        },
-    }
+) -> Option<CellQuery<'a>> {
+    let cell = CellBox::new(cell, triangles.origin)?;
+    Some(CellQuery::with_scratch(triangles, cell, *settings, scratch.take()))
 }
 
 impl CellVerdicts {
+    /// All objects are open.
+    pub(crate) fn undecided(triangles: &SceneTriangles) -> Self {
+        let verdicts = vec![Verdict::Open; triangles.objects.len()];
+        Self { verdicts, proofs: Vec::new(), rays: 0, nodes: 0, is_decided: false }
+    }
+
     /// Returns whether an object stays.
     pub(crate) fn keeps(&self, place: usize, object: &TargetObject, settings: &Settings) -> bool {
         match self.verdicts[place] {

@@ -6,6 +6,7 @@
 //!   certainly misses all triangles; hidden, with a [`Proof`]; or open, which counts as visible. An
 //!   [`Effort`] chooses between rays alone, which miss what is hardly visible, certified bounds on visible
 //!   shares, and proofs.
+//! - [`CellQuery`] is one viewcell's query in steps, for a bake with a budget.
 //! - [`ExactBaker`] does so for many viewcells, as a bake that ends in a PVS.
 //!
 //! Based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility Culling", 2002. Its
@@ -43,6 +44,7 @@ mod triangles;
 mod verdict;
 
 pub use baker::{BakeScratch, BakedCell, ExactBaker, ExactOutcome};
+pub use cell_query::CellQuery;
 pub use check::ProofError;
 pub use culler::ExactCuller;
 pub use proof::Proof;

@@ -105,7 +105,7 @@ impl Search<'_> {
 
     /// Searches the lines of a node that satisfy all rows. `halvings` is the number of halvings so far.
     fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32) -> Answer {
-        if *left == 0 {
+        if *left == 0 || self.must_stop() {
             return Answer::Undecided;
         }
         *left -= 1;

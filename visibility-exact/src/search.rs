@@ -79,6 +79,10 @@ pub(crate) struct Search<'a> {
     pub(crate) stats: SearchStats,
     /// The start of the last surface that blocked a node, tried first for the next.
     pub(crate) hint: u32,
+    /// Asked at each node.
+    pub(crate) stop: &'a dyn Fn() -> bool,
+    /// Whether `stop` has returned true: every answer is then undecided.
+    pub(crate) is_stopped: bool,
 }
 
 impl<'a> Search<'a> {
@@ -107,6 +111,8 @@ impl<'a> Search<'a> {
             steps: Vec::new(),
             stats: SearchStats::default(),
             hint: NONE,
+            stop: &|| false,
+            is_stopped: false,
         }
     }
 
@@ -134,6 +140,12 @@ impl<'a> Search<'a> {
         (answer, self.used)
     }
 
+    /// Returns whether to give up.
+    pub(crate) fn must_stop(&mut self) -> bool {
+        self.is_stopped = self.is_stopped || (self.stop)();
+        self.is_stopped
+    }
+
     /// Returns the height over a plane up to which a point may touch the plane, see [`Shaft`].
     pub(crate) fn pad(&self) -> f64 {
         4.0 * self.delta
@@ -155,7 +167,7 @@ impl<'a> Search<'a> {
     }
 
     fn node(&mut self, sight: &Sight, depth: u32) -> Answer {
-        if self.used >= self.budget.nodes {
+        if self.used >= self.budget.nodes || self.must_stop() {
             return Answer::Undecided;
         }
         self.used += 1;

@@ -62,7 +62,7 @@ impl Search<'_> {
             .collect();
         let mut left = 1.0;
         for number in 0..nodes {
-            if left <= enough {
+            if left <= enough || self.must_stop() {
                 break;
             }
             let Some(node) = open.pop() else { break };

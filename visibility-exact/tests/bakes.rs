@@ -3,10 +3,11 @@
 mod common;
 
 use common::{cuboid, scene};
+use std::cell::Cell;
 use visibility_core::bake::{Bake, Baker};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, ViewcellId, Viewcells};
-use visibility_exact::{BakeScratch, Effort, ExactBaker, SceneTriangles, Settings};
+use visibility_exact::{BakeScratch, CellQuery, Effort, ExactBaker, SceneTriangles, Settings, Verdict};
 use visibility_testing::Random;
 
 /// Blocks on a plain, and viewcells between them.
@@ -56,6 +57,37 @@ fn an_interrupted_bake_comes_to_the_same_pvs() {
     assert!(whole.gap() < 0.02, "{}", whole.gap());
 }
 
+#[test]
+fn a_query_that_gives_up_has_no_other_answers() {
+    let (triangles, cells) = town();
+    let cell = &cells.cells()[7];
+    let baker = ExactBaker::new(&triangles, &cells, settings());
+    let asked = Cell::new(0);
+    let run = |most: usize| {
+        asked.set(0);
+        let stop = || asked.replace(asked.get() + 1) >= most;
+        let mut query = CellQuery::new(&triangles, cell, settings()).unwrap().with_stop(&stop);
+        query.look(&|_| true);
+        query.prove_boxes(&|_| true);
+        query.prove_triangles(&|_| true);
+        assert_eq!(query.is_stopped(), asked.get() > most);
+        query.verdicts().map(|(_, verdict)| verdict).collect::<Vec<_>>()
+    };
+    let whole = run(usize::MAX);
+    let all = asked.get();
+    let mut open = Vec::new();
+    for most in [0, 1, all / 4, all / 2, all - 1] {
+        let found = run(most);
+        assert_eq!(asked.get(), most + 1, "it asks no more once it is to stop");
+        assert!(found.iter().zip(&whole).all(|(a, b)| a == b || *a == Verdict::Open));
+        open.push(found.iter().filter(|verdict| **verdict == Verdict::Open).count());
+    }
+    assert!(open.is_sorted_by(|a, b| a >= b) && open[0] > 40 && open[4] < 10, "{open:?}");
+    let mut scratch = BakeScratch::default();
+    assert_eq!(baker.work(7, &mut scratch, &|| true), None);
+    assert_eq!(baker.work(7, &mut scratch, &|| false), baker.work(7, &mut BakeScratch::default(), &|| false));
+}
+
 /// Stopped, saved and resumed after each round, on one thread, two and four.
 #[test]
 fn any_number_of_threads_comes_to_the_same_bytes() {
@@ -83,8 +115,9 @@ fn memory_of_another_scene_does_not_matter() {
     let small = SceneTriangles::new(&scene(&[cuboid(DVec3::ZERO, DVec3::ONE)]));
     let baker = ExactBaker::new(&triangles, &cells, settings());
     let mut scratch = BakeScratch::default();
-    ExactBaker::new(&small, &cells, settings()).work(0, &mut scratch);
-    assert_eq!(baker.work(7, &mut scratch), baker.work(7, &mut BakeScratch::default()));
+    ExactBaker::new(&small, &cells, settings()).work(0, &mut scratch, &|| false);
+    let found = baker.work(7, &mut scratch, &|| false);
+    assert_eq!(found, baker.work(7, &mut BakeScratch::default(), &|| false));
 }
 
 #[test]

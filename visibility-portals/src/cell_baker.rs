@@ -178,7 +178,7 @@ impl Baker for CellBaker {
         self.counts[portal as usize].into()
     }
 
-    fn work(&self, source: u32, scratch: &mut FlowScratch) -> FlowResult {
+    fn work(&self, source: u32, scratch: &mut FlowScratch, _: &dyn Fn() -> bool) -> Option<FlowResult> {
         let input = FlowInput {
             portals: &self.portals,
             rows: &self.rows,
@@ -187,7 +187,7 @@ impl Baker for CellBaker {
             exact: self.settings.exact.then_some(self.settings.clearance),
         };
         let spent = self.steps[self.portals.all[source as usize].from as usize];
-        portal_flow(&input, source, self.settings.steps_per_cell.saturating_sub(spent), scratch)
+        Some(portal_flow(&input, source, self.settings.steps_per_cell.saturating_sub(spent), scratch))
     }
 
     fn take_in(&mut self, source: u32, found: FlowResult) -> u64 {

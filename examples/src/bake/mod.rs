@@ -128,7 +128,7 @@ fn clock() -> Duration {
 pub struct Run {
     /// Number of threads, 0 for as many as the machine has.
     pub threads: usize,
-    /// Time after which what is not done stays open.
+    /// Time after which what is not done stays open: viewcells that are worked on are given up.
     pub limit: Option<Duration>,
     /// Least time between two writes of the work done so far.
     pub save_every: Duration,
@@ -169,7 +169,7 @@ pub fn run<'a>(
             // Between two writes at least one viewcell is begun, however little time there is.
             let is_first = || asked.fetch_add(1, Relaxed) == 0;
             loop {
-                match bake.advance_unless(|| is_over() || !is_first() && is_due()) {
+                match bake.advance_unless(|| !is_first() && is_due(), is_over) {
                     Some(now) => progress(now),
                     None => return Ok(bake.finish()),
                 }

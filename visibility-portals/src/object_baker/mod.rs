@@ -136,10 +136,10 @@ impl Baker for ObjectBaker<'_> {
         self.done.len()
     }
 
-    fn work(&self, cell: u32, chains: &mut Chains) -> SeenObjects {
+    fn work(&self, cell: u32, chains: &mut Chains, _: &dyn Fn() -> bool) -> Option<SeenObjects> {
         let Outcome { matrix, pairs, .. } = self.cells;
         let input = Input { portals: &self.portals, matrix, pairs, targets: &self.targets };
-        chains.seen_from(CellId(cell), input, self.settings.steps_per_cell)
+        Some(chains.seen_from(CellId(cell), input, self.settings.steps_per_cell))
     }
 
     fn take_in(&mut self, cell: u32, found: SeenObjects) -> u64 {
