@@ -6,12 +6,13 @@
 
 use crate::error::SourceError;
 use crate::gltf_buffers::Buffers;
-use crate::source::{SceneSource, SourceObject};
+use crate::source::{Hint, SceneSource, SourceObject};
 use crate::walk;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
 use gltf::scene::Transform;
+use serde_json::Value;
 use std::path::Path;
 
 /// Maximum number of triangles of a scene. Nodes can instance one mesh any number of times, so the size of
@@ -23,6 +24,9 @@ const MOST_READ: usize = 1 << 27;
 
 /// Reads a glTF or GLB document from its bytes. `path` is the document's path: further files are searched
 /// below its folder, and error messages show it.
+///
+/// A node may carry a [`Hint`] for its objects: the extra (custom property) `visibility` with the value
+/// `occluder`, `detail`, `door`, `mover` or `never-cull`.
 ///
 /// The up axis is y. The near plane and the walks are derived from the bounds of the scene.
 ///
@@ -182,6 +186,7 @@ impl Collector<'_> {
         };
         let name =
             node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_owned);
+        let hint = self.hint(node)?;
         let several = mesh.primitives().len() > 1;
         for primitive in mesh.primitives() {
             let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
@@ -189,9 +194,26 @@ impl Collector<'_> {
             self.triangles += triangles.len();
             let name = if several { format!("{name}/{}", primitive.index()) } else { name.clone() };
             let opaque = primitive.material().alpha_mode() == AlphaMode::Opaque;
-            self.objects.push(SourceObject { opaque, ..SourceObject::new(name, triangles) });
+            let mut object = SourceObject { opaque, ..SourceObject::new(name, triangles) };
+            if let Some(hint) = hint {
+                object.take(hint);
+            }
+            self.objects.push(object);
         }
         Ok(())
+    }
+
+    /// Returns the hint in the extras of a node: `"visibility"` with the name of the hint. Returns an error
+    /// if there is no hint of that name.
+    fn hint(&self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
+        let Some(extras) = node.extras() else { return Ok(None) };
+        let wrong =
+            |problem: String| SourceError::content(self.path, format!("node {}", node.index()), problem);
+        let extras: Value =
+            serde_json::from_str(extras.get()).map_err(|error| wrong(format!("its extras: {error}")))?;
+        let name = extras.get("visibility").and_then(Value::as_str);
+        name.map(|name| name.parse().map_err(|error| wrong(format!("its extra `visibility`: {error}"))))
+            .transpose()
     }
 
     /// Reads the world-space triangles of one primitive, which are none for points and lines. `place` names

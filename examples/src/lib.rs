@@ -29,7 +29,7 @@ pub use description::load_walks;
 pub use error::SourceError;
 pub use load::{cars5, load, open};
 pub use recipes::built_in;
-pub use source::{SceneSource, SourceObject};
+pub use source::{Hint, SceneSource, SourceObject};
 pub use walk::{CameraKey, Frame, Walk, frames};
 
 /// Holder of the README's code blocks, which are compiled as documentation tests. It exists only in

@@ -165,5 +165,5 @@ fn object(description: &Description, index: usize, triangles: Vec<[Vec3; 3]>) ->
     let billboard =
         description.alpha_tested_name_prefixes.iter().any(|prefix| name.starts_with(prefix.as_str()));
     let door = description.door_name_contains.as_ref().is_some_and(|part| name.contains(part.as_str()));
-    SourceObject { name, triangles, opaque: !glass && !billboard, door }
+    SourceObject { opaque: !glass && !billboard, door, ..SourceObject::new(name, triangles) }
 }

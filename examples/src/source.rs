@@ -7,6 +7,7 @@
 
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
+use std::str::FromStr;
 use visibility_core::{cells::CellGraph, pvs::Viewcells};
 
 /// Scene with its camera walks, in world space and metres.
@@ -87,6 +88,38 @@ pub struct SourceObject {
     /// Whether the object is a door leaf. The walks of some scenes pass through closed doors, so a program
     /// may leave doors out. Reference counts of a scene are taken with every door closed and drawn.
     pub door: bool,
+    /// Whether the object is visible from everywhere, such as one that moves.
+    pub never_cull: bool,
+}
+
+/// What a level says of an object, beyond its shape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hint {
+    /// It hides what is behind it, although it is glass by its material.
+    Occluder,
+    /// It hides nothing.
+    Detail,
+    /// It is the leaf of a door: it hides nothing in a bake, since it may be open.
+    Door,
+    /// It moves: it hides nothing in a bake, and is visible from everywhere.
+    Mover,
+    /// It is visible from everywhere.
+    NeverCull,
+}
+
+impl FromStr for Hint {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "occluder" => Ok(Self::Occluder),
+            "detail" => Ok(Self::Detail),
+            "door" => Ok(Self::Door),
+            "mover" => Ok(Self::Mover),
+            "never-cull" => Ok(Self::NeverCull),
+            _ => Err(format!("`{text}` is none of occluder, detail, door, mover and never-cull")),
+        }
+    }
 }
 
 /// Axis-aligned box as its minimum and maximum corner, in metres.
@@ -95,7 +128,18 @@ pub type Corners = (Vec3, Vec3);
 impl SourceObject {
     /// Creates an opaque object that is not a door, from its world-space triangles.
     pub fn new(name: impl Into<String>, triangles: Vec<[Vec3; 3]>) -> Self {
-        Self { name: name.into(), triangles, opaque: true, door: false }
+        Self { name: name.into(), triangles, opaque: true, door: false, never_cull: false }
+    }
+
+    /// Notes a hint of the level.
+    pub fn take(&mut self, hint: Hint) {
+        match hint {
+            Hint::Occluder => self.opaque = true,
+            Hint::Detail => self.opaque = false,
+            Hint::Door => self.door = true,
+            Hint::Mover => (self.opaque, self.never_cull) = (false, true),
+            Hint::NeverCull => self.never_cull = true,
+        }
     }
 
     /// Returns the box around the finite coordinates. `None` when one of the axes has no finite coordinate,

@@ -84,6 +84,26 @@ fn p(x: f32, y: f32) -> Vec3 {
 }
 
 #[test]
+fn extras_of_nodes_are_hints() {
+    let hinted = |hint: Value| read(&with("/nodes/1/extras", json!({"visibility": hint, "other": [1]})));
+    let of = |hint: &str| {
+        let object = &hinted(hint.into()).expect("a good file").objects[0];
+        (object.opaque, object.door, object.never_cull)
+    };
+    assert_eq!(of("occluder"), (true, false, false));
+    assert_eq!(of("detail"), (false, false, false));
+    assert_eq!(of("door"), (true, true, false));
+    assert_eq!(of("mover"), (false, false, true));
+    assert_eq!(of("never-cull"), (true, false, true));
+    let error = hinted("moover".into()).expect_err("no hint").to_string();
+    assert!(error.contains("node 1") && error.contains("moover"), "{error}");
+    // Extras of other tools are theirs.
+    for other in [json!(5), json!(null), json!(["visibility"]), json!({"visibility": 3})] {
+        assert!(read(&with("/nodes/1/extras", other)).is_ok());
+    }
+}
+
+#[test]
 fn nodes_place_strips_fans_and_lists() {
     let scene = read(&square()).expect("a good file");
     assert_eq!(scene.up, Vec3::Y);

@@ -359,7 +359,9 @@ impl<'a> Flood<'a> {
     fn voxels(&mut self, place: [i64; 3]) -> Result<&mut Voxels, GridError> {
         let count: usize = self.counts.iter().product();
         if !self.cells.contains_key(&place) {
-            if (self.cells.len() as u64 + 1).saturating_mul(count as u64) > ALL_VOXELS || self.cells.len() >= Grid::LIMIT {
+            if (self.cells.len() as u64 + 1).saturating_mul(count as u64) > ALL_VOXELS
+                || self.cells.len() >= Grid::LIMIT
+            {
                 return Err(GridError::TooMany);
             }
             let voxels = self.voxelize(place);

@@ -22,7 +22,7 @@ use visibility_region::ExtendedProjectionCuller;
 
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
-const METHODS: u32 = 2;
+const METHODS: u32 = 3;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
 /// with progress, stopping and resuming, on any number of threads with the same result.
@@ -30,7 +30,8 @@ const METHODS: u32 = 2;
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
 /// of neighbouring viewcells, then, in what is left, for each of them; rays find what is seen; then proofs
 /// are tried, for the most costly of the open objects first, until the [gap](Settings::gap) is met. Occluders
-/// are the objects that are flagged so; the sweeps use their meshes, the proofs their triangles. Each method
+/// are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles. Objects that
+/// are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen. Each method
 /// works on what the sweep before it has left, so that an edit elsewhere changes nothing
 /// ([`with_cache`](Self::with_cache)).
 ///

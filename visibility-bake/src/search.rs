@@ -39,7 +39,10 @@ impl<'a> Search<'a> {
         let cost = |id| scene.object(id).map_or(0, |object| object.cost);
         // An object without cost counts a little, so that it is not left open for nothing.
         let costs: Vec<f64> = scene.ids().map(|id| f64::from(cost(id)).max(1e-3)).collect();
-        let answers = vec![OPEN; costs.len()];
+        // What the frame never culls, a moving object for instance, is not hidden either where it stands now.
+        let is_unculled =
+            |id| scene.object(id).is_ok_and(|object| object.never_cull || !object.bounds.is_finite());
+        let answers = scene.ids().map(|id| if is_unculled(id) { SEEN } else { OPEN }).collect();
         Self { query: query.map(|query| query.with_stop(stop)), costs, answers }
     }
 
@@ -106,11 +109,15 @@ impl<'a> Search<'a> {
     fn read(&mut self) {
         let Some(query) = &self.query else { return };
         for (id, verdict) in query.verdicts() {
-            self.answers[id.index()] = match verdict {
-                Verdict::Seen(_) => SEEN,
-                Verdict::Hidden => HIDDEN,
-                Verdict::Hardly(_) | Verdict::Open => OPEN,
-            };
+            let answer = &mut self.answers[id.index()];
+            // What is known stays: seen objects that the frame never culls have another verdict.
+            if *answer == OPEN {
+                *answer = match verdict {
+                    Verdict::Seen(_) => SEEN,
+                    Verdict::Hidden => HIDDEN,
+                    Verdict::Hardly(_) | Verdict::Open => OPEN,
+                };
+            }
         }
     }
 }

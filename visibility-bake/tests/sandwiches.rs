@@ -227,6 +227,26 @@ fn an_unfinished_bake_reports_all() {
 }
 
 #[test]
+fn what_is_never_culled_is_reported_from_everywhere() {
+    let mut scene = Scene::new();
+    // A wall, two boxes behind it, one of which moves, and an object of unknown place.
+    insert(&mut scene, [5.0, -50.0, -50.0], [6.0, 50.0, 50.0], true);
+    for y in [0.0, 3.0] {
+        insert(&mut scene, [20.0, y, 0.0], [21.0, y + 1.0, 1.0], false);
+    }
+    scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
+    scene.set_never_cull(scene.id_at(1).unwrap(), true).unwrap();
+    scene.prepare_occluders(&Default::default());
+    let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap();
+    let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::splat(4.0)).unwrap());
+    for gap in [0.0, 1.0] {
+        for cell in baked(&scene, &cells, Settings { gap, ..Settings::default() }) {
+            assert_eq!((cell.seen, cell.open), (vec![0, 1, 3], vec![]));
+        }
+    }
+}
+
+#[test]
 fn files_are_read_for_their_scene_alone_and_damage_is_found() {
     let (mut scene, cells) = street();
     let rows: Vec<Vec<u32>> =

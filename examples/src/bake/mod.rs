@@ -4,9 +4,9 @@ pub mod pictures;
 pub mod report;
 pub mod viewcells;
 
-use crate::open;
 use crate::region::world;
 use crate::walkthrough::World;
+use crate::{Hint, open};
 use clap::Args;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -32,6 +32,12 @@ pub struct Job {
     #[command(flatten)]
     pub places: Places,
 
+    /// What objects are whose names contain TEXT: `occluder`, `detail` or `door` (hide nothing), `mover`
+    /// (hides nothing, and is visible from everywhere) or `never-cull`. May be given several times. Nodes of
+    /// glTF files may say it themselves, by the extra `visibility`.
+    #[arg(long = "hint", value_name = "HINT=TEXT", value_parser = hint)]
+    pub hints: Vec<(Hint, String)>,
+
     /// Part of the reported triangles that may be neither seen nor proven hidden, as in 5% or 0.05.
     #[arg(long, value_parser = share, default_value = "5%")]
     pub gap: f64,
@@ -54,6 +60,11 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
+fn hint(text: &str) -> Result<(Hint, String), String> {
+    let (hint, part) = text.split_once('=').ok_or("a hint is HINT=TEXT, as in mover=Lift")?;
+    Ok((hint.parse()?, part.to_owned()))
+}
+
 /// The scene of a job with its viewcells.
 pub struct Level {
     /// Scene with occluders.
@@ -70,9 +81,16 @@ impl Level {
     ///
     /// # Errors
     ///
-    /// Returns a message if the scene cannot be loaded, or there are no viewcells or too many.
+    /// Returns a message if the scene cannot be loaded, a hint is for no object, or there are no viewcells or
+    /// too many.
     pub fn open(job: &Job) -> Result<Self, String> {
-        let world = world(open(&job.scene).map_err(|error| error.to_string())?);
+        let mut source = open(&job.scene).map_err(|error| error.to_string())?;
+        for (hint, part) in &job.hints {
+            let mut named = source.objects.iter_mut().filter(|object| object.name.contains(part)).peekable();
+            named.peek().ok_or_else(|| format!("no name of an object contains `{part}`"))?;
+            named.for_each(|object| object.take(*hint));
+        }
+        let world = world(source);
         let viewcells = Viewcells::new(viewcells::make(&job.places, &world)?);
         let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
         Ok(Self { world, viewcells, settings, cache: Arc::default() })
@@ -207,6 +225,30 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[derive(clap::Parser)]
+    struct Only {
+        #[command(flatten)]
+        job: Job,
+    }
+
+    #[test]
+    fn hints_change_what_they_name_or_are_refused() {
+        let open = |hint: &str| {
+            let Only { job } = clap::Parser::try_parse_from(["", "london:2,2", "--hint", hint]).ok()?;
+            Level::open(&job).ok()
+        };
+        let scene = open("mover=b1").unwrap().world.scene;
+        let of = |flag: fn(&visibility_core::Object) -> bool| {
+            scene.ids().filter(|&id| flag(&scene.object(id).unwrap())).count()
+        };
+        let movers = of(|object| object.never_cull);
+        assert!(0 < movers && movers < scene.len(), "{movers}");
+        assert!(of(|object| object.occluder) <= scene.len() - movers);
+        for wrong in ["mover=house", "moover=b1", "mover"] {
+            assert!(open(wrong).is_none(), "{wrong}");
+        }
+    }
 
     #[test]
     fn parts_are_read_or_refused() {

@@ -81,6 +81,7 @@ impl World {
         let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
             cost: u32::try_from(object.triangles.len()).unwrap_or(u32::MAX),
             occluder: object.opaque,
+            never_cull: object.never_cull,
             ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
         }));
         let mut given = source.cells.as_mut();
