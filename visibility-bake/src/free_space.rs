@@ -1,5 +1,5 @@
-//! Viewcells where a camera can be: a flood of free space from given points, and boxes above walkable
-//! triangles.
+//! Viewcells where a camera can be: a flood of free space from given points, the free space along walks, and
+//! boxes above walkable triangles.
 //!
 //! The flood walks voxels. The diagonal of a voxel is less than the radius that the camera keeps free around
 //! itself. A voxel that touches a solid surface therefore contains no position of the camera: each of its
@@ -7,6 +7,10 @@
 //! and it passes from one to the next through their common face: where it passes through an edge or a corner,
 //! it touches the voxels beside it too, so they are free as well. A flood of free voxels through faces thus
 //! reaches every position that a path of the camera reaches.
+//!
+//! A box of the grid that crosses a wall holds positions on both sides of it, and in it. What is seen from
+//! there would count as visible. So each connected part of the free voxels that are reached in a box has a
+//! viewcell of its own: the part's bounding box, grown to the next solid surface.
 
 use crate::grid::{Grid, GridError};
 use std::collections::{BTreeSet, HashMap, VecDeque};
@@ -56,9 +60,10 @@ const SLACK: f64 = 1e-6;
 
 impl Grid {
     /// Returns the viewcells that a camera reaches from some points, those of the points first, then in the
-    /// order in which the flood reaches them. Solid are the triangles of the objects flagged as occluders.
-    /// The flood does not leave the box from `min` to `max`. A point where the camera cannot be is
-    /// replaced by the nearest place in the same viewcell where it can be, and ignored if there is none.
+    /// order in which the flood reaches them: boxes of the grid, cut off at solid surfaces that the flood
+    /// does not pass within the box. Solid are the triangles of the objects flagged as occluders. The flood
+    /// does not leave the box from `min` to `max`. A point where the camera cannot be is replaced by the
+    /// nearest place in the same box of the grid where it can be, and ignored if there is none.
     ///
     /// No viewcell is left out that holds a position that the camera can reach in the box without coming
     /// nearer to a solid surface than the [radius](CameraRange::radius) and without leaving the
@@ -110,7 +115,103 @@ impl Grid {
             }
         }
         flood.run()?;
-        Ok(flood.found.iter().map(|&place| self.cell(place)).collect())
+        let mut all = Vec::new();
+        for &place in &flood.found {
+            let Some(voxels) = flood.cells.get(&place) else { continue };
+            let mut reached = voxels.reached.clone();
+            let seeds = 0..flood.counts.iter().product();
+            let parts = seeds.filter_map(|seed| take_part(&mut reached, flood.counts, seed));
+            flood.add_viewcells(place, parts, &mut all)?;
+        }
+        Ok(all)
+    }
+
+    /// Returns the viewcells that walks in straight lines from point to point pass, those of the first walk
+    /// first: boxes of the grid, cut off at solid surfaces that separate the rest of a box from the walks'
+    /// parts in it. Solid are the triangles of the objects flagged as occluders. All of a box that is within
+    /// the [radius](CameraRange::radius) of the walk's part in it stays, also where the walk passes through
+    /// a solid. The heights of the camera do not count, and a radius below a 40th of the longest side of a
+    /// box counts as that.
+    ///
+    /// # Errors
+    /// [`GridError::TooMany`].
+    ///
+    /// ```
+    /// use visibility_bake::{CameraRange, Grid};
+    /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Object, Scene};
+    /// // A wall across the box of the grid.
+    /// let ends = [(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)];
+    /// let [a, b, c, d] = ends.map(|(y, z)| Vec3::new(3.0, y, z));
+    /// let mut scene = Scene::new();
+    /// let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points([a, b, c, d])) });
+    /// scene.set_triangles(id, [[a, b, c], [a, c, d]])?;
+    /// let grid = Grid::new(DVec3::ZERO, DVec3::splat(4.0))?;
+    /// let cells = grid.along_free(&scene, [&[DVec3::ONE][..]], &CameraRange::default())?;
+    /// assert!(cells[0].min == DVec3::ZERO && (2.99..3.0).contains(&cells[0].max.x));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn along_free<'a>(
+        &self,
+        scene: &Scene,
+        walks: impl IntoIterator<Item = &'a [DVec3]>,
+        camera: &CameraRange,
+    ) -> Result<Vec<Viewcell>, GridError> {
+        let least = self.size.max_element() / 40.0;
+        let camera = CameraRange { radius: camera.radius.max(least), heights: None, ..*camera };
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let walks: Vec<&[DVec3]> = walks.into_iter().collect();
+        for &point in walks.iter().copied().flatten() {
+            (min, max) = (min.min(point), max.max(point));
+        }
+        if walks.iter().all(|walk| walk.is_empty()) {
+            return Ok(Vec::new());
+        }
+        let flood = Flood::new(self, scene, &camera, [min, max])?;
+        let fine = Grid::new(self.origin, flood.edge())?;
+        // By place of a box, the voxels in it that walks pass.
+        let mut passed: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
+        let mut places = Vec::new();
+        for walk in walks {
+            for place in self.passed(walk)? {
+                passed.entry(place).or_insert_with(|| {
+                    places.push(place);
+                    Vec::new()
+                });
+            }
+            for voxel in fine.passed(walk)? {
+                let counts = flood.counts.map(|count| count as i64);
+                let at = |axis: usize| voxel[axis].rem_euclid(counts[axis]);
+                let place = [0, 1, 2].map(|axis| voxel[axis].div_euclid(counts[axis]));
+                // A voxel of no such box touches one from outside.
+                if let Some(voxels) = passed.get_mut(&place) {
+                    voxels.push((at(0) + counts[0] * (at(1) + counts[1] * at(2))) as usize);
+                }
+            }
+        }
+        // Number of voxels on each axis within the radius.
+        let around = (camera.radius / flood.edge()).ceil().to_array().map(|count| count as usize);
+        let mut all = Vec::new();
+        for place in places {
+            let seeds = &passed[&place];
+            if seeds.is_empty() {
+                all.push(self.cell(place));
+                continue;
+            }
+            let mut free = flood.voxelize(place).free;
+            // Where a walk passes, the camera is.
+            seeds.iter().for_each(|&seed| free[seed / 64] |= 1 << (seed % 64));
+            let (mut left, mut parts) = (seeds.clone(), Vec::new());
+            while let Some(mut part) = left.first().and_then(|&seed| take_part(&mut free, flood.counts, seed))
+            {
+                let (others, own) = left.into_iter().partition(|&seed| bit(&free, seed));
+                let own: Vec<usize> = own;
+                own.into_iter().for_each(|seed| part.add(split(seed, flood.counts), around, flood.counts));
+                left = others;
+                parts.push(part);
+            }
+            flood.add_viewcells(place, parts, &mut all)?;
+        }
+        Ok(all)
     }
 
     /// Returns the viewcells that hold positions of a camera above walkable triangles, such as those of a
@@ -236,15 +337,23 @@ impl<'a> Flood<'a> {
                     continue;
                 }
                 let local = triangle.map(|p| p.as_dvec3() + (scene.origin() - grid.origin));
-                let number = solids.len() as u32;
-                solids.push((local, heights.is_some() && is_floor(triangle, up)));
                 let (low, high) = extent(&local);
+                let beyond = |axis: &usize| {
+                    let (first, last) = (limits[0][*axis] as f64, limits[1][*axis] as f64 + 1.0);
+                    high[*axis] + slack < first * grid.size[*axis]
+                        || last * grid.size[*axis] < low[*axis] - slack
+                };
+                if axes.iter().any(beyond) {
+                    continue;
+                }
                 let limits = axes.map(|axis| {
                     let place = |x: f64| (x / grid.size[axis]).floor();
                     // Places beyond the limits do not matter, so saturated ones do no harm.
                     let first = (place(low[axis] - slack) as i64).max(limits[0][axis]);
                     [first, (place(high[axis] + slack) as i64).min(limits[1][axis])]
                 });
+                let number = solids.len() as u32;
+                solids.push((local, heights.is_some() && is_floor(triangle, up)));
                 let step = axes.map(|axis| grid.size[axis]);
                 for_each_column(local, axes, up, step, limits, slack, |column, _| {
                     columns.entry(column).or_default().push(number);
@@ -268,12 +377,91 @@ impl<'a> Flood<'a> {
         })
     }
 
+    /// Returns the size of a voxel.
+    fn edge(&self) -> DVec3 {
+        self.grid.size / DVec3::from_array(self.counts.map(|count| count as f64))
+    }
+
+    /// Adds the viewcells of the parts of a box, without those that are within another.
+    fn add_viewcells(
+        &self,
+        place: [i64; 3],
+        parts: impl IntoIterator<Item = Part>,
+        all: &mut Vec<Viewcell>,
+    ) -> Result<(), GridError> {
+        let mut found: Vec<Viewcell> = Vec::new();
+        for part in parts {
+            let cell = self.grown(place, &part);
+            let is_within = |a: &Viewcell, b: &Viewcell| b.min.cmple(a.min).all() && a.max.cmple(b.max).all();
+            if !found.iter().any(|other| is_within(&cell, other)) {
+                found.retain(|other| !is_within(other, &cell));
+                found.push(cell);
+            }
+        }
+        all.extend(found);
+        if all.len() > Grid::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
+    }
+
+    /// Returns the box around a part, grown on one side after another to the next solid surface or the side
+    /// of the grid's box.
+    fn grown(&self, place: [i64; 3], part: &Part) -> Viewcell {
+        let whole = self.grid.cell(place);
+        let (start, end) = (whole.min - self.grid.origin, whole.max - self.grid.origin);
+        let (mut low, mut high, edge) = (start, end, self.edge());
+        for axis in 0..3 {
+            if part.first[axis] > 0 {
+                low[axis] = start[axis] + part.first[axis] as f64 * edge[axis];
+            }
+            if part.last[axis] + 1 < self.counts[axis] {
+                high[axis] = start[axis] + (part.last[axis] + 1) as f64 * edge[axis];
+            }
+        }
+        let (up, _) = self.camera.vertical();
+        let near = self.columns.get(&[(up + 1) % 3, (up + 2) % 3].map(|axis| place[axis]));
+        // The viewcell ends a little before the surface, or its face would be in the surface. Half of that is
+        // for rounding.
+        let gap = edge.min_element() * 0.01;
+        let slack = gap * 0.5;
+        for side in 0..6 {
+            let (axis, is_upper) = (side / 2, side % 2 == 1);
+            let (from, to) = if is_upper { (high[axis], end[axis]) } else { (start[axis], low[axis]) };
+            if from >= to {
+                continue;
+            }
+            let mut limit = if is_upper { to } else { from };
+            for &number in near.into_iter().flatten() {
+                let (triangle, _) = self.solids[number as usize];
+                let (least, most) = extent(&triangle);
+                let meets = |k: usize, a: f64, b: f64| least[k] <= b + slack && a - slack <= most[k];
+                if !(meets(axis, from, to) && (0..3).all(|k| k == axis || meets(k, low[k], high[k]))) {
+                    continue;
+                }
+                let beyond = (0..3).fold(Polygon { corners: triangle.to_vec() }, |polygon, k| {
+                    let ends = if k == axis { [from, to] } else { [low[k], high[k]] };
+                    polygon.clipped(k, [ends[0] - slack, ends[1] + slack])
+                });
+                if !beyond.corners.is_empty() {
+                    let [least, most] = beyond.range(axis);
+                    limit = if is_upper { limit.min(least - gap) } else { limit.max(most + gap) };
+                }
+            }
+            if is_upper {
+                high[axis] = limit.max(from);
+            } else {
+                low[axis] = limit.min(to);
+            }
+        }
+        // Sides of the grid's box stay the same to the last bit.
+        let (origin, is_start, is_end) = (self.grid.origin, low.cmpeq(start), high.cmpeq(end));
+        let min = DVec3::select(is_start, whole.min, origin + low);
+        Viewcell::from_box(min, DVec3::select(is_end, whole.max, origin + high))
+    }
+
     /// Enters the free voxel nearest to a point, among those of the point's viewcell.
     fn start(&mut self, point: DVec3) -> Result<(), GridError> {
         let mut place = self.grid.place(point)?;
         (0..3).for_each(|axis| place[axis] = place[axis].min(self.limits[1][axis]));
-        let counts = self.counts;
-        let edge = self.grid.size / DVec3::from_array(counts.map(|count| count as f64));
+        let (counts, edge) = (self.counts, self.edge());
         let corner = self.grid.cell(place).min;
         let voxels = self.voxels(place)?;
         let distance = |&voxel: &usize| {
@@ -377,7 +565,7 @@ impl<'a> Flood<'a> {
         let axes = [(up + 1) % 3, (up + 2) % 3];
         let strides = [1, self.counts[0], self.counts[0] * self.counts[1]];
         let size = self.grid.size;
-        let edge = size / DVec3::from_array(self.counts.map(|count| count as f64));
+        let edge = self.edge();
         let slack = SLACK * edge.min_element();
         let corner = DVec3::from_array(place.map(|place| place as f64)) * size;
         let mut solid = vec![0u64; count.div_ceil(64)];
@@ -423,6 +611,48 @@ impl<'a> Flood<'a> {
         let free = solid.iter().zip(&stood).map(|(solid, stood)| stood & !solid).collect();
         Voxels { free, reached: vec![0; count.div_ceil(64)], entered: Vec::new(), is_found: false }
     }
+}
+
+/// The box around connected voxels of a viewcell: the first and last on each axis.
+struct Part {
+    first: [usize; 3],
+    last: [usize; 3],
+}
+
+impl Part {
+    /// Adds a voxel, and so many around it, as far as they are in the viewcell.
+    fn add(&mut self, at: [usize; 3], around: [usize; 3], counts: [usize; 3]) {
+        for axis in 0..3 {
+            self.first[axis] = self.first[axis].min(at[axis].saturating_sub(around[axis]));
+            let last = at[axis].saturating_add(around[axis]).min(counts[axis] - 1);
+            self.last[axis] = self.last[axis].max(last);
+        }
+    }
+}
+
+/// Removes the voxels that are connected with one of a set through faces, and returns the box around them.
+/// `None` if that voxel is not in the set.
+fn take_part(set: &mut [u64], counts: [usize; 3], seed: usize) -> Option<Part> {
+    if !bit(set, seed) {
+        return None;
+    }
+    let mut part = Part { first: split(seed, counts), last: split(seed, counts) };
+    let strides = [1, counts[0], counts[0] * counts[1]];
+    let mut stack = vec![seed];
+    while let Some(voxel) = stack.pop() {
+        if !bit(set, voxel) {
+            continue;
+        }
+        set[voxel / 64] &= !(1 << (voxel % 64));
+        let at = split(voxel, counts);
+        part.add(at, [0; 3], counts);
+        for axis in 0..3 {
+            let lower = (at[axis] > 0).then(|| voxel - strides[axis]);
+            let upper = (at[axis] + 1 < counts[axis]).then(|| voxel + strides[axis]);
+            stack.extend(lower.into_iter().chain(upper).filter(|&next| bit(set, next)));
+        }
+    }
+    Some(part)
 }
 
 /// Returns whether a triangle is less steep than 60 degrees. A triangle without area is not.

@@ -101,6 +101,11 @@ impl Grid {
     /// # Errors
     /// [`GridError::TooMany`].
     pub fn along(&self, walk: &[DVec3]) -> Result<Vec<Viewcell>, GridError> {
+        Ok(self.passed(walk)?.into_iter().map(|place| self.cell(place)).collect())
+    }
+
+    /// Returns the places in the grid of the boxes that a walk passes, in ascending order of z, y and x.
+    pub(crate) fn passed(&self, walk: &[DVec3]) -> Result<Vec<[i64; 3]>, GridError> {
         let mut found = BTreeSet::new();
         let mut add = |[x, y, z]: [i64; 3]| {
             found.insert([z, y, x]);
@@ -128,7 +133,7 @@ impl Grid {
                 add(self.place(from + (to - from) * ((pair[0] + pair[1]) * 0.5))?)?;
             }
         }
-        Ok(found.into_iter().map(|[z, y, x]| self.cell([x, y, z])).collect())
+        Ok(found.into_iter().map(|[z, y, x]| [x, y, z]).collect())
     }
 
     /// Returns the place in the grid of the box that contains a point.

@@ -167,6 +167,93 @@ fn a_camera_that_flies_goes_over_walls_and_not_through_them() {
 }
 
 #[test]
+fn what_is_near_a_walk_stays_in_its_viewcells_also_in_walls() {
+    let mut random = Random(41);
+    let mut cut_off = 0.0;
+    for up in [2, 1, 2] {
+        let scene = house(&mut random, up).scene();
+        let camera = CameraRange { radius: 0.2, up: DVec3::AXES[up], ..CameraRange::default() };
+        let grid = Grid::new(DVec3::splat(-0.37), DVec3::new(2.2, 1.7, 1.9)).unwrap();
+        let mut point = || DVec3::from_array([(); 3].map(|()| 16.0 * random.unit()));
+        let walks = [vec![point(), point(), point()], vec![point()], vec![], vec![point(), point()]];
+        let found = grid.along_free(&scene, walks.iter().map(Vec::as_slice), &camera).unwrap();
+        let whole: Vec<Viewcell> = walks.iter().flat_map(|walk| grid.along(walk).unwrap()).collect();
+        for cell in &found {
+            let is_in = |a: &&Viewcell| a.min.cmple(cell.min).all() && cell.max.cmple(a.max).all();
+            let whole = whole.iter().find(is_in).expect("a part of a box that a walk passes");
+            cut_off += (whole.max - whole.min).element_product() - (cell.max - cell.min).element_product();
+        }
+        let cells = Viewcells::new(found);
+        for walk in &walks {
+            for (number, &to) in walk.iter().enumerate() {
+                let from = walk[number.saturating_sub(1)];
+                for step in 0..=2000 {
+                    let at = from.lerp(to, f64::from(step) / 2000.0);
+                    let whole = &grid.along(&[at]).unwrap()[0];
+                    let around = DVec3::from_array([(); 3].map(|()| 0.39 * (random.unit() - 0.5)));
+                    let near = (at + around).clamp(whole.min, whole.max);
+                    for eye in [at, near] {
+                        // The walk may graze a box by less than rounding.
+                        let mut is_in = false;
+                        cells.for_each_touching(eye - 1e-9, eye + 1e-9, |_| is_in = true);
+                        assert!(is_in, "{eye} near {at} is in no viewcell");
+                    }
+                }
+            }
+        }
+    }
+    assert!(cut_off > 10.0, "{cut_off} cubic metres are cut off");
+    // Single eyes in a wall.
+    let world = house(&mut random, 2);
+    let (scene, grid) = (world.scene(), Grid::new(DVec3::ZERO, DVec3::splat(1.9)).unwrap());
+    for _ in 0..40 {
+        let eye = DVec3::new(7.95 + 0.1 * random.unit(), 1.0 + 14.0 * random.unit(), 1.0 + random.unit());
+        let found = grid.along_free(&scene, [&[eye][..]], &CameraRange::default()).unwrap();
+        let whole = &grid.along(&[eye]).unwrap()[0];
+        let corners = [-0.25, 0.25].map(|radius| (eye + radius).clamp(whole.min, whole.max));
+        assert!(found.iter().any(|cell| corners.iter().all(|&corner| cell.contains(corner))), "{eye}");
+    }
+}
+
+#[test]
+fn viewcells_along_a_walk_end_at_walls_and_floors() {
+    // A room of 3 x 2.5 m, 2.4 m high, in a box of 4 m, with a plate in mid-air.
+    let wall = |min: [f64; 3], max: [f64; 3]| (DVec3::from(min), DVec3::from(max));
+    let room = vec![
+        wall([-1.0, -1.0, 0.5], [5.0, 5.0, 0.75]),
+        wall([-1.0, -1.0, 3.125], [5.0, 5.0, 3.5]),
+        wall([-1.0, 3.0, 0.0], [9.0, 3.25, 4.0]),
+        wall([2.5, -1.0, 0.0], [2.625, 5.0, 4.0]),
+        wall([1.0, 1.0, 1.25], [1.5, 2.0, 1.5]),
+    ];
+    let world = World { boxes: room, up: 2 };
+    let grid = Grid::new(DVec3::ZERO, DVec3::splat(4.0)).unwrap();
+    let along = |walk: &[DVec3]| grid.along_free(&world.scene(), [walk], &CameraRange::default()).unwrap();
+    let eye = DVec3::new(0.7, 0.8, 2.0);
+    let is_close = |a: DVec3, b: [f64; 3]| (a - DVec3::from(b)).abs().max_element() < 0.01;
+    let [cell] = &along(&[eye])[..] else { panic!("one viewcell") };
+    assert!(
+        cell.min.truncate() == DVec3::ZERO.truncate() && is_close(cell.min, [0.0, 0.0, 0.75]),
+        "{cell:?}"
+    );
+    assert!(is_close(cell.max, [2.5, 3.0, 3.125]), "{cell:?}");
+    // A part on each side of the wall, in the same box and in the next; and a walk through the wall.
+    let far = eye.with_x(3.5);
+    assert_eq!(along(&[eye, eye + DVec3::Y * 1.5])[..], *std::slice::from_ref(cell));
+    assert_eq!(along(&[far]).len(), 1);
+    let both: Vec<Viewcell> = [eye, far]
+        .iter()
+        .flat_map(|eye| grid.along_free(&world.scene(), [std::slice::from_ref(eye)], &CameraRange::default()))
+        .flatten()
+        .collect();
+    let together = grid.along_free(&world.scene(), [&[eye][..], &[far]], &CameraRange::default()).unwrap();
+    assert_eq!(together, both);
+    let [through] = &along(&[eye, far])[..] else { panic!("one viewcell") };
+    assert!((through.min.x, through.max.x) == (0.0, 4.0) && through.max.y < 3.0, "{through:?}");
+    assert_eq!(along(&[]), []);
+}
+
+#[test]
 fn extremes_are_errors_or_answers() {
     let world = World { boxes: vec![(DVec3::ZERO, DVec3::splat(1e6))], up: 2 };
     let mut scene = world.scene();
@@ -185,6 +272,14 @@ fn extremes_are_errors_or_answers() {
     }
     assert_eq!(free(0.3, -1.0), Ok(Vec::new()));
     assert!(free(f64::INFINITY, 5.0).is_ok() && free(1e300, 5.0).is_ok());
+    for radius in [f64::NAN, -1.0, 0.0, 1e300] {
+        let camera = CameraRange { radius, ..CameraRange::default() };
+        let along = |eye: DVec3| grid.along_free(&scene, [&[eye][..]], &camera).map(|cells| cells.len());
+        assert_eq!(along(DVec3::splat(0.5)), Ok(1));
+        for far in [f64::NAN, f64::INFINITY, 1e300] {
+            assert_eq!(along(DVec3::splat(far)), Err(GridError::TooMany));
+        }
+    }
     let camera = CameraRange { heights: Some([f64::NAN, f64::INFINITY]), ..CameraRange::default() };
     assert!(grid.free(&scene, &[DVec3::splat(0.5)], &camera, DVec3::ZERO, DVec3::splat(5.0)).is_ok());
     let huge = [DVec3::ZERO, DVec3::X * 1e9, DVec3::Y * 1e9];

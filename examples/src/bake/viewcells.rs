@@ -5,27 +5,26 @@ use crate::region::cells;
 use crate::walkthrough::World;
 use clap::Args;
 use glam::{DVec3, Vec3};
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use visibility_bake::{CameraRange, Grid, GridError};
-use visibility_core::pvs::Viewcell;
+use visibility_core::pvs::{Viewcell, Viewcells};
 
 /// Where viewcells are.
 #[derive(Args, Clone, Debug)]
 pub struct Places {
-    /// Places of the viewcells: `walks` for the boxes of a grid that the scene's walks pass; `free` for
-    /// those, and all that a walking camera reaches from the walks (or from --from) without passing
-    /// through opaque objects; `grid` for all boxes over the scene, or over --over; `graph` for the
-    /// scene's own cells; or a file (.glb, .gltf, .vscn) of walkable triangles, such as a navigation
-    /// mesh, for the boxes above them. By default `grid` with --over, `free` with --from, else `walks`.
-    /// An eye outside all viewcells sees everything.
+    /// Places of the viewcells: `walks` for the boxes of a grid that the scene's walks pass, without what
+    /// opaque objects separate from the walks; `free` for those, and all that a walking camera reaches from
+    /// the walks (or from --from) without passing through opaque objects; `grid` for all boxes over the
+    /// scene, or over --over; `graph` for the scene's own cells; or a file (.glb, .gltf, .vscn) of walkable
+    /// triangles, such as a navigation mesh, for the boxes above them. By default `grid` with --over, `free`
+    /// with --from, else `walks`. An eye outside all viewcells sees everything.
     #[arg(long, value_name = "PLACES|FILE")]
     pub cells: Option<Kind>,
 
-    /// Size of a viewcell in metres along x, y and z.
-    #[arg(long, value_name = "X,Y,Z", value_parser = size, default_value = "4,4,2")]
-    pub size: [f64; 3],
+    /// Size of a viewcell in metres along x, y and z. By default 4 m on the ground and 2 m up.
+    #[arg(long, value_name = "X,Y,Z", value_parser = size)]
+    pub size: Option<[f64; 3]>,
 
     /// Box to fill with viewcells, or that `free` does not leave.
     #[arg(long, value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", value_parser = corners,
@@ -47,7 +46,7 @@ pub struct Places {
     #[arg(long, conflicts_with = "heights")]
     pub fly: bool,
 
-    /// Least distance in metres that the camera keeps from opaque objects, for `free`.
+    /// Least distance in metres that the camera keeps from opaque objects, for `free` and `walks`.
     #[arg(long, value_name = "METRES", default_value_t = 0.25)]
     pub radius: f64,
 }
@@ -111,7 +110,9 @@ pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
     let source = &world.source;
     let double = |point: Vec3| point.as_dvec3();
     let (low, high) = source.bounds().map_or((DVec3::ZERO, DVec3::ZERO), |(a, b)| (double(a), double(b)));
-    let size = DVec3::from_array(places.size);
+    let up = source.up.abs().max_position();
+    let usual = DVec3::from_array([0, 1, 2].map(|axis| if axis == up { 2.0 } else { 4.0 }));
+    let size = places.size.map_or(usual, DVec3::from_array);
     let over = places.over.map(|[a, b, c, d, e, f]| (DVec3::new(a, b, c), DVec3::new(d, e, f)));
     let kind = match &places.cells {
         Some(kind) => kind.clone(),
@@ -133,16 +134,26 @@ pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
         up: double(source.up),
     };
     let found = match kind {
-        Kind::Walks => along(world, &grid).map_err(text)?,
+        Kind::Walks => along(world, &grid, &camera).map_err(text)?,
         Kind::Free => {
             let (from, mut all): (Vec<DVec3>, _) = if places.from.is_empty() {
                 let eyes = source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
-                (eyes.collect(), along(world, &grid).map_err(text)?)
+                (eyes.collect(), along(world, &grid, &camera).map_err(text)?)
             } else {
                 (places.from.iter().copied().map(DVec3::from_array).collect(), Vec::new())
             };
             let (min, max) = over.unwrap_or((low, high));
-            all.extend(grid.free(&world.scene, &from, &camera, min, max).map_err(text)?);
+            let reached = grid.free(&world.scene, &from, &camera, min, max).map_err(text)?;
+            let known = Viewcells::new(all.iter().cloned());
+            let is_new = |cell: &Viewcell| {
+                let mut is_within = false;
+                known.for_each_touching(cell.min, cell.max, |id| {
+                    let other = &known.cells()[id.index()];
+                    is_within |= other.min.cmple(cell.min).all() && cell.max.cmple(other.max).all();
+                });
+                !is_within
+            };
+            all.extend(reached.into_iter().filter(is_new));
             all
         }
         Kind::Grid => {
@@ -166,18 +177,11 @@ pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
     if found.is_empty() {
         return Err("there are no viewcells: say with --cells or --over where they should be".to_owned());
     }
-    // Walks may pass the same boxes. The first of them stays.
-    let mut known = HashSet::new();
-    let is_new =
-        |cell: &Viewcell| !cell.planes.is_empty() || known.insert(cell.min.to_array().map(f64::to_bits));
-    Ok(found.into_iter().filter(is_new).collect())
+    Ok(found)
 }
 
-fn along(world: &World, grid: &Grid) -> Result<Vec<Viewcell>, GridError> {
-    let mut all = Vec::new();
-    for walk in &world.source.walks {
-        let eyes: Vec<DVec3> = walk.keys.iter().map(|key| key.eye).collect();
-        all.extend(grid.along(&eyes)?);
-    }
-    Ok(all)
+fn along(world: &World, grid: &Grid, camera: &CameraRange) -> Result<Vec<Viewcell>, GridError> {
+    let walks = world.source.walks.iter();
+    let eyes: Vec<Vec<DVec3>> = walks.map(|walk| walk.keys.iter().map(|key| key.eye).collect()).collect();
+    grid.along_free(&world.scene, eyes.iter().map(Vec::as_slice), camera)
 }
