@@ -217,17 +217,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
                 continue;
             }
             hidden += 1;
-            let corners = bounds.corners();
-            for sample in 0..16 {
-                let p = corners.get(sample).map_or_else(
-                    || {
-                        let part =
-                            Vec3::new(random.unit() as f32, random.unit() as f32, random.unit() as f32);
-                        bounds.min + (bounds.max - bounds.min) * part
-                    },
-                    |corner| *corner,
-                );
-                let p = p.as_dvec3();
+            for p in random.points_of(&bounds) {
                 if !planes.contains(p) {
                     continue;
                 }

@@ -348,11 +348,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
                 continue;
             }
             hidden += 1;
-            let corners = bounds.corners();
-            for sample in 0..16 {
-                let part = Vec3::new(random.unit() as f32, random.unit() as f32, random.unit() as f32);
-                let within = bounds.min + (bounds.max - bounds.min) * part;
-                let p = corners.get(sample).copied().unwrap_or(within).as_dvec3();
+            for p in random.points_of(&bounds) {
                 if planes.contains(p) {
                     rays += 1;
                     let is_blocked = is_blocked(eye, p, near, &drawn);

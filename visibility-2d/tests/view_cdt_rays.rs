@@ -220,13 +220,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
                 continue;
             }
             hidden += 1;
-            let corners = bounds.corners();
-            for sample in 0..16 {
-                let p = corners
-                    .get(sample)
-                    .copied()
-                    .unwrap_or_else(|| bounds.min + (bounds.max - bounds.min) * random.vec3(0.0, 1.0));
-                let p = p.as_dvec3();
+            for p in random.points_of(&bounds) {
                 if !planes.contains(p) {
                     continue;
                 }

@@ -1,5 +1,6 @@
 //! Pseudorandom numbers, identical in each run.
 
+use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
 
 /// Pseudorandom number generator: SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
@@ -89,6 +90,15 @@ impl Random {
     /// Returns a vector of `f32` whose coordinates are each from `least` to `greatest`.
     pub fn vec3(&mut self, least: f64, greatest: f64) -> Vec3 {
         DVec3::from_array(core::array::from_fn(|_| self.fine_range(least, greatest))).as_vec3()
+    }
+
+    /// Returns points of a box: its corners, and as many within it.
+    pub fn points_of(&mut self, bounds: &Aabb) -> [DVec3; 16] {
+        let (corners, size) = (bounds.corners(), bounds.max - bounds.min);
+        core::array::from_fn(|at| {
+            let within = || bounds.min + size * self.vec3(0.0, 1.0);
+            corners.get(at).copied().unwrap_or_else(within).as_dvec3()
+        })
     }
 
     /// Returns a unit vector; all directions are equally likely.

@@ -1,5 +1,5 @@
-//! Tests of the horizon on every scene: no object that an item buffer of 2560 x 1440 sees is hidden, with any
-//! number of columns.
+//! Tests of the cullers of `visibility-2d` on every scene: no object that an item buffer of 2560 x 1440 sees is
+//! hidden, with any setting.
 #![allow(missing_docs)]
 
 mod shared_scenes;
@@ -7,7 +7,8 @@ mod shared_scenes;
 use shared_scenes::{assert_none_hidden_by, scene};
 use visibility_examples::built_in;
 
-const CULLERS: &str = "frustum,horizon:32,horizon,horizon:4096,horizon-map,horizon-map:1024,horizon+hzb,hzb";
+const CULLERS: &str = "frustum,horizon:32,horizon,horizon:4096,horizon-map,horizon-map:1024,horizon+hzb,\
+    view-cdt,view-cdt:192,view-cdt-whole,view-cdt-cells,view-cdt-incident,hzb,occlusion-tree";
 
 #[test]
 fn nothing_visible_is_hidden_in_built_in_scenes() {
