@@ -86,11 +86,19 @@ pub trait Baker: Sync {
     /// the whole bake.
     fn item_count(&self) -> usize;
 
-    /// Returns the priority of an item; lower ranks are worked on first. A good rank is the expected cost of
-    /// the item. Each round takes the waiting items of least rank, and of equal ranks those of least number.
+    /// Returns the priority of an item within its stage; lower ranks are worked on first. A good rank is the
+    /// expected cost of the item. Each round takes the waiting items of least rank, and of equal ranks those
+    /// of least number.
     /// The rank may change between rounds. The default is the item's number.
     fn rank(&self, item: u32) -> u64 {
         item.into()
+    }
+
+    /// Returns the stage of an item: an item is worked on when the results of all items of lower stages have
+    /// been merged. Constant for an item. The default is one stage for all.
+    fn stage(&self, item: u32) -> u32 {
+        let _ = item;
+        0
     }
 
     /// Computes the result of one item from the baker's state before the round. Called from several threads
@@ -181,16 +189,21 @@ impl<B: Baker> Bake<B> {
         Some(self.progress())
     }
 
-    /// Removes the items of least rank, at most [`Baker::ROUND`], from the waiting items and returns them in
-    /// ascending order of rank, then number. Requires at least one waiting item.
+    /// Removes the items of the lowest stage that have the least rank, at most [`Baker::ROUND`], from the
+    /// waiting items and returns them in ascending order of rank, then number. Requires at least one waiting
+    /// item.
     fn next_round(&mut self) -> Vec<u32> {
         let size = B::ROUND.clamp(1, self.waiting.len());
-        let key = |&item: &u32| (self.baker.rank(item), item);
+        let baker = &self.baker;
+        let key = |&item: &u32| (baker.stage(item), baker.rank(item), item);
         if size < self.waiting.len() {
             self.waiting.select_nth_unstable_by_key(size - 1, key);
         }
         let mut round: Vec<u32> = self.waiting.drain(..size).collect();
         round.sort_unstable_by_key(key);
+        let stage = baker.stage(round[0]);
+        let of_stage = round.partition_point(|&item| baker.stage(item) == stage);
+        self.waiting.extend(round.drain(of_stage..));
         round
     }
 
