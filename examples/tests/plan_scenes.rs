@@ -1,5 +1,5 @@
-//! Tests of the cullers of `visibility-2d` on every scene: no object that an item buffer of 2560 x 1440 sees is
-//! hidden, with any setting.
+//! Tests of the cullers of `visibility-2d` on every scene: no object that an item buffer of 2560 x 1440 sees
+//! is hidden, with any setting.
 #![allow(missing_docs)]
 
 mod shared_scenes;
