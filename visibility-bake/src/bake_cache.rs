@@ -1,10 +1,12 @@
 //! What a bake has found, by what it was found from: with it, a bake of an edited level works on those
 //! viewcells alone whose input has changed.
 
+use crate::near_to_far::Trace;
 use std::collections::HashMap;
+use std::sync::Arc;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
 
-const FORMAT: Format = Format { magic: *b"VISCACHE", version: 1 };
+const FORMAT: Format = Format { magic: *b"VISCACHE", version: 2 };
 
 /// An object that a sweep left was seen.
 pub(crate) const SEEN: u8 = 0;
@@ -48,13 +50,39 @@ impl CellRecord {
     }
 }
 
+/// What the viewcells of a group have in common.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub(crate) struct GroupRecord {
+    /// Hash of the viewcells and the settings.
+    pub question: u64,
+    /// Hash of the viewcells, the settings, and the objects that the sweep of the group has left.
+    pub key: u64,
+    /// What the sweep of the group has opened and left.
+    pub trace: Trace,
+}
+
+impl GroupRecord {
+    pub(crate) fn save(&self, to: &mut Writer) {
+        to.u64(self.question);
+        to.u64(self.key);
+        self.trace.save(to);
+    }
+
+    /// Reads what [`save`](Self::save) has written.
+    pub(crate) fn load(from: &mut Reader<'_>) -> Result<Self, FormatError> {
+        Ok(Self { question: from.u64()?, key: from.u64()?, trace: Trace::load(from)? })
+    }
+}
+
 /// The results of a bake, each with a hash of all that it depends on. A bake of the same level after an edit
 /// takes from it what the edit cannot have changed
 /// ([`SandwichBaker::with_cache`](crate::SandwichBaker::with_cache)), and has the same result as without.
 ///
-/// A result depends on its viewcell, the viewcells in its group (up to 16 neighbours), the settings, and
-/// those objects alone that a quick sweep has not found hidden: from the group for the whole group, from the
-/// viewcell for the viewcell. Objects may be inserted, removed or renumbered, and viewcells too.
+/// A result depends on its viewcell, the viewcells in its group (up to 16 neighbours), the settings, and a
+/// part of the objects. A group for which all *tiles* that its sweep has opened, the parts of the level that
+/// are seen from it or near, are as they were costs nothing. If a tile has changed, the group is swept again;
+/// if that leaves the same objects as before, its viewcells cost nothing, and otherwise a viewcell costs a
+/// sweep if that leaves the same. Objects may be inserted, removed or renumbered, and viewcells too.
 ///
 /// ```
 /// use visibility_bake::{BakeCache, SandwichBaker, Settings};
@@ -73,29 +101,38 @@ impl CellRecord {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct BakeCache {
-    /// Groups with their hashes, in any order: what was found for their viewcells.
-    groups: Vec<(u64, Vec<CellRecord>)>,
-    /// Index of a group by its hash.
-    by_group: HashMap<u64, usize>,
+    /// Groups in any order, with what was found for their viewcells.
+    groups: Vec<(Arc<GroupRecord>, Vec<CellRecord>)>,
+    /// Index of a group by the hash of its viewcells and settings.
+    by_question: HashMap<u64, usize>,
+    /// Index of a group by its key.
+    by_key: HashMap<u64, usize>,
     /// Indices of a group and of a viewcell in it, by the hash of the viewcell.
     by_cell: HashMap<u64, (usize, usize)>,
 }
 
 impl BakeCache {
-    /// Adds a group. Of two with the same hash, the first stays.
-    pub(crate) fn insert(&mut self, key: u64, cells: Vec<CellRecord>) {
+    /// Adds a group. Of two with the same viewcells and settings, the first stays.
+    pub(crate) fn insert(&mut self, group: Arc<GroupRecord>, cells: Vec<CellRecord>) {
         let number = self.groups.len();
-        if *self.by_group.entry(key).or_insert(number) == number {
+        if *self.by_question.entry(group.question).or_insert(number) == number {
+            self.by_key.entry(group.key).or_insert(number);
             for (place, cell) in cells.iter().enumerate() {
                 self.by_cell.entry(cell.key).or_insert((number, place));
             }
-            self.groups.push((key, cells));
+            self.groups.push((group, cells));
         }
+    }
+
+    /// Returns what was found for some viewcells with some settings, by a hash of both.
+    pub(crate) fn answer(&self, question: u64) -> Option<(&Arc<GroupRecord>, &[CellRecord])> {
+        let (group, cells) = &self.groups[*self.by_question.get(&question)?];
+        Some((group, cells))
     }
 
     /// Returns what was found for the viewcells of a group.
     pub(crate) fn group(&self, key: u64) -> Option<&[CellRecord]> {
-        self.by_group.get(&key).map(|&number| &self.groups[number].1[..])
+        self.by_key.get(&key).map(|&number| &self.groups[number].1[..])
     }
 
     /// Returns what was found for a viewcell. The numbers of its objects are those of another group.
@@ -107,8 +144,8 @@ impl BakeCache {
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut to = Writer::new(FORMAT, 0, 0);
         to.u32(self.groups.len() as u32);
-        for (key, cells) in &self.groups {
-            to.u64(*key);
+        for (group, cells) in &self.groups {
+            group.save(&mut to);
             to.u32(cells.len() as u32);
             cells.iter().for_each(|cell| cell.save(&mut to));
         }
@@ -125,12 +162,13 @@ impl BakeCache {
         from.expect(0, 0)?;
         let mut cache = Self::default();
         for _ in 0..from.u32()? {
-            let (key, count) = (from.u64()?, from.u32()?);
+            let group = GroupRecord::load(&mut from)?;
+            let count = from.u32()?;
             let mut cells = Vec::new();
             for _ in 0..count {
                 cells.push(CellRecord::load(&mut from)?);
             }
-            cache.insert(key, cells);
+            cache.insert(Arc::new(group), cells);
         }
         from.end()?;
         Ok(cache)

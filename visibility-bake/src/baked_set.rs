@@ -9,16 +9,16 @@
 //! The format of the file is described in `docs/formats.md` of the repository.
 
 use crate::deflated::{deflated, inflated};
-use crate::fingerprint::bounds_fingerprint;
+use crate::object_facts::bounds_fingerprint;
 use std::collections::HashMap;
 use std::fmt;
-use visibility_core::Scene;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{
     Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells, check_rows,
 };
+use visibility_core::{ObjectId, Scene};
 
 const FORMAT: Format = Format { magic: *b"VISI-SET", version: 4 };
 
@@ -103,6 +103,12 @@ impl From<PvsError> for BakedSetError {
     }
 }
 
+/// Returns a hash of the bounds of a scene's objects.
+fn scene_bounds(scene: &Scene) -> u64 {
+    let bounds = |id: ObjectId| scene.bounds(id).ok().map(|bounds| (id.index() as u32, bounds));
+    bounds_fingerprint(scene.origin(), scene.ids().filter_map(bounds))
+}
+
 impl BakedSet {
     /// Compresses the rows of viewcells: the indices of the objects that count as visible, ascending. A row
     /// may be stored as the difference from the row of a viewcell that touches its own.
@@ -134,7 +140,7 @@ impl BakedSet {
             });
             bases
         })?;
-        Ok(Self { fingerprint: bounds_fingerprint(scene), index_limit, viewcells, classes, pvs })
+        Ok(Self { fingerprint: scene_bounds(scene), index_limit, viewcells, classes, pvs })
     }
 
     /// Returns the viewcells.
@@ -166,7 +172,7 @@ impl BakedSet {
     /// [`BakedSetError::OtherScene`] unless the scene has just the objects of the bake, with the same indices
     /// and bounds.
     pub fn for_scene(self, scene: &Scene) -> Result<ScenePvs, BakedSetError> {
-        if self.index_limit != scene.index_limit() || self.fingerprint != bounds_fingerprint(scene) {
+        if self.index_limit != scene.index_limit() || self.fingerprint != scene_bounds(scene) {
             return Err(BakedSetError::OtherScene);
         }
         // An object of no class has the target that no viewcell sees.

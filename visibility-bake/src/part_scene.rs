@@ -5,10 +5,12 @@
 //! sight is seen. So an edit of the level that does not touch these objects cannot change what is found.
 
 use std::collections::HashMap;
-use visibility_core::binary_format::Fingerprint;
-use visibility_core::glam::Vec3;
 use visibility_core::occlusion::OccluderMesh;
+use visibility_core::scene::MeshId;
 use visibility_core::{Object, ObjectId, Scene};
+
+/// Occluder meshes of a part, by their places in the whole: those that several objects share are stored once.
+pub(crate) type Meshes = HashMap<*const OccluderMesh, MeshId>;
 
 /// Makes a scene of some objects, in the given order: the first gets index 0. Proofs do without occluder
 /// meshes.
@@ -18,55 +20,46 @@ pub(crate) fn part_scene(scene: &Scene, ids: &[ObjectId], with_meshes: bool) -> 
     let _ = part.set_origin(scene.origin());
     let objects: Vec<Object> = ids.iter().filter_map(|&id| scene.object(id).ok()).collect();
     let new_ids = part.insert_batch(objects);
-    // Occluder meshes that several objects share are stored once.
-    let mut meshes = HashMap::new();
+    let mut meshes = Meshes::new();
     for (&id, new) in ids.iter().zip(new_ids) {
-        if let Ok(triangles) = scene.triangles(id)
-            && !triangles.is_empty()
-        {
-            let _ = part.set_triangles(new, triangles);
-        }
-        if let Some((mesh, transform)) = scene.occluder(id).filter(|_| with_meshes) {
-            let key: *const OccluderMesh = mesh;
-            let shared = *meshes.entry(key).or_insert_with(|| part.add_mesh(mesh.clone()));
-            let _ = part.set_mesh(new, shared, *transform);
-        }
+        copy_content(scene, id, &mut part, new, true, with_meshes.then_some(&mut meshes));
     }
     part
 }
 
-/// Returns for each index of an object a hash of all that a bake depends on: bounds, layers, cost, flags,
-/// triangles and occluder mesh, but not the index. 0 for an index without an object.
-pub(crate) fn object_hashes(scene: &Scene) -> Vec<u64> {
-    let mut hashes = vec![0; scene.index_limit()];
-    for id in scene.ids() {
-        let Ok(object) = scene.object(id) else { continue };
-        let flags = u32::from(object.never_cull) | u32::from(object.occluder) << 1;
-        let hash = point(point(Fingerprint::new(), object.bounds.min), object.bounds.max);
-        let hash = hash.with(object.layers).with(object.cost).with(flags);
-        let triangles = scene.triangles(id).unwrap_or_default();
-        let hash = hash.with(triangles.len() as u32);
-        let mut hash = triangles.as_flattened().iter().fold(hash, |hash, &p| point(hash, p));
-        if let Some((mesh, transform)) = scene.occluder(id) {
-            hash = hash.with(u32::from(mesh.is_two_sided())).with(mesh.positions().len() as u32);
-            hash = mesh.positions().iter().fold(hash, |hash, &p| point(hash, p));
-            hash = mesh.triangles().as_flattened().iter().fold(hash, |hash, &corner| hash.with(corner));
-            hash = transform.to_cols_array().iter().fold(hash, |hash, x| hash.with(x.to_bits()));
-        }
-        hashes[id.index()] = hash.value();
+/// Gives an object of a part the triangles and the occluder mesh that it has in the whole.
+pub(crate) fn copy_content(
+    scene: &Scene,
+    id: ObjectId,
+    part: &mut Scene,
+    new: ObjectId,
+    with_triangles: bool,
+    meshes: Option<&mut Meshes>,
+) {
+    if with_triangles
+        && let Ok(triangles) = scene.triangles(id)
+        && !triangles.is_empty()
+    {
+        let _ = part.set_triangles(new, triangles);
     }
-    hashes
-}
-
-fn point(hash: Fingerprint, p: Vec3) -> Fingerprint {
-    p.to_array().iter().fold(hash, |hash, x| hash.with(x.to_bits()))
+    if let Some(meshes) = meshes
+        && let Some((mesh, transform)) = scene.occluder(id)
+    {
+        let shared = *meshes.entry(mesh).or_insert_with(|| part.add_mesh(mesh.clone()));
+        let _ = part.set_mesh(new, shared, *transform);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tiled_scene::TiledScene;
     use visibility_core::Aabb;
-    use visibility_core::glam::Affine3A;
+    use visibility_core::glam::{Affine3A, Vec3};
+
+    fn hashes(scene: &Scene) -> Vec<u64> {
+        TiledScene::new(scene).objects.iter().map(|object| object.hash).collect()
+    }
 
     /// Makes a scene of one object, which `change` may change, and returns the hash of the object.
     fn hash(change: impl Fn(&mut Scene, ObjectId)) -> u64 {
@@ -75,7 +68,7 @@ mod tests {
             scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([1.0; 3], [2.0; 3])) });
         scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Y]]).unwrap();
         change(&mut scene, id);
-        object_hashes(&scene)[0]
+        hashes(&scene)[0]
     }
 
     #[test]
@@ -128,8 +121,8 @@ mod tests {
         }
         let some = [ids[7], ids[3], ids[4]];
         let part = part_scene(&scene, &some, true);
-        let (whole, hashes) = (object_hashes(&scene), object_hashes(&part));
-        assert_eq!(hashes, some.map(|id| whole[id.index()]));
+        let whole = hashes(&scene);
+        assert_eq!(hashes(&part), some.map(|id| whole[id.index()]));
         assert_eq!(part.origin(), scene.origin());
         assert_eq!(part.occluders_without_mesh(), 1);
     }

@@ -1,22 +1,23 @@
 //! The bake of sandwiches: for each viewcell methods from cheap to exact, each for what the one before left
 //! open.
 
-use crate::bake_cache::{BakeCache, CellRecord, HIDDEN, OPEN, SEEN};
+use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
 use crate::cell_groups::{self, CellGroups};
 use crate::cell_sandwich::CellSandwich;
-use crate::fingerprint::scene_fingerprint;
 use crate::method_times::MethodTimes;
-use crate::part_scene::{object_hashes, part_scene};
+use crate::near_to_far::{sweep_near_to_far, swept};
+use crate::part_scene::part_scene;
 use crate::search::Search;
 use crate::settings::Settings;
+use crate::tiled_scene::{PreparedScene, TiledScene, prepared};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+use visibility_core::Scene;
 use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
-use visibility_core::{ObjectId, RegionCuller, Scene, VisibleSet};
 use visibility_exact::SceneTriangles;
 use visibility_region::ExtendedProjectionCuller;
 
@@ -56,16 +57,12 @@ const METHODS: u32 = 3;
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 pub struct SandwichBaker<'a> {
-    scene: &'a Scene,
+    level: TiledScene<'a>,
     viewcells: &'a Viewcells,
     settings: Settings,
     range: Range<usize>,
     /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
     fingerprint: u64,
-    /// By index, a hash of each object.
-    hashes: Vec<u64>,
-    /// Prepared for the scene.
-    sweep: ExtendedProjectionCuller,
     groups: CellGroups,
     /// By group, what its viewcells have in common, while some of them are worked on.
     slots: Vec<Mutex<Slot>>,
@@ -73,6 +70,8 @@ pub struct SandwichBaker<'a> {
     /// Returns the time passed since any fixed moment.
     clock: fn() -> Duration,
     done: Vec<Option<FoundCell>>,
+    /// By group with a viewcell that is done.
+    found_groups: Vec<Option<Arc<GroupRecord>>>,
 }
 
 /// The result of a bake.
@@ -99,8 +98,7 @@ pub struct SandwichOutcome {
 pub struct FoundCell {
     sandwich: CellSandwich,
     times: MethodTimes,
-    /// Hash of what the results of the viewcell's group depend on.
-    group: u64,
+    group: Arc<GroupRecord>,
     record: CellRecord,
     is_reused: bool,
 }
@@ -108,8 +106,10 @@ pub struct FoundCell {
 /// Memory of one thread of a bake.
 #[derive(Default)]
 pub struct BakeScratch {
-    /// Sweep of the scene.
-    sweep: Option<ExtendedProjectionCuller>,
+    /// Sweep of the whole level, if it is small.
+    whole: Option<ExtendedProjectionCuller>,
+    /// Sweep of the tiles around a group.
+    sweep: ExtendedProjectionCuller,
     /// Sweep of the scene of a group, and the number of the group.
     local: Option<(u32, ExtendedProjectionCuller)>,
 }
@@ -123,9 +123,9 @@ struct Slot {
 
 /// What the viewcells of a group have in common.
 struct Group {
-    key: u64,
-    /// Objects that a sweep of the box around the group has left, by ascending index.
-    ids: Vec<ObjectId>,
+    record: Arc<GroupRecord>,
+    /// Numbers of the objects that a sweep of the box around the group has left, tile by tile.
+    objects: Vec<u32>,
     content: Content,
 }
 
@@ -133,44 +133,25 @@ enum Content {
     /// What the cache has for the viewcells of the group.
     Known(Vec<CellRecord>),
     /// The objects left, and a sweep that is prepared for them.
-    Scene(Box<(Scene, ExtendedProjectionCuller)>),
-}
-
-/// Returns a sweep that is prepared for a scene, to be cloned for threads.
-fn prepared(scene: &Scene) -> ExtendedProjectionCuller {
-    let mut sweep = ExtendedProjectionCuller::new();
-    // From an empty viewcell nothing is visible: the culler only prepares what all threads share.
-    let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
-    sweep.cull(scene, &nowhere, &mut VisibleSet::new());
-    sweep
-}
-
-/// Returns the objects that a sweep leaves, by ascending index.
-fn swept(sweep: &mut ExtendedProjectionCuller, scene: &Scene, cell: &Viewcell) -> Vec<ObjectId> {
-    let mut visible = VisibleSet::new();
-    sweep.cull(scene, cell, &mut visible);
-    let mut ids: Vec<ObjectId> = visible.iter(scene).collect();
-    ids.sort_unstable_by_key(|id| id.index());
-    ids
+    Scene(Box<PreparedScene>),
 }
 
 impl<'a> SandwichBaker<'a> {
     /// Prepares a bake of all objects of a scene from all viewcells.
     pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: Settings) -> Self {
-        let groups = CellGroups::new(viewcells);
+        let (groups, level) = (CellGroups::new(viewcells), TiledScene::new(scene));
         let baker = Self {
-            scene,
             viewcells,
             settings,
             range: 0..0,
-            fingerprint: bake_fingerprint(scene, viewcells, &settings),
-            hashes: object_hashes(scene),
-            sweep: prepared(scene),
+            fingerprint: fingerprint(&level, viewcells, &settings),
+            level,
             slots: groups.cells.iter().map(|_| Mutex::default()).collect(),
             groups,
             cache: Arc::default(),
             clock: || Duration::ZERO,
             done: Vec::new(),
+            found_groups: Vec::new(),
         };
         baker.with_range(0..viewcells.cells().len())
     }
@@ -182,6 +163,7 @@ impl<'a> SandwichBaker<'a> {
         let start = range.start.min(count);
         self.range = start..range.end.clamp(start, count);
         self.done = vec![None; self.range.len()];
+        self.found_groups = vec![None; self.slots.len()];
         self.count_left();
         self
     }
@@ -195,9 +177,7 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Returns the baker with the results of an earlier bake, of the scene before an edit. The outcome is the
-    /// same as without, to the last byte, but for times. A viewcell costs no more than its share of the sweep
-    /// of its group if that sweep leaves the same objects as before, unchanged and in the same order; and
-    /// no more than a sweep of its own if that leaves the same.
+    /// same as without, to the last byte, but for times. See [`BakeCache`] for what an edit costs.
     #[must_use]
     pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
         self.cache = cache.into();
@@ -223,12 +203,12 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Returns a hash of the settings, the origin, and some objects in their order.
-    fn content_hash(&self, ids: impl IntoIterator<Item = ObjectId>) -> Fingerprint {
+    /// Returns a hash of the settings, the origin, and some objects in their order, by their numbers.
+    fn content_hash(&self, objects: impl IntoIterator<Item = u32>) -> Fingerprint {
         let hash = with_settings(Fingerprint::new().with(METHODS), &self.settings);
-        let origin = self.scene.origin().to_array();
+        let origin = self.level.origin.to_array();
         let hash = origin.iter().fold(hash, |hash, x| hash.with_u64(x.to_bits()));
-        ids.into_iter().fold(hash, |hash, id| hash.with_u64(self.hashes[id.index()]))
+        objects.into_iter().fold(hash, |hash, at| hash.with_u64(self.level.objects[at as usize].hash))
     }
 
     /// Returns what the viewcells of a group have in common, from its slot, or made now while other threads
@@ -241,32 +221,38 @@ impl<'a> SandwichBaker<'a> {
     fn new_group(&self, number: u32, scratch: &mut BakeScratch) -> Group {
         let members = &self.groups.cells[number as usize];
         let all = self.viewcells.cells();
-        let sweep = scratch.sweep.get_or_insert_with(|| self.sweep.clone());
-        let ids = swept(sweep, self.scene, &cell_groups::bounds(all, members));
-        let hash = self.content_hash(ids.iter().copied());
-        let key = members.iter().fold(hash, |hash, &cell| with_viewcell(hash, &all[cell as usize])).value();
-        let is_usable = |records: &&[CellRecord]| {
+        let with_members =
+            |hash| members.iter().fold(hash, |hash, &cell| with_viewcell(hash, &all[cell as usize])).value();
+        let is_usable = |records: &[CellRecord], objects: &[u32]| {
             let is_known =
-                |record: &CellRecord| record.left.last().is_none_or(|&last| (last as usize) < ids.len());
+                |record: &CellRecord| record.left.last().is_none_or(|&last| (last as usize) < objects.len());
             records.len() == members.len() && records.iter().all(is_known)
         };
-        let content = match self.cache.group(key).filter(is_usable) {
+        let question = with_members(self.content_hash([]));
+        if let Some((record, cells)) = self.cache.answer(question)
+            && let Some(objects) = record.trace.replay(&self.level.tree)
+            && is_usable(cells, &objects)
+        {
+            return Group { record: record.clone(), objects, content: Content::Known(cells.to_vec()) };
+        }
+        let around = cell_groups::bounds(all, members);
+        let trace = sweep_near_to_far(&self.level, &around, &mut scratch.sweep, &mut scratch.whole);
+        // What was opened just now is what it was.
+        let objects = trace.replay(&self.level.tree).unwrap_or_default();
+        let key = with_members(self.content_hash(objects.iter().copied()));
+        let content = match self.cache.group(key).filter(|records| is_usable(records, &objects)) {
             Some(records) => Content::Known(records.to_vec()),
-            None => {
-                let scene = part_scene(self.scene, &ids, true);
-                let sweep = prepared(&scene);
-                Content::Scene(Box::new((scene, sweep)))
-            }
+            None => Content::Scene(Box::new(prepared(self.level.scene_of(&objects, [], true)))),
         };
-        Group { key, ids, content }
+        Group { record: Arc::new(GroupRecord { question, key, trace }), objects, content }
     }
 
     /// Finds the answers for a viewcell in the scene of its group. `None` once `stop` has returned true.
     fn bake(
         &self,
         viewcell: usize,
-        ids: &[ObjectId],
-        (scene, prepared): &(Scene, ExtendedProjectionCuller),
+        objects: &[u32],
+        (scene, prepared): &PreparedScene,
         scratch: &mut BakeScratch,
         lap: &mut impl FnMut() -> Duration,
         stop: &dyn Fn() -> bool,
@@ -279,7 +265,7 @@ impl<'a> SandwichBaker<'a> {
         // The scene of a group has the indices of the group's list.
         let within = swept(sweep, scene, cell);
         let left: Vec<u32> = within.iter().map(|id| id.index() as u32).collect();
-        let key = with_viewcell(self.content_hash(left.iter().map(|&at| ids[at as usize])), cell).value();
+        let key = with_viewcell(self.content_hash(left.iter().map(|&at| objects[at as usize])), cell).value();
         if let Some(known) = self.cache.cell(key).filter(|known| known.answers.len() == left.len()) {
             let record = CellRecord { left, ..known.clone() };
             return Some((record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true));
@@ -301,15 +287,18 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Returns the sandwich of a record, given the objects of its group.
-    fn sandwich(&self, record: &CellRecord, ids: &[ObjectId]) -> CellSandwich {
+    fn sandwich(&self, record: &CellRecord, objects: &[u32]) -> CellSandwich {
+        let index = |at: u32| self.level.objects[objects[at as usize] as usize].index;
         let with = |wanted: u8| -> Vec<u32> {
             let chosen = record.left.iter().zip(&record.answers).filter(|&(_, &answer)| answer == wanted);
-            chosen.map(|(&at, _)| ids[at as usize].index() as u32).collect()
+            let mut chosen: Vec<u32> = chosen.map(|(&at, _)| index(at)).collect();
+            chosen.sort_unstable();
+            chosen
         };
         CellSandwich {
             seen: with(SEEN),
             open: with(OPEN),
-            swept: (self.scene.len() - record.left.len()) as u32,
+            swept: (self.level.objects.len() - record.left.len()) as u32,
             proven: record.answers.iter().filter(|&&answer| answer == HIDDEN).count() as u32,
             steps: record.steps,
         }
@@ -319,7 +308,11 @@ impl<'a> SandwichBaker<'a> {
 /// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
 /// same hash belong together. Time is linear in the numbers of triangles and viewcells.
 pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Settings) -> u64 {
-    let hash = Fingerprint::new().with_u64(scene_fingerprint(scene));
+    fingerprint(&TiledScene::new(scene), viewcells, settings)
+}
+
+fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &Settings) -> u64 {
+    let hash = Fingerprint::new().with_u64(level.fingerprint());
     viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
 }
 
@@ -370,12 +363,12 @@ impl Baker for SandwichBaker<'_> {
                 let record = records[place.unwrap_or_default()].clone();
                 (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true)
             }
-            Content::Scene(scene) => self.bake(number, &group.ids, scene, scratch, &mut lap, stop)?,
+            Content::Scene(scene) => self.bake(number, &group.objects, scene, scratch, &mut lap, stop)?,
         };
         let found = FoundCell {
-            sandwich: self.sandwich(&record, &group.ids),
+            sandwich: self.sandwich(&record, &group.objects),
             times,
-            group: group.key,
+            group: group.record.clone(),
             record,
             is_reused,
         };
@@ -389,13 +382,14 @@ impl Baker for SandwichBaker<'_> {
 
     fn take_in(&mut self, item: u32, found: FoundCell) -> u64 {
         let steps = found.sandwich.steps;
+        let of = self.groups.of[self.range.start + item as usize];
+        self.found_groups[of as usize].get_or_insert_with(|| found.group.clone());
         self.done[item as usize] = Some(found);
         steps
     }
 
     fn finish(self, waiting: &[u32]) -> SandwichOutcome {
-        let mut all: Vec<u32> = self.scene.ids().map(|id| id.index() as u32).collect();
-        all.sort_unstable();
+        let all: Vec<u32> = self.level.objects.iter().map(|object| object.index).collect();
         let mut cache = BakeCache::default();
         for members in &self.groups.cells {
             let found = members.iter().map(|&cell| {
@@ -405,7 +399,7 @@ impl Baker for SandwichBaker<'_> {
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
             {
-                cache.insert(first.group, found.iter().map(|found| found.record.clone()).collect());
+                cache.insert(first.group.clone(), found.iter().map(|found| found.record.clone()).collect());
             }
         }
         let reused = self.done.iter().flatten().filter(|found| found.is_reused).count();
@@ -424,12 +418,17 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn save(&self, state: &mut Writer) {
+        for group in &self.found_groups {
+            state.u32(u32::from(group.is_some()));
+            if let Some(group) = group {
+                group.save(state);
+            }
+        }
         for done in &self.done {
             state.u32(u32::from(done.is_some()));
             if let Some(found) = done {
                 found.sandwich.save(state);
                 found.times.save(state);
-                state.u64(found.group);
                 found.record.save(state);
                 state.u32(u32::from(found.is_reused));
             }
@@ -437,14 +436,18 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
-        let limit = self.scene.index_limit();
-        for done in &mut self.done {
-            *done = match state.u32()? {
-                0 => None,
-                _ => Some(FoundCell {
+        for group in &mut self.found_groups {
+            *group = if state.u32()? == 0 { None } else { Some(Arc::new(GroupRecord::load(state)?)) };
+        }
+        let limit = self.level.index_limit;
+        for (cell, done) in self.range.clone().zip(&mut self.done) {
+            *done = match (state.u32()?, &self.found_groups[self.groups.of[cell] as usize]) {
+                (0, _) => None,
+                (_, None) => return Err(state.content_error("the group of a viewcell is missing")),
+                (_, Some(group)) => Some(FoundCell {
                     sandwich: CellSandwich::load(state, limit)?,
                     times: MethodTimes::load(state)?,
-                    group: state.u64()?,
+                    group: group.clone(),
                     record: CellRecord::load(state)?,
                     is_reused: state.u32()? != 0,
                 }),

@@ -149,6 +149,44 @@ fn what_moves_where_it_is_hidden_costs_sweeps_alone() {
 }
 
 #[test]
+fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
+    let mut random = Random(52);
+    // A field of bricks behind the last wall, which come first, and the street.
+    let mut bricks: Vec<Brick> = (0..18_000)
+        .map(|i| {
+            let at = [100.0 + (i / 48) as f32 * 3.5, (i % 48) as f32 * 3.5 - 84.0, 0.0];
+            (at, [at[0] + 2.0, at[1] + 2.0, 0.5 + 3.0 * random.unit() as f32], true, 12)
+        })
+        .collect();
+    let street = bricks.len();
+    bricks.extend(level(&mut random));
+    let (cells, settings) = (viewcells(0.0), Settings { rays: 4, gap: 0.3, ..Settings::default() });
+    let none = Arc::new(BakeCache::default());
+    let mut cache = none.clone();
+    let mut reused = Vec::new();
+    for round in 0..5 {
+        match round {
+            0 => {}
+            // Behind the wall: a move, and an object less, which gives all others new numbers.
+            1 => bricks[9_000].1[2] += 2.0,
+            2 => drop(bricks.remove(9_000)),
+            // In the street, and a wall that falls.
+            3 => bricks[street + 30] = brick(&mut random),
+            _ => bricks[street + 3].1[2] = 2.0,
+        }
+        let scene = scene(&bricks);
+        let [whole, partly] = [&none, &cache].map(|cache| baked(&scene, &cells, settings, cache));
+        let of = |outcome: &SandwichOutcome| Shard::new(0, outcome.clone()).to_bytes();
+        assert!(of(&whole) == of(&partly), "round {round}: other bytes");
+        assert!(whole.cache == partly.cache, "round {round}: another cache");
+        reused.push(partly.reused);
+        cache = Arc::new(BakeCache::from_bytes(&partly.cache.to_bytes()).unwrap());
+    }
+    assert_eq!(reused[..3], [0, 20, 20]);
+    assert!((5..20).contains(&reused[3]) && reused[4] < 20, "{reused:?}");
+}
+
+#[test]
 fn damaged_caches_are_refused_and_forged_ones_do_not_panic() {
     let (scene, cells) = (scene(&level(&mut Random(8))[..20]), viewcells(0.0));
     let settings = Settings { rays: 4, ..Settings::default() };

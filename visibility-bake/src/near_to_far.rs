@@ -1,0 +1,449 @@
+//! A sweep of the tiles around a viewcell from near to far, that opens those alone that are seen.
+//!
+//! The nearest objects are swept together with the bounds of all tiles farther away, which occlude nothing.
+//! Objects and tiles that are hidden are dropped. The tiles left are opened: their objects and the tiles
+//! below are asked in the next sweep, by their bounds, and the nearest of the objects that were asked before
+//! occlude from now on, twice as many as in the sweep before. And so on, until no tile is left that is not
+//! opened. What a hidden object would occlude is hidden behind others anyway, so that nothing is lost but the
+//! time. The cost follows what is seen, not the size of the level.
+//!
+//! Only the tiles that were opened have a say in what is left. If all of them are what they were, so is the
+//! result: [`Trace::replay`].
+
+use crate::tile_tree::{Tile, TileTree};
+use crate::tiled_scene::TiledScene;
+use visibility_core::binary_format::{FormatError, Reader, Writer};
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Aabb, Object, ObjectId, RegionCuller, Scene, VisibleSet};
+use visibility_region::ExtendedProjectionCuller;
+
+/// Before the first sweep, a tile with tiles below is opened if its extent is more than this part of its
+/// distance.
+/// Before each further sweep it is half of that.
+const COARSEST: f64 = 0.1;
+
+/// Objects of so little weight are left without asking.
+const FEW: u64 = 4096;
+
+/// A tile that a sweep has opened.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct Opened {
+    /// The tile above, as a position in the list of opened tiles. The root is above itself.
+    parent: u32,
+    /// Number of the tile among the children of the tile above.
+    child: u32,
+    /// Hash of what opening the tile has revealed.
+    hash: u64,
+}
+
+/// What a sweep has opened, and what it has left.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub(crate) struct Trace {
+    /// The root first, then in the order of opening.
+    opened: Vec<Opened>,
+    /// Objects not found hidden, ascending: the position of their tile among those opened, and their place in
+    /// the tile.
+    left: Vec<[u32; 2]>,
+}
+
+/// A tile that is not opened, or an object that does not occlude yet.
+#[derive(Clone, Copy)]
+struct Waiting {
+    what: What,
+    bounds: Aabb,
+    distance: f64,
+}
+
+#[derive(Clone, Copy)]
+enum What {
+    /// The number of a tile, the position of the tile above in the list of opened tiles, and its number among
+    /// the children there.
+    Tile { tile: u32, parent: u32, child: u32 },
+    /// A place as in [`Trace::left`], and the number of the object.
+    Object { place: [u32; 2], number: u32 },
+}
+
+/// Returns the objects that a sweep leaves, by ascending index.
+pub(crate) fn swept(sweep: &mut ExtendedProjectionCuller, scene: &Scene, cell: &Viewcell) -> Vec<ObjectId> {
+    let mut visible = VisibleSet::new();
+    sweep.cull(scene, cell, &mut visible);
+    let mut ids: Vec<ObjectId> = visible.iter(scene).collect();
+    ids.sort_unstable_by_key(|id| id.index());
+    ids
+}
+
+/// Returns the distance of a box from a viewcell, 0 for a viewcell without a point.
+fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
+    let (min, max) = (cell.min - origin, cell.max - origin);
+    let gap = (bounds.min.as_dvec3() - max).max(min - bounds.max.as_dvec3()).max(DVec3::ZERO).length();
+    if gap.is_nan() || gap == f64::INFINITY { 0.0 } else { gap }
+}
+
+/// Sweeps the objects around a viewcell. The sweeps may have any content; `whole` is for a level of one tile.
+pub(crate) fn sweep_near_to_far(
+    level: &TiledScene<'_>,
+    cell: &Viewcell,
+    sweep: &mut ExtendedProjectionCuller,
+    whole: &mut Option<ExtendedProjectionCuller>,
+) -> Trace {
+    let root = &level.tree.tiles[0];
+    let mut around = Around { level, cell, opened: Vec::new(), occluding: Vec::new(), waiting: Vec::new() };
+    around.open(What::Tile { tile: 0, parent: 0, child: 0 });
+    if root.children.is_empty() {
+        let (scene, prepared) = level.whole();
+        let ids = swept(whole.get_or_insert_with(|| prepared.clone()), scene, cell);
+        let left = ids.iter().map(|id| [0, id.index() as u32]).collect();
+        return Trace { opened: around.opened, left };
+    }
+    let (mut portion, mut coarsest) = (level.first, COARSEST);
+    around.divide(coarsest);
+    around.open_nearest(portion, |tile| tile.weight);
+    loop {
+        around.load(portion);
+        around.sweep(sweep);
+        (portion, coarsest) = (portion.saturating_mul(2), coarsest / 2.0);
+        around.open_nearest(portion, |tile| tile.own.len() as u64);
+        around.divide(coarsest);
+        if around.waiting_weight().is_some_and(|weight| weight <= FEW) {
+            break;
+        }
+    }
+    let places = around.waiting.iter().filter_map(|waiting| match waiting.what {
+        What::Object { place, .. } => Some(place),
+        What::Tile { .. } => None,
+    });
+    let mut left: Vec<[u32; 2]> = around.occluding.iter().map(|&(place, _)| place).chain(places).collect();
+    left.sort_unstable();
+    Trace { opened: around.opened, left }
+}
+
+/// What is known around a viewcell.
+struct Around<'a> {
+    level: &'a TiledScene<'a>,
+    cell: &'a Viewcell,
+    opened: Vec<Opened>,
+    /// Objects that occlude and are not hidden: their places and numbers.
+    occluding: Vec<([u32; 2], u32)>,
+    /// What is not hidden and does not occlude yet.
+    waiting: Vec<Waiting>,
+}
+
+impl Around<'_> {
+    /// Adds a tile to those opened, its objects and the tiles below to those that wait.
+    fn open(&mut self, what: What) {
+        let What::Tile { tile, parent, child } = what else { return };
+        let tree = &self.level.tree;
+        let number = self.opened.len() as u32;
+        self.opened.push(Opened { parent, child, hash: tree.tiles[tile as usize].hash });
+        let waiting = |what, bounds| Waiting {
+            what,
+            bounds,
+            distance: distance(&bounds, self.cell, self.level.origin),
+        };
+        let objects = (0..).zip(tree.own(tile)).map(|(place, &at)| {
+            let what = What::Object { place: [number, place], number: at };
+            waiting(what, self.level.objects[at as usize].bounds)
+        });
+        self.waiting.extend(objects);
+        let below = (0..).zip(tree.tiles[tile as usize].children.clone()).map(|(child, tile)| {
+            waiting(What::Tile { tile, parent: number, child }, tree.tiles[tile as usize].bounds)
+        });
+        self.waiting.extend(below);
+    }
+
+    /// Opens all tiles with tiles below whose extents are more than a part of their distances.
+    fn divide(&mut self, coarsest: f64) {
+        let mut at = 0;
+        while let Some(&waiting) = self.waiting.get(at) {
+            let extent = (waiting.bounds.max.as_dvec3() - waiting.bounds.min.as_dvec3()).max_element();
+            if self.has_tiles(&waiting) == Some(true) && extent > coarsest * waiting.distance {
+                self.waiting.swap_remove(at);
+                self.open(waiting.what);
+            } else {
+                at += 1;
+            }
+        }
+    }
+
+    /// Returns whether a tile has tiles below, `None` for an object.
+    fn has_tiles(&self, waiting: &Waiting) -> Option<bool> {
+        match waiting.what {
+            What::Tile { tile, .. } => Some(!self.level.tree.tiles[tile as usize].children.is_empty()),
+            What::Object { .. } => None,
+        }
+    }
+
+    /// Lets the nearest of the waiting objects occlude, up to a weight.
+    fn load(&mut self, portion: u64) {
+        self.waiting.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        let mut weight = 0;
+        self.waiting.retain(|waiting| match waiting.what {
+            What::Object { place, number } if weight < portion => {
+                weight += self.level.objects[number as usize].weight();
+                self.occluding.push((place, number));
+                false
+            }
+            _ => true,
+        });
+    }
+
+    /// Drops what is hidden.
+    fn sweep(&mut self, sweep: &mut ExtendedProjectionCuller) {
+        let numbers: Vec<u32> = self.occluding.iter().map(|&(_, number)| number).collect();
+        let boxes = self.waiting.iter().map(|waiting| match waiting.what {
+            What::Object { number, .. } => {
+                Object { occluder: false, ..self.level.objects[number as usize].object() }
+            }
+            What::Tile { .. } => Object::new(waiting.bounds),
+        });
+        let scene = self.level.scene_of(&numbers, boxes, false);
+        let mut is_left = vec![false; numbers.len() + self.waiting.len()];
+        swept(sweep, &scene, self.cell).iter().for_each(|id| is_left[id.index()] = true);
+        let mut is_left = is_left.into_iter();
+        self.occluding.retain(|_| is_left.next().unwrap_or(true));
+        self.waiting.retain(|_| is_left.next().unwrap_or(true));
+    }
+
+    /// Opens the nearest of the waiting tiles, until the sum of a measure of them is enough.
+    fn open_nearest(&mut self, enough: u64, measure: fn(&Tile) -> u64) {
+        let is_tile = |waiting: &Waiting| matches!(waiting.what, What::Tile { .. });
+        let (mut tiles, objects): (Vec<Waiting>, Vec<Waiting>) = self.waiting.drain(..).partition(is_tile);
+        tiles.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        self.waiting = objects;
+        let mut sum = 0;
+        for waiting in tiles {
+            match waiting.what {
+                What::Tile { tile, .. } if sum < enough => {
+                    sum += measure(&self.level.tree.tiles[tile as usize]);
+                    self.open(waiting.what);
+                }
+                _ => self.waiting.push(waiting),
+            }
+        }
+    }
+
+    /// Returns the weight of the objects that do not occlude. `None` if a tile is not opened.
+    fn waiting_weight(&self) -> Option<u64> {
+        let weight = |waiting: &Waiting| match waiting.what {
+            What::Object { number, .. } => Some(self.level.objects[number as usize].weight()),
+            What::Tile { .. } => None,
+        };
+        self.waiting.iter().map(weight).sum()
+    }
+}
+
+impl Trace {
+    /// Returns the numbers of the objects left, tile by tile in the order of opening, if all tiles that were
+    /// opened are what they were. `None` if one is not.
+    pub(crate) fn replay(&self, tree: &TileTree) -> Option<Vec<u32>> {
+        let mut tiles: Vec<u32> = Vec::with_capacity(self.opened.len());
+        for (at, opened) in self.opened.iter().enumerate() {
+            let tile = if at == 0 {
+                0
+            } else {
+                let parent = tiles.get(opened.parent as usize)?;
+                let children = tree.tiles[*parent as usize].children.clone();
+                (opened.child < children.len() as u32).then_some(children.start + opened.child)?
+            };
+            if tree.tiles[tile as usize].hash != opened.hash {
+                return None;
+            }
+            tiles.push(tile);
+        }
+        let number =
+            |&[opened, place]: &[u32; 2]| tree.own(*tiles.get(opened as usize)?).get(place as usize).copied();
+        self.left.iter().map(number).collect()
+    }
+
+    pub(crate) fn save(&self, to: &mut Writer) {
+        to.u32(self.opened.len() as u32);
+        for opened in &self.opened {
+            to.u32s([opened.parent, opened.child]);
+            to.u64(opened.hash);
+        }
+        to.u32(self.left.len() as u32);
+        to.u32s(self.left.iter().flatten().copied());
+    }
+
+    /// Reads what [`save`](Self::save) has written.
+    pub(crate) fn load(from: &mut Reader<'_>) -> Result<Self, FormatError> {
+        let mut trace = Self::default();
+        for _ in 0..from.u32()? {
+            trace.opened.push(Opened { parent: from.u32()?, child: from.u32()?, hash: from.u64()? });
+        }
+        let count = from.u32()? as usize;
+        trace.left =
+            from.u32s(count.saturating_mul(2))?.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+        if !trace.left.is_sorted_by(|a, b| a < b) {
+            return Err(from.content_error("objects of a group are out of order"));
+        }
+        Ok(trace)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    /// A town of blocks of houses with yards, 240 m wide, with some towers, and things in the streets and in
+    /// the yards; a sign that is never culled, and a cloud without bounds.
+    fn town(random: &mut Random) -> Scene {
+        let mut scene = Scene::new();
+        let mut add = |min: [f32; 3], max: [f32; 3], occluder: bool| {
+            let bounds = Aabb::from_arrays(min, max);
+            let id = scene.insert(Object { occluder, cost: 12, ..Object::new(bounds) });
+            let corners = bounds.corners();
+            let sides = visibility_core::OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize]));
+            scene.set_triangles(id, sides).unwrap();
+            id
+        };
+        let mut number = |low: f64, high: f64| (low + (high - low) * random.unit()) as f32;
+        for (x, y) in
+            (0..12).flat_map(|i| (0..12).map(move |j| (i as f32 * 20.0 - 120.0, j as f32 * 20.0 - 120.0)))
+        {
+            for (a, b, wide, deep) in
+                [(0.0, 0.0, 14.0, 3.0), (0.0, 11.0, 14.0, 3.0), (0.0, 3.0, 3.0, 8.0), (11.0, 3.0, 3.0, 8.0)]
+            {
+                let tower = number(0.0, 1.0) < 0.04;
+                let high = if tower { number(20.0, 60.0) } else { number(5.0, 9.0) };
+                add([x + a, y + b, 0.0], [x + a + wide, y + b + deep, high], true);
+            }
+            for _ in 0..4 {
+                let (a, b) = (x + number(0.0, 19.0), y + number(0.0, 19.0));
+                add([a, b, 0.0], [a + 0.9, b + 0.9, number(0.5, 12.0)], false);
+            }
+        }
+        let sign = add([80.0, 80.0, 1.0], [81.0, 81.0, 2.0], false);
+        let cloud = add([0.0; 3], [f32::INFINITY; 3], false);
+        scene.set_never_cull(sign, true).unwrap();
+        assert!(scene.contains(cloud));
+        scene.prepare_occluders(&Default::default());
+        scene
+    }
+
+    /// Returns a level in small tiles of which few occlude at first.
+    fn in_small_tiles(scene: &Scene) -> TiledScene<'_> {
+        let mut level = TiledScene::new(scene);
+        (level.tree, level.first) = (TileTree::with_leaves(&level.objects, 0, 200), 400);
+        level
+    }
+
+    fn sweep_of(level: &TiledScene<'_>, cell: &Viewcell) -> Trace {
+        sweep_near_to_far(level, cell, &mut ExtendedProjectionCuller::new(), &mut None)
+    }
+
+    /// Returns whether a segment between two points misses the inside of all occluders but one, by slabs.
+    fn is_clear(scene: &Scene, from: DVec3, to: DVec3, but: usize) -> bool {
+        scene.ids().filter(|id| id.index() != but).all(|id| {
+            let object = scene.object(id).unwrap();
+            let (min, max) = (object.bounds.min.as_dvec3(), object.bounds.max.as_dvec3());
+            let (a, b) = ((min - from) / (to - from), (max - from) / (to - from));
+            let (enter, leave) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(1.0));
+            !object.occluder || enter >= leave
+        })
+    }
+
+    const EYES: [[f64; 3]; 3] = [[-3.5, -3.5, 1.0], [37.0, 64.0, 1.0], [-110.0, -110.0, 1.0]];
+
+    fn cell_at(eye: [f64; 3]) -> Viewcell {
+        Viewcell::from_box(DVec3::from_array(eye), DVec3::from_array(eye) + DVec3::ONE)
+    }
+
+    #[test]
+    fn no_object_that_a_ray_reaches_is_lost_and_few_tiles_are_opened() {
+        let mut random = Random(77);
+        let scene = town(&mut random);
+        let level = in_small_tiles(&scene);
+        let mut clear = 0;
+        for cell in EYES.map(cell_at) {
+            let trace = sweep_of(&level, &cell);
+            let left = trace.replay(&level.tree).unwrap();
+            assert!(left.len() * 3 < scene.len(), "{} of {} left", left.len(), scene.len());
+            let opened: usize = trace.opened.len();
+            assert!(opened * 4 < level.tree.tiles.len() * 3, "{opened} of {}", level.tree.tiles.len());
+            let mut is_left = vec![false; scene.len()];
+            left.iter().for_each(|&at| is_left[at as usize] = true);
+            assert!(is_left[scene.len() - 2] && is_left[scene.len() - 1], "never culled");
+            for id in scene.ids().filter(|id| !is_left[id.index()]) {
+                let bounds = scene.bounds(id).unwrap();
+                let mut between =
+                    |a: DVec3, b: DVec3| a + (b - a) * DVec3::from_array([(); 3].map(|()| random.unit()));
+                for _ in 0..60 {
+                    let from = between(cell.min, cell.max);
+                    let to = between(bounds.min.as_dvec3(), bounds.max.as_dvec3());
+                    assert!(!is_clear(&scene, from, to, id.index()), "{id} is seen from {from} at {to}");
+                }
+            }
+            let seen = |id: &ObjectId| {
+                let bounds = scene.bounds(*id).unwrap();
+                bounds.is_finite()
+                    && is_clear(&scene, cell.min + DVec3::splat(0.5), bounds.center().as_dvec3(), id.index())
+            };
+            clear += scene.ids().filter(seen).count();
+        }
+        assert!(clear > 30, "{clear} are seen: the rays can find what is lost");
+    }
+
+    #[test]
+    fn what_changes_elsewhere_changes_nothing_and_is_noticed_where_it_was_looked() {
+        let mut random = Random(78);
+        let mut scene = town(&mut random);
+        let cells = EYES.map(cell_at);
+        let traces = cells.each_ref().map(|cell| sweep_of(&in_small_tiles(&scene), cell));
+        let (mut same, mut other) = (0, 0);
+        for _ in 0..60 {
+            let id = scene.id_at(random.below(scene.len() - 2)).unwrap();
+            let (bounds, triangles) = (scene.bounds(id).unwrap(), scene.triangles(id).unwrap().to_vec());
+            let by = visibility_core::glam::Vec3::new(0.3, -0.2, 0.1);
+            scene.set_bounds(id, Aabb::new(bounds.min + by, bounds.max + by)).unwrap();
+            scene.set_triangles(id, triangles.iter().map(|t| t.map(|p| p + by)).collect::<Vec<_>>()).unwrap();
+            scene.prepare_occluders(&Default::default());
+            let level = in_small_tiles(&scene);
+            for (cell, trace) in cells.iter().zip(&traces) {
+                match trace.replay(&level.tree) {
+                    Some(_) => {
+                        same += 1;
+                        assert!(sweep_of(&level, cell) == *trace, "{id} was looked at");
+                    }
+                    None => {
+                        other += 1;
+                        assert!(sweep_of(&level, cell) != *trace, "{id} is in no tile that was opened");
+                    }
+                }
+            }
+            scene.set_bounds(id, bounds).unwrap();
+            scene.set_triangles(id, triangles).unwrap();
+            scene.prepare_occluders(&Default::default());
+        }
+        assert!(same > 50 && other > 20, "{same} the same, {other} not");
+    }
+
+    #[test]
+    fn traces_are_read_as_written_and_forged_ones_replay_to_nothing() {
+        let scene = town(&mut Random(79));
+        let level = in_small_tiles(&scene);
+        let trace = sweep_of(&level, &cell_at(EYES[0]));
+        let format = visibility_core::binary_format::Format { magic: *b"EXAMPLE.", version: 1 };
+        let mut to = Writer::new(format, 0, 0);
+        trace.save(&mut to);
+        let bytes = to.finish();
+        let mut from = Reader::new(&bytes, format).unwrap();
+        assert_eq!(Trace::load(&mut from).as_ref(), Ok(&trace));
+        assert!(from.end().is_ok());
+        let forgeries: [fn(&mut Trace); 6] = [
+            |trace| trace.opened[3].hash ^= 1,
+            |trace| trace.opened[3].parent = u32::MAX,
+            |trace| trace.opened[3].child = 1 << 31,
+            |trace| trace.left[5][0] = u32::MAX,
+            |trace| trace.left[5][1] = u32::MAX,
+            |trace| trace.opened.clear(),
+        ];
+        for (number, forge) in forgeries.iter().enumerate() {
+            let mut forged = trace.clone();
+            forge(&mut forged);
+            assert_eq!(forged.replay(&level.tree), None, "forgery {number}");
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What is known of each object of a level without its triangles, and hashes of what a bake depends on.
+
+use visibility_core::binary_format::Fingerprint;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Object, OccluderMesh};
+
+/// What stays in memory of each object.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct ObjectFacts {
+    pub bounds: Aabb,
+    /// Hash of all that a bake depends on, but for the index.
+    pub hash: u64,
+    /// Index of the object in its scene.
+    pub index: u32,
+    pub cost: u32,
+    pub layers: u32,
+    /// Number of triangles.
+    pub triangles: u32,
+    pub never_cull: bool,
+    pub occluder: bool,
+}
+
+impl ObjectFacts {
+    pub(crate) fn new(
+        index: u32,
+        object: &Object,
+        triangles: &[Triangle],
+        mesh: Option<(&OccluderMesh, &Affine3A)>,
+    ) -> Self {
+        let Object { bounds, layers, cost, never_cull, occluder } = *object;
+        let hash = object_hash(object, triangles, mesh);
+        let triangles = triangles.len() as u32;
+        Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder }
+    }
+
+    pub(crate) fn object(&self) -> Object {
+        let Self { bounds, layers, cost, never_cull, occluder, .. } = *self;
+        Object { layers, cost, never_cull, occluder, ..Object::new(bounds) }
+    }
+
+    /// Returns whether the object counts as visible from everywhere.
+    pub(crate) fn is_unculled(&self) -> bool {
+        self.never_cull || !self.bounds.is_finite()
+    }
+
+    /// Returns what the object costs a sweep, in triangles.
+    pub(crate) fn weight(&self) -> u64 {
+        4 + u64::from(self.triangles)
+    }
+}
+
+/// Returns a hash of all that a bake depends on: bounds, layers, cost, flags, triangles and occluder mesh,
+/// but not the index.
+fn object_hash(object: &Object, triangles: &[Triangle], mesh: Option<(&OccluderMesh, &Affine3A)>) -> u64 {
+    let flags = u32::from(object.never_cull) | u32::from(object.occluder) << 1;
+    let hash = point(point(Fingerprint::new(), object.bounds.min), object.bounds.max);
+    let hash = hash.with(object.layers).with(object.cost).with(flags).with(triangles.len() as u32);
+    let mut hash = triangles.as_flattened().iter().fold(hash, |hash, &p| point(hash, p));
+    if let Some((mesh, transform)) = mesh {
+        hash = hash.with(u32::from(mesh.is_two_sided())).with(mesh.positions().len() as u32);
+        hash = mesh.positions().iter().fold(hash, |hash, &p| point(hash, p));
+        hash = mesh.triangles().as_flattened().iter().fold(hash, |hash, &corner| hash.with(corner));
+        hash = transform.to_cols_array().iter().fold(hash, |hash, x| hash.with(x.to_bits()));
+    }
+    hash.value()
+}
+
+/// Returns a hash of the origin of a scene, and of the indices and the content of its objects.
+pub(crate) fn content_fingerprint<'a>(
+    origin: DVec3,
+    objects: impl IntoIterator<Item = &'a ObjectFacts>,
+) -> u64 {
+    let with = |hash: Fingerprint, object: &ObjectFacts| hash.with(object.index).with_u64(object.hash);
+    objects.into_iter().fold(with_origin(origin), with).value()
+}
+
+/// Returns a hash of the origin of a scene, and of the indices and bounds of its objects.
+pub(crate) fn bounds_fingerprint(origin: DVec3, objects: impl IntoIterator<Item = (u32, Aabb)>) -> u64 {
+    let with = |hash: Fingerprint, (index, bounds): (u32, Aabb)| {
+        point(point(hash.with(index), bounds.min), bounds.max)
+    };
+    objects.into_iter().fold(with_origin(origin), with).value()
+}
+
+fn with_origin(origin: DVec3) -> Fingerprint {
+    origin.to_array().iter().fold(Fingerprint::new(), |hash, x| hash.with_u64(x.to_bits()))
+}
+
+fn point(hash: Fingerprint, p: Vec3) -> Fingerprint {
+    p.to_array().iter().fold(hash, |hash, x| hash.with(x.to_bits()))
+}
