@@ -25,6 +25,21 @@ struct Node {
     count: u32,
 }
 
+/// Bounding box of a triangle, while the tree is built.
+struct LeafBox {
+    min: Vec3,
+    max: Vec3,
+    /// Number of the triangle.
+    number: u32,
+}
+
+impl LeafBox {
+    /// Returns the middle of the box, by half-sums, which do not overflow.
+    fn middle(&self) -> Vec3 {
+        self.min * 0.5 + self.max * 0.5
+    }
+}
+
 /// Most triangles of a leaf.
 const LEAF: usize = 4;
 /// Depth below which nodes are split at the median, which bounds the depth of the tree.
@@ -39,55 +54,62 @@ const BINS: usize = 16;
 impl TriangleTree {
     /// Builds the tree over the triangles with numbers `order`.
     pub(crate) fn new(all: &[[Vec3; 3]], order: Vec<u32>) -> Self {
+        let leaf = |&number: &u32| {
+            let t = &all[number as usize];
+            LeafBox { min: t[0].min(t[1]).min(t[2]), max: t[0].max(t[1]).max(t[2]), number }
+        };
+        let mut boxes: Vec<LeafBox> = order.iter().map(leaf).collect();
         let mut tree = Self { nodes: Vec::new(), order, corners: Vec::new() };
-        let count = tree.order.len();
-        if count > 0 {
-            tree.build(all, 0, count, 0);
+        if !boxes.is_empty() {
+            tree.build(&mut boxes, 0, 0);
         }
+        tree.order.clear();
+        tree.order.extend(boxes.iter().map(|leaf| leaf.number));
         tree.corners = tree.order.iter().map(|&i| all[i as usize]).collect();
         tree
     }
 
-    fn build(&mut self, all: &[[Vec3; 3]], start: usize, end: usize, depth: usize) {
+    /// Adds the nodes over `boxes`, and orders these. `first` is the place of the first.
+    fn build(&mut self, boxes: &mut [LeafBox], first: usize, depth: usize) {
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (mut least, mut greatest) = (min, max);
-        // Half-sums, which do not overflow.
-        let middle = |i: u32| {
-            let (low, high) = bounds(&all[i as usize]);
-            low * 0.5 + high * 0.5
-        };
-        for &i in &self.order[start..end] {
-            let (low, high) = bounds(&all[i as usize]);
-            (min, max) = (min.min(low), max.max(high));
-            (least, greatest) = (least.min(middle(i)), greatest.max(middle(i)));
+        for leaf in &*boxes {
+            (min, max) = (min.min(leaf.min), max.max(leaf.max));
+            (least, greatest) = (least.min(leaf.middle()), greatest.max(leaf.middle()));
         }
         let node = self.nodes.len();
-        self.nodes.push(Node { min, max, link: start as u32, count: (end - start) as u32 });
-        if end - start <= LEAF {
+        self.nodes.push(Node { min, max, link: first as u32, count: boxes.len() as u32 });
+        if boxes.len() <= LEAF {
             return;
         }
         let extent = greatest - least;
         let axis = extent.max_position();
-        let order = &mut self.order[start..end];
-        let bin = |i: u32| {
-            let place = (middle(i)[axis] - least[axis]) / extent[axis];
+        let bin = |leaf: &LeafBox| {
+            let place = (leaf.middle()[axis] - least[axis]) / extent[axis];
             ((place * BINS as f32) as usize).min(BINS - 1)
         };
         let mut split = 0;
         if extent[axis] > 0.0 && depth < DEEP {
-            let best = best_bin(all, order, bin);
-            order.sort_unstable_by_key(|&i| (bin(i), i));
-            split = order.partition_point(|&i| bin(i) < best);
+            let best = best_bin(boxes, bin);
+            for k in 0..boxes.len() {
+                if bin(&boxes[k]) < best {
+                    boxes.swap(split, k);
+                    split += 1;
+                }
+            }
         }
-        if split == 0 || split == end - start {
-            split = (end - start) / 2;
-            let key = |a: &u32, b: &u32| middle(*a)[axis].total_cmp(&middle(*b)[axis]).then(a.cmp(b));
-            order.select_nth_unstable_by(split, key);
+        if split == 0 || split == boxes.len() {
+            split = boxes.len() / 2;
+            let key = |leaf: &LeafBox| leaf.middle()[axis];
+            boxes.select_nth_unstable_by(split, |a, b| {
+                key(a).total_cmp(&key(b)).then(a.number.cmp(&b.number))
+            });
         }
-        self.build(all, start, start + split, depth + 1);
+        let (one, other) = boxes.split_at_mut(split);
+        self.build(one, first, depth + 1);
         self.nodes[node].link = self.nodes.len() as u32;
         self.nodes[node].count = 0;
-        self.build(all, start + split, end, depth + 1);
+        self.build(other, first + split, depth + 1);
     }
 
     /// Collects up to `most` triangles that the segment from p to q certainly crosses. Returns whether there
@@ -203,18 +225,14 @@ impl TriangleTree {
     }
 }
 
-fn bounds(t: &[Vec3; 3]) -> (Vec3, Vec3) {
-    (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]))
-}
-
 /// Returns the first bin of the second child in the cheapest split.
-fn best_bin(all: &[[Vec3; 3]], order: &[u32], bin: impl Fn(u32) -> usize) -> usize {
+fn best_bin(boxes: &[LeafBox], bin: impl Fn(&LeafBox) -> usize) -> usize {
     let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY, 0usize);
     let mut bins = [empty; BINS];
     let join = |a: (Vec3, Vec3, usize), b: (Vec3, Vec3, usize)| (a.0.min(b.0), a.1.max(b.1), a.2 + b.2);
-    for &i in order {
-        let (min, max) = bounds(&all[i as usize]);
-        bins[bin(i)] = join(bins[bin(i)], (min, max, 1));
+    for leaf in boxes {
+        let into = &mut bins[bin(leaf)];
+        *into = join(*into, (leaf.min, leaf.max, 1));
     }
     let cost = |(min, max, count): (Vec3, Vec3, usize)| {
         let d = (max - min).max(Vec3::ZERO).as_dvec3();

@@ -240,8 +240,8 @@ impl SceneTriangles {
                 normal.cross(y - x).normalize_or_zero().dot(pc - x)
             };
             let is_convex =
-                (0..n).all(|k| if k + 1 == at { inside(k) < 0.0 } else { inside(k) >= -flatness });
-            if !flat || !is_convex || ring.iter().any(|corner| corner.0 == c) {
+                || (0..n).all(|k| if k + 1 == at { inside(k) < 0.0 } else { inside(k) >= -flatness });
+            if !flat || ring.iter().any(|corner| corner.0 == c) || !is_convex() {
                 continue;
             }
             // The neighbour's corners are b, a, c: edge m + 1 joins a and c, edge m + 2 joins c and b.
