@@ -57,6 +57,12 @@ impl CellGroups {
         }
         Self { of, cells }
     }
+
+    /// Returns how often the number of viewcells must have doubled before those of a group are worked on.
+    pub(crate) fn portion(&self, group: u32) -> u32 {
+        let first = self.cells[group as usize].first().map_or(0, |&cell| cell as usize);
+        usize::BITS - (first / FIRST).leading_zeros()
+    }
 }
 
 /// Returns the box around some viewcells. Viewcells without a point are left out.

@@ -7,25 +7,10 @@
 use std::collections::HashMap;
 use visibility_core::occlusion::OccluderMesh;
 use visibility_core::scene::MeshId;
-use visibility_core::{Object, ObjectId, Scene};
+use visibility_core::{ObjectId, Scene};
 
 /// Occluder meshes of a part, by their places in the whole: those that several objects share are stored once.
 pub(crate) type Meshes = HashMap<*const OccluderMesh, MeshId>;
-
-/// Makes a scene of some objects, in the given order: the first gets index 0. Proofs do without occluder
-/// meshes.
-pub(crate) fn part_scene(scene: &Scene, ids: &[ObjectId], with_meshes: bool) -> Scene {
-    let mut part = Scene::new();
-    // The origin of a scene is finite, and that of an empty scene may be set.
-    let _ = part.set_origin(scene.origin());
-    let objects: Vec<Object> = ids.iter().filter_map(|&id| scene.object(id).ok()).collect();
-    let new_ids = part.insert_batch(objects);
-    let mut meshes = Meshes::new();
-    for (&id, new) in ids.iter().zip(new_ids) {
-        copy_content(scene, id, &mut part, new, true, with_meshes.then_some(&mut meshes));
-    }
-    part
-}
 
 /// Gives an object of a part the triangles and the occluder mesh that it has in the whole.
 pub(crate) fn copy_content(
@@ -54,8 +39,8 @@ pub(crate) fn copy_content(
 mod tests {
     use super::*;
     use crate::tiled_scene::TiledScene;
-    use visibility_core::Aabb;
     use visibility_core::glam::{Affine3A, Vec3};
+    use visibility_core::{Aabb, Object};
 
     fn hashes(scene: &Scene) -> Vec<u64> {
         TiledScene::new(scene).objects.iter().map(|object| object.hash).collect()
@@ -119,11 +104,20 @@ mod tests {
                 scene.set_mesh(id, mesh, Affine3A::from_translation(at)).unwrap();
             }
         }
-        let some = [ids[7], ids[3], ids[4]];
-        let part = part_scene(&scene, &some, true);
-        let whole = hashes(&scene);
-        assert_eq!(hashes(&part), some.map(|id| whole[id.index()]));
-        assert_eq!(part.origin(), scene.origin());
-        assert_eq!(part.occluders_without_mesh(), 1);
+        let level = TiledScene::new(&scene);
+        for with_triangles in [false, true] {
+            let part = level.scene_of(
+                &[7, 3, 4],
+                [Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3]))],
+                with_triangles,
+            );
+            assert!(part.origin() == scene.origin() && part.len() == 4);
+            for (id, new) in [ids[7], ids[3], ids[4]].into_iter().zip(part.ids()) {
+                assert_eq!(part.object(new), scene.object(id));
+                let triangles = if with_triangles { scene.triangles(id).unwrap() } else { &[] };
+                assert_eq!(part.triangles(new).unwrap(), triangles);
+                assert_eq!(part.occluder(new), scene.occluder(id).filter(|_| !with_triangles));
+            }
+        }
     }
 }

@@ -6,7 +6,6 @@ use crate::cell_groups::{self, CellGroups};
 use crate::cell_sandwich::CellSandwich;
 use crate::method_times::MethodTimes;
 use crate::near_to_far::{sweep_near_to_far, swept};
-use crate::part_scene::part_scene;
 use crate::search::Search;
 use crate::settings::Settings;
 use crate::tiled_scene::{PreparedScene, TiledScene, prepared};
@@ -24,6 +23,11 @@ use visibility_region::ExtendedProjectionCuller;
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
 const METHODS: u32 = 5;
+
+/// The first stage of a bake: sweeps of all viewcells.
+const SWEEP: u32 = 0;
+/// The second stage: rays and proofs.
+const SEARCH: u32 = 1;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
 /// with progress, stopping and resuming, on any number of threads with the same result.
@@ -70,6 +74,8 @@ pub struct SandwichBaker<'a> {
     /// Returns the time passed since any fixed moment.
     clock: fn() -> Duration,
     done: Vec<Option<FoundCell>>,
+    /// By group, the sum of the costs of its viewcells that are done.
+    costs: Vec<u64>,
     /// By group with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
 }
@@ -100,7 +106,11 @@ pub struct FoundCell {
     times: MethodTimes,
     group: Arc<GroupRecord>,
     record: CellRecord,
+    /// Cost of the objects that the sweep has left.
+    cost: u64,
     is_reused: bool,
+    /// Whether there is nothing left to do. After the first stage all that the sweep has left is open.
+    is_searched: bool,
 }
 
 /// Memory of one thread of a bake.
@@ -116,8 +126,8 @@ pub struct BakeScratch {
 
 #[derive(Default)]
 struct Slot {
-    /// Number of viewcells of the group that are not worked on yet.
-    left: usize,
+    /// By stage, the number of viewcells of the group that are not worked on yet.
+    left: [usize; 2],
     group: Option<Arc<Group>>,
 }
 
@@ -132,8 +142,10 @@ struct Group {
 enum Content {
     /// What the cache has for the viewcells of the group.
     Known(Vec<CellRecord>),
-    /// The objects left, and a sweep that is prepared for them.
+    /// For sweeps of the viewcells: the objects left with occluder meshes, and a sweep that is prepared.
     Scene(Box<PreparedScene>),
+    /// For searches: each loads what its viewcell's sweep has left.
+    Objects,
 }
 
 impl<'a> SandwichBaker<'a> {
@@ -151,6 +163,7 @@ impl<'a> SandwichBaker<'a> {
             cache: Arc::default(),
             clock: || Duration::ZERO,
             done: Vec::new(),
+            costs: Vec::new(),
             found_groups: Vec::new(),
         };
         baker.with_range(0..viewcells.cells().len())
@@ -164,7 +177,7 @@ impl<'a> SandwichBaker<'a> {
         self.range = start..range.end.clamp(start, count);
         self.done = vec![None; self.range.len()];
         self.found_groups = vec![None; self.slots.len()];
-        self.count_left();
+        self.count();
         self
     }
 
@@ -194,13 +207,24 @@ impl<'a> SandwichBaker<'a> {
         self.fingerprint
     }
 
-    /// Counts the viewcells of each group that are not done.
-    fn count_left(&mut self) {
+    /// Counts what is done and what is left in each group.
+    fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
+        self.costs = vec![0; self.slots.len()];
         for (cell, done) in self.range.clone().zip(&self.done) {
-            let slot = self.slots[self.groups.of[cell] as usize].get_mut();
-            slot.unwrap_or_else(PoisonError::into_inner).left += usize::from(done.is_none());
+            let of = self.groups.of[cell] as usize;
+            let slot = self.slots[of].get_mut().unwrap_or_else(PoisonError::into_inner);
+            let is_searched = done.as_ref().is_some_and(|found| found.is_searched);
+            slot.left[SWEEP as usize] += usize::from(done.is_none());
+            slot.left[SEARCH as usize] += usize::from(!is_searched);
+            self.costs[of] += done.as_ref().map_or(0, |found| found.cost);
         }
+    }
+
+    /// Returns the place of an item's viewcell in the range, and its stage.
+    fn place(&self, item: u32) -> (usize, u32) {
+        let (item, count) = (item as usize, self.range.len());
+        if item < count { (item, SWEEP) } else { (item - count, SEARCH) }
     }
 
     /// Returns a hash of the settings, the origin, and some objects in their order, by their numbers.
@@ -213,12 +237,18 @@ impl<'a> SandwichBaker<'a> {
 
     /// Returns what the viewcells of a group have in common, from its slot, or made now while other threads
     /// that need it wait.
-    fn group(&self, number: u32, scratch: &mut BakeScratch) -> Arc<Group> {
+    fn group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Arc<Group> {
         let mut slot = self.slots[number as usize].lock().unwrap_or_else(PoisonError::into_inner);
-        slot.group.get_or_insert_with(|| Arc::new(self.new_group(number, scratch))).clone()
+        slot.group.get_or_insert_with(|| Arc::new(self.new_group(number, stage, scratch))).clone()
     }
 
-    fn new_group(&self, number: u32, scratch: &mut BakeScratch) -> Group {
+    fn new_group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Group {
+        if let Some(record) = &self.found_groups[number as usize]
+            && stage == SEARCH
+        {
+            let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
+            return Group { record: record.clone(), objects, content: Content::Objects };
+        }
         let members = &self.groups.cells[number as usize];
         let all = self.viewcells.cells();
         let with_members =
@@ -242,48 +272,55 @@ impl<'a> SandwichBaker<'a> {
         let key = with_members(self.content_hash(objects.iter().copied()));
         let content = match self.cache.group(key).filter(|records| is_usable(records, &objects)) {
             Some(records) => Content::Known(records.to_vec()),
-            None => Content::Scene(Box::new(prepared(self.level.scene_of(&objects, [], true)))),
+            None => Content::Scene(Box::new(prepared(self.level.scene_of(&objects, [], false)))),
         };
         Group { record: Arc::new(GroupRecord { question, key, trace }), objects, content }
     }
 
-    /// Finds the answers for a viewcell in the scene of its group. `None` once `stop` has returned true.
-    fn bake(
+    /// Sweeps the scene of a group from a viewcell. Returns what is left, all of it open, or what the cache
+    /// has found in it, and whether it has.
+    fn sweep(
         &self,
         viewcell: usize,
         objects: &[u32],
         (scene, prepared): &PreparedScene,
         scratch: &mut BakeScratch,
-        lap: &mut impl FnMut() -> Duration,
-        stop: &dyn Fn() -> bool,
-    ) -> Option<(CellRecord, MethodTimes, bool)> {
+    ) -> (CellRecord, bool) {
         let (cell, number) = (&self.viewcells.cells()[viewcell], self.groups.of[viewcell]);
         if scratch.local.as_ref().is_none_or(|&(of, _)| of != number) {
             scratch.local = Some((number, prepared.clone()));
         }
         let (_, sweep) = scratch.local.get_or_insert_with(|| (number, prepared.clone()));
         // The scene of a group has the indices of the group's list.
-        let within = swept(sweep, scene, cell);
-        let left: Vec<u32> = within.iter().map(|id| id.index() as u32).collect();
+        let left: Vec<u32> = swept(sweep, scene, cell).iter().map(|id| id.index() as u32).collect();
         let key = with_viewcell(self.content_hash(left.iter().map(|&at| objects[at as usize])), cell).value();
-        if let Some(known) = self.cache.cell(key).filter(|known| known.answers.len() == left.len()) {
-            let record = CellRecord { left, ..known.clone() };
-            return Some((record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true));
+        match self.cache.cell(key).filter(|known| known.answers.len() == left.len()) {
+            Some(known) => (CellRecord { left, ..known.clone() }, true),
+            None => (CellRecord { key, answers: vec![OPEN; left.len()], left, steps: 0 }, false),
         }
-        if stop() {
-            return None;
-        }
-        let scene = part_scene(scene, &within, false);
+    }
+
+    /// Finds answers for the objects that the sweep of a viewcell has left. `None` once `stop` has returned
+    /// true.
+    fn search(
+        &self,
+        viewcell: usize,
+        objects: &[u32],
+        swept: &CellRecord,
+        lap: &mut impl FnMut() -> Duration,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<(CellRecord, MethodTimes)> {
+        let left: Vec<u32> = swept.left.iter().map(|&at| objects[at as usize]).collect();
+        let scene = self.level.scene_of(&left, [], true);
         let triangles = SceneTriangles::new(&scene);
-        let sweep = lap();
+        let cell = &self.viewcells.cells()[viewcell];
         let mut search = Search::new(&scene, cell, &triangles, &self.settings, stop);
         search.aim_rays();
         let rays = lap();
         search.prove(self.settings.gap);
-        let times = MethodTimes { sweep, rays, proofs: lap() };
-        let steps = search.steps();
-        let is_done = !search.is_stopped();
-        is_done.then_some((CellRecord { key, left, answers: search.answers, steps }, times, false))
+        let times = MethodTimes { rays, proofs: lap(), ..MethodTimes::default() };
+        let (steps, is_done) = (search.steps(), !search.is_stopped());
+        is_done.then_some((CellRecord { answers: search.answers, steps, ..swept.clone() }, times))
     }
 
     /// Returns the sandwich of a record, given the objects of its group.
@@ -329,7 +366,8 @@ fn with_viewcell(hash: Fingerprint, cell: &Viewcell) -> Fingerprint {
 
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
-    type Found = FoundCell;
+    /// `None` for a viewcell with nothing left to do.
+    type Found = Option<FoundCell>;
     type Outcome = SandwichOutcome;
 
     // Threads wait for one another at the end of a round, so short rounds leave many threads idle.
@@ -337,54 +375,90 @@ impl Baker for SandwichBaker<'_> {
     const KIND: u32 = 32;
 
     fn item_count(&self) -> usize {
-        self.range.len()
+        2 * self.range.len()
     }
 
     fn rank(&self, item: u32) -> u64 {
-        // The viewcells of a group follow one another.
-        u64::from(self.groups.of[self.range.start + item as usize])
+        let (place, stage) = self.place(item);
+        let of = self.groups.of[self.range.start + place];
+        if stage == SWEEP {
+            // The viewcells of a group follow one another.
+            return u64::from(of);
+        }
+        let costs = self.costs[of as usize] / self.groups.cells[of as usize].len() as u64;
+        u64::from(self.groups.portion(of)) << 56 | (u64::MAX >> 8).saturating_sub(costs)
     }
 
-    fn work(&self, item: u32, scratch: &mut BakeScratch, stop: &dyn Fn() -> bool) -> Option<FoundCell> {
+    fn stage(&self, item: u32) -> u32 {
+        self.place(item).1
+    }
+
+    fn work(
+        &self,
+        item: u32,
+        scratch: &mut BakeScratch,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Option<FoundCell>> {
         let mut last = (self.clock)();
         let mut lap = || {
             let now = (self.clock)();
             now.saturating_sub(std::mem::replace(&mut last, now))
         };
-        let number = self.range.start + item as usize;
+        let (place, stage) = self.place(item);
+        let swept = self.done[place].as_ref();
+        if stage == SEARCH && swept.is_none_or(|swept| swept.is_searched) {
+            return Some(None);
+        }
+        let number = self.range.start + place;
         let of = self.groups.of[number];
-        let group = self.group(of, scratch);
+        let group = self.group(of, stage, scratch);
         if stop() {
             return None;
         }
-        let (record, times, is_reused) = match &group.content {
-            Content::Known(records) => {
-                let place = self.groups.cells[of as usize].binary_search(&(number as u32));
-                let record = records[place.unwrap_or_default()].clone();
-                (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, true)
+        let objects = &group.objects;
+        let (record, is_reused, times) = match (&group.content, swept) {
+            (Content::Known(records), _) => {
+                let member = self.groups.cells[of as usize].binary_search(&(number as u32));
+                (records[member.unwrap_or_default()].clone(), true, MethodTimes::default())
             }
-            Content::Scene(scene) => self.bake(number, &group.objects, scene, scratch, &mut lap, stop)?,
+            (Content::Scene(scene), _) => {
+                let (record, is_known) = self.sweep(number, objects, scene, scratch);
+                (record, is_known, MethodTimes { sweep: lap(), ..MethodTimes::default() })
+            }
+            (Content::Objects, Some(swept)) => {
+                let (record, times) = self.search(number, objects, &swept.record, &mut lap, stop)?;
+                (record, false, MethodTimes { sweep: swept.times.sweep, ..times })
+            }
+            (Content::Objects, None) => return Some(None),
         };
+        let cost = |&at: &u32| u64::from(self.level.objects[objects[at as usize] as usize].cost);
         let found = FoundCell {
-            sandwich: self.sandwich(&record, &group.objects),
+            sandwich: self.sandwich(&record, objects),
             times,
             group: group.record.clone(),
+            cost: record.left.iter().map(cost).sum(),
             record,
             is_reused,
+            is_searched: is_reused || stage == SEARCH,
         };
         let mut slot = self.slots[of as usize].lock().unwrap_or_else(PoisonError::into_inner);
-        slot.left = slot.left.saturating_sub(1);
-        if slot.left == 0 {
+        slot.left[stage as usize] = slot.left[stage as usize].saturating_sub(1);
+        if slot.left[stage as usize] == 0 {
             slot.group = None;
         }
-        Some(found)
+        Some(Some(found))
     }
 
-    fn take_in(&mut self, item: u32, found: FoundCell) -> u64 {
+    fn take_in(&mut self, item: u32, found: Option<FoundCell>) -> u64 {
+        let Some(found) = found else { return 0 };
+        let (place, stage) = self.place(item);
+        let of = self.groups.of[self.range.start + place] as usize;
+        if stage == SWEEP {
+            self.costs[of] += found.cost;
+        }
+        self.found_groups[of].get_or_insert_with(|| found.group.clone());
         let steps = found.sandwich.steps;
-        let of = self.groups.of[self.range.start + item as usize];
-        self.found_groups[of as usize].get_or_insert_with(|| found.group.clone());
-        self.done[item as usize] = Some(found);
+        self.done[place] = Some(found);
         steps
     }
 
@@ -394,7 +468,7 @@ impl Baker for SandwichBaker<'_> {
         for members in &self.groups.cells {
             let found = members.iter().map(|&cell| {
                 let place = (cell as usize).checked_sub(self.range.start)?;
-                self.done.get(place)?.as_ref()
+                self.done.get(place)?.as_ref().filter(|found| found.is_searched)
             });
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
@@ -430,7 +504,9 @@ impl Baker for SandwichBaker<'_> {
                 found.sandwich.save(state);
                 found.times.save(state);
                 found.record.save(state);
+                state.u64(found.cost);
                 state.u32(u32::from(found.is_reused));
+                state.u32(u32::from(found.is_searched));
             }
         }
     }
@@ -449,11 +525,13 @@ impl Baker for SandwichBaker<'_> {
                     times: MethodTimes::load(state)?,
                     group: group.clone(),
                     record: CellRecord::load(state)?,
+                    cost: state.u64()?,
                     is_reused: state.u32()? != 0,
+                    is_searched: state.u32()? != 0,
                 }),
             };
         }
-        self.count_left();
+        self.count();
         Ok(())
     }
 }

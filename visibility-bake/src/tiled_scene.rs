@@ -61,7 +61,8 @@ impl<'a> TiledScene<'a> {
     }
 
     /// Makes a scene of some objects, by their numbers, in the given order: the first gets index 0. After
-    /// them follow others that have nothing but bounds. Sweeps do without triangles.
+    /// them follow others that have nothing but bounds. Objects have triangles, for searches, or occluder
+    /// meshes, for sweeps.
     pub(crate) fn scene_of(
         &self,
         numbers: &[u32],
@@ -73,10 +74,10 @@ impl<'a> TiledScene<'a> {
         let _ = part.set_origin(self.origin);
         let objects = numbers.iter().map(|&at| self.objects[at as usize].object());
         let ids = part.insert_batch(objects.chain(boxes));
-        let mut meshes = Meshes::new();
+        let mut meshes = (!with_triangles).then(Meshes::new);
         for (&at, new) in numbers.iter().zip(ids) {
             if let Some(id) = self.scene.id_at(self.objects[at as usize].index as usize) {
-                copy_content(self.scene, id, &mut part, new, with_triangles, Some(&mut meshes));
+                copy_content(self.scene, id, &mut part, new, with_triangles, meshes.as_mut());
             }
         }
         part
