@@ -7,9 +7,9 @@ use visibility_core::binary_format::{FormatError, Reader, Writer};
 /// Time spent on a viewcell, or on several, by each method.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct MethodTimes {
-    /// Time of the sweep of extended projections.
+    /// Time of the sweeps of extended projections.
     pub sweep: Duration,
-    /// Time of the rays.
+    /// Time of the rays, and of preparing the triangles for them.
     pub rays: Duration,
     /// Time of the proofs, searches that failed included.
     pub proofs: Duration,

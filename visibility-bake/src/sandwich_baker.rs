@@ -33,8 +33,10 @@ const SEARCH: u32 = 1;
 /// with progress, stopping and resuming, on any number of threads with the same result.
 ///
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
-/// of neighbouring viewcells, then, in what is left, for each of them; rays find what is seen; then proofs
-/// are tried, for the most costly of the open objects first, until the [gap](Settings::gap) is met. Occluders
+/// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, they are
+/// searched, those that the sweeps have left the most costly objects first: rays find what is seen; then
+/// proofs are tried, for the most costly of the open objects first, until the [gap](Settings::gap) is met. So
+/// the bake has two items for each viewcell, and if it is ended early, few viewcells see all. Occluders
 /// are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles. Objects that
 /// are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen. Each method
 /// works on what the sweep before it has left, so that an edit elsewhere changes nothing
