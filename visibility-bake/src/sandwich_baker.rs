@@ -6,7 +6,7 @@ use crate::cell_groups::{self, CellGroups};
 use crate::cell_sandwich::CellSandwich;
 use crate::method_times::MethodTimes;
 use crate::near_to_far::{sweep_near_to_far, swept};
-use crate::search::Search;
+use crate::search::{Method, Search};
 use crate::settings::Settings;
 use crate::tiled_scene::{PreparedScene, TiledScene, prepared};
 use std::ops::Range;
@@ -24,10 +24,13 @@ use visibility_region::ExtendedProjectionCuller;
 /// results of former methods are not taken.
 const METHODS: u32 = 5;
 
-/// The first stage of a bake: sweeps of all viewcells.
+/// Number of stages of a bake. All viewcells are swept; then all are looked from along rays, and boxes are
+/// proven hidden; then, where the gap is not met, triangles are.
+const STAGES: usize = 3;
+/// The first stage.
 const SWEEP: u32 = 0;
-/// The second stage: rays and proofs.
-const SEARCH: u32 = 1;
+/// The second stage.
+const LOOK: u32 = 1;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
 /// with progress, stopping and resuming, on any number of threads with the same result.
@@ -76,8 +79,8 @@ pub struct SandwichBaker<'a> {
     /// Returns the time passed since any fixed moment.
     clock: fn() -> Duration,
     done: Vec<Option<FoundCell>>,
-    /// By group, the sum of the costs of its viewcells that are done.
-    costs: Vec<u64>,
+    /// By group and stage, the cost of what is open in its viewcells that wait for the stage.
+    costs: Vec<[u64; STAGES]>,
     /// By group with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
 }
@@ -108,11 +111,11 @@ pub struct FoundCell {
     times: MethodTimes,
     group: Arc<GroupRecord>,
     record: CellRecord,
-    /// Cost of the objects that the sweep has left.
+    /// Cost of the open objects.
     cost: u64,
     is_reused: bool,
-    /// Whether there is nothing left to do. After the first stage all that the sweep has left is open.
-    is_searched: bool,
+    /// The next stage, or their number if there is nothing left to do.
+    next: u32,
 }
 
 /// Memory of one thread of a bake.
@@ -129,7 +132,7 @@ pub struct BakeScratch {
 #[derive(Default)]
 struct Slot {
     /// By stage, the number of viewcells of the group that are not worked on yet.
-    left: [usize; 2],
+    left: [usize; STAGES],
     group: Option<Arc<Group>>,
 }
 
@@ -146,7 +149,7 @@ enum Content {
     Known(Vec<CellRecord>),
     /// For sweeps of the viewcells: the objects left with occluder meshes, and a sweep that is prepared.
     Scene(Box<PreparedScene>),
-    /// For searches: each loads what its viewcell's sweep has left.
+    /// For later stages: each viewcell loads what its sweep has left.
     Objects,
 }
 
@@ -212,21 +215,25 @@ impl<'a> SandwichBaker<'a> {
     /// Counts what is done and what is left in each group.
     fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
-        self.costs = vec![0; self.slots.len()];
+        self.costs = vec![[0; STAGES]; self.slots.len()];
         for (cell, done) in self.range.clone().zip(&self.done) {
             let of = self.groups.of[cell] as usize;
             let slot = self.slots[of].get_mut().unwrap_or_else(PoisonError::into_inner);
-            let is_searched = done.as_ref().is_some_and(|found| found.is_searched);
-            slot.left[SWEEP as usize] += usize::from(done.is_none());
-            slot.left[SEARCH as usize] += usize::from(!is_searched);
-            self.costs[of] += done.as_ref().map_or(0, |found| found.cost);
+            let next = done.as_ref().map_or(SWEEP, |found| found.next) as usize;
+            slot.left.iter_mut().skip(next).for_each(|left| *left += 1);
+            if let Some(found) = done {
+                self.costs[of]
+                    .get_mut(next)
+                    .into_iter()
+                    .for_each(|cost| *cost = cost.saturating_add(found.cost));
+            }
         }
     }
 
     /// Returns the place of an item's viewcell in the range, and its stage.
     fn place(&self, item: u32) -> (usize, u32) {
-        let (item, count) = (item as usize, self.range.len());
-        if item < count { (item, SWEEP) } else { (item - count, SEARCH) }
+        let (item, count) = (item as usize, self.range.len().max(1));
+        (item % count, (item / count) as u32)
     }
 
     /// Returns a hash of the settings, the origin, and some objects in their order, by their numbers.
@@ -246,7 +253,7 @@ impl<'a> SandwichBaker<'a> {
 
     fn new_group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Group {
         if let Some(record) = &self.found_groups[number as usize]
-            && stage == SEARCH
+            && stage != SWEEP
         {
             let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
             return Group { record: record.clone(), objects, content: Content::Objects };
@@ -302,27 +309,39 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Finds answers for the objects that the sweep of a viewcell has left. `None` once `stop` has returned
-    /// true.
+    /// Finds answers for the objects that the sweep of a viewcell has left, and the next stage. `None` once
+    /// `stop` has returned true.
     fn search(
         &self,
         viewcell: usize,
         objects: &[u32],
-        swept: &CellRecord,
+        before: &FoundCell,
         lap: &mut impl FnMut() -> Duration,
         stop: &dyn Fn() -> bool,
-    ) -> Option<(CellRecord, MethodTimes)> {
-        let left: Vec<u32> = swept.left.iter().map(|&at| objects[at as usize]).collect();
+    ) -> Option<(CellRecord, MethodTimes, u32)> {
+        let record = &before.record;
+        let left: Vec<u32> = record.left.iter().map(|&at| objects[at as usize]).collect();
         let scene = self.level.scene_of(&left, [], true);
         let triangles = SceneTriangles::new(&scene);
         let cell = &self.viewcells.cells()[viewcell];
-        let mut search = Search::new(&scene, cell, &triangles, &self.settings, stop);
-        search.aim_rays();
-        let rays = lap();
-        search.prove(self.settings.gap);
-        let times = MethodTimes { rays, proofs: lap(), ..MethodTimes::default() };
-        let (steps, is_done) = (search.steps(), !search.is_stopped());
-        is_done.then_some((CellRecord { answers: search.answers, steps, ..swept.clone() }, times))
+        let answers = record.answers.clone();
+        let mut search = Search::new(&scene, cell, &triangles, &self.settings, answers, stop);
+        let mut times = before.times;
+        if before.next == LOOK {
+            search.aim_rays();
+            times.rays += lap();
+            search.prove(Method::Boxes);
+        } else {
+            search.prove(Method::Triangles);
+        }
+        times.proofs += lap();
+        if search.is_stopped() {
+            return None;
+        }
+        let next = if search.is_met() { STAGES as u32 } else { before.next + 1 };
+        let steps = record.steps.saturating_add(search.steps());
+        let (key, left) = (record.key, record.left.clone());
+        Some((CellRecord { key, left, answers: search.answers, steps }, times, next))
     }
 
     /// Returns the sandwich of a record, given the objects of its group.
@@ -377,7 +396,7 @@ impl Baker for SandwichBaker<'_> {
     const KIND: u32 = 32;
 
     fn item_count(&self) -> usize {
-        2 * self.range.len()
+        STAGES * self.range.len()
     }
 
     fn rank(&self, item: u32) -> u64 {
@@ -387,7 +406,7 @@ impl Baker for SandwichBaker<'_> {
             // The viewcells of a group follow one another.
             return u64::from(of);
         }
-        let costs = self.costs[of as usize] / self.groups.cells[of as usize].len() as u64;
+        let costs = self.costs[of as usize][stage as usize] / self.groups.cells[of as usize].len() as u64;
         u64::from(self.groups.portion(of)) << 56 | (u64::MAX >> 8).saturating_sub(costs)
     }
 
@@ -407,8 +426,8 @@ impl Baker for SandwichBaker<'_> {
             now.saturating_sub(std::mem::replace(&mut last, now))
         };
         let (place, stage) = self.place(item);
-        let swept = self.done[place].as_ref();
-        if stage == SEARCH && swept.is_none_or(|swept| swept.is_searched) {
+        let before = self.done[place].as_ref();
+        if before.map_or(SWEEP, |before| before.next) != stage {
             return Some(None);
         }
         let number = self.range.start + place;
@@ -418,30 +437,30 @@ impl Baker for SandwichBaker<'_> {
             return None;
         }
         let objects = &group.objects;
-        let (record, is_reused, times) = match (&group.content, swept) {
+        let done = STAGES as u32;
+        let (record, times, next) = match (&group.content, before) {
             (Content::Known(records), _) => {
                 let member = self.groups.cells[of as usize].binary_search(&(number as u32));
-                (records[member.unwrap_or_default()].clone(), true, MethodTimes::default())
+                (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
             }
             (Content::Scene(scene), _) => {
                 let (record, is_known) = self.sweep(number, objects, scene, scratch);
-                (record, is_known, MethodTimes { sweep: lap(), ..MethodTimes::default() })
+                let times = MethodTimes { sweep: lap(), ..MethodTimes::default() };
+                (record, times, if is_known { done } else { LOOK })
             }
-            (Content::Objects, Some(swept)) => {
-                let (record, times) = self.search(number, objects, &swept.record, &mut lap, stop)?;
-                (record, false, MethodTimes { sweep: swept.times.sweep, ..times })
-            }
+            (Content::Objects, Some(before)) => self.search(number, objects, before, &mut lap, stop)?,
             (Content::Objects, None) => return Some(None),
         };
-        let cost = |&at: &u32| u64::from(self.level.objects[objects[at as usize] as usize].cost);
+        let open = record.left.iter().zip(&record.answers).filter(|&(_, &answer)| answer == OPEN);
+        let cost = |(&at, _)| u64::from(self.level.objects[objects[at as usize] as usize].cost);
         let found = FoundCell {
             sandwich: self.sandwich(&record, objects),
             times,
             group: group.record.clone(),
-            cost: record.left.iter().map(cost).sum(),
+            cost: open.map(cost).sum(),
             record,
-            is_reused,
-            is_searched: is_reused || stage == SEARCH,
+            is_reused: stage == SWEEP && next == done,
+            next,
         };
         let mut slot = self.slots[of as usize].lock().unwrap_or_else(PoisonError::into_inner);
         slot.left[stage as usize] = slot.left[stage as usize].saturating_sub(1);
@@ -453,15 +472,16 @@ impl Baker for SandwichBaker<'_> {
 
     fn take_in(&mut self, item: u32, found: Option<FoundCell>) -> u64 {
         let Some(found) = found else { return 0 };
-        let (place, stage) = self.place(item);
+        let (place, _) = self.place(item);
         let of = self.groups.of[self.range.start + place] as usize;
-        if stage == SWEEP {
-            self.costs[of] += found.cost;
-        }
+        self.costs[of]
+            .get_mut(found.next as usize)
+            .into_iter()
+            .for_each(|cost| *cost = cost.saturating_add(found.cost));
         self.found_groups[of].get_or_insert_with(|| found.group.clone());
-        let steps = found.sandwich.steps;
-        self.done[place] = Some(found);
-        steps
+        let steps = found.record.steps;
+        let before = self.done[place].replace(found);
+        steps.saturating_sub(before.map_or(0, |before| before.record.steps))
     }
 
     fn finish(self, waiting: &[u32]) -> SandwichOutcome {
@@ -470,7 +490,7 @@ impl Baker for SandwichBaker<'_> {
         for members in &self.groups.cells {
             let found = members.iter().map(|&cell| {
                 let place = (cell as usize).checked_sub(self.range.start)?;
-                self.done.get(place)?.as_ref().filter(|found| found.is_searched)
+                self.done.get(place)?.as_ref().filter(|found| found.next as usize == STAGES)
             });
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
@@ -508,18 +528,28 @@ impl Baker for SandwichBaker<'_> {
                 found.record.save(state);
                 state.u64(found.cost);
                 state.u32(u32::from(found.is_reused));
-                state.u32(u32::from(found.is_searched));
+                state.u32(found.next);
             }
         }
     }
 
     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
-        for group in &mut self.found_groups {
-            *group = if state.u32()? == 0 { None } else { Some(Arc::new(GroupRecord::load(state)?)) };
+        // By group, the number of objects that its sweep has left.
+        let mut left = vec![0; self.found_groups.len()];
+        for (group, left) in self.found_groups.iter_mut().zip(&mut left) {
+            *group = None;
+            if state.u32()? != 0 {
+                let found = GroupRecord::load(state)?;
+                let objects = found.trace.replay(&self.level.tree);
+                let wrong = || state.content_error("the sweep of a group is of another level");
+                *left = objects.ok_or_else(wrong)?.len();
+                *group = Some(Arc::new(found));
+            }
         }
         let limit = self.level.index_limit;
         for (cell, done) in self.range.clone().zip(&mut self.done) {
-            *done = match (state.u32()?, &self.found_groups[self.groups.of[cell] as usize]) {
+            let of = self.groups.of[cell] as usize;
+            *done = match (state.u32()?, &self.found_groups[of]) {
                 (0, _) => None,
                 (_, None) => return Err(state.content_error("the group of a viewcell is missing")),
                 (_, Some(group)) => Some(FoundCell {
@@ -529,9 +559,17 @@ impl Baker for SandwichBaker<'_> {
                     record: CellRecord::load(state)?,
                     cost: state.u64()?,
                     is_reused: state.u32()? != 0,
-                    is_searched: state.u32()? != 0,
+                    next: state.u32()?,
                 }),
             };
+            let is_wrong = |found: &FoundCell| {
+                found.next == SWEEP
+                    || found.next as usize > STAGES
+                    || found.record.left.last().is_some_and(|&last| last as usize >= left[of])
+            };
+            if done.as_ref().is_some_and(is_wrong) {
+                return Err(state.content_error("the results of a viewcell are not of its group"));
+            }
         }
         self.count();
         Ok(())

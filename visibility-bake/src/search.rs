@@ -13,37 +13,47 @@ pub(crate) struct Search<'a> {
     query: Option<CellQuery<'a>>,
     /// By index of an object.
     costs: Vec<f64>,
+    /// Part of the cost of the reported objects that may stay open.
+    gap: f64,
     /// By index of an object.
     pub answers: Vec<u8>,
 }
 
 /// How objects are proven hidden.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Method {
+pub(crate) enum Method {
+    /// Boxes, in groups.
     Boxes,
+    /// All triangles of an object, which takes a hundred times as long.
     Triangles,
 }
 
 impl<'a> Search<'a> {
-    /// Prepares the search. It gives up when `stop` returns true.
+    /// Prepares the search, with the answers so far. It gives up when `stop` returns true.
     pub(crate) fn new(
         scene: &Scene,
         cell: &Viewcell,
         triangles: &'a SceneTriangles,
         settings: &Settings,
+        mut answers: Vec<u8>,
         stop: &'a dyn Fn() -> bool,
     ) -> Self {
         let exact = ExactSettings::new(Effort::Exact(settings.clearance));
         let (rays, aimed_rays) = (settings.rays.saturating_mul(64), settings.rays);
         let query = CellQuery::new(triangles, cell, ExactSettings { rays, aimed_rays, ..exact });
-        let cost = |id| scene.object(id).map_or(0, |object| object.cost);
-        // An object without cost counts a little, so that it is not left open for nothing.
-        let costs: Vec<f64> = scene.ids().map(|id| f64::from(cost(id)).max(1e-3)).collect();
-        // What the frame never culls, a moving object for instance, is not hidden either where it stands now.
-        let is_unculled =
-            |id| scene.object(id).is_ok_and(|object| object.never_cull || !object.bounds.is_finite());
-        let answers = scene.ids().map(|id| if is_unculled(id) { SEEN } else { OPEN }).collect();
-        Self { query: query.map(|query| query.with_stop(stop)), costs, answers }
+        let mut costs = Vec::new();
+        for (id, answer) in scene.ids().zip(&mut answers) {
+            let Ok(object) = scene.object(id) else { continue };
+            // An object without cost counts a little, so that it is not left open for nothing.
+            costs.push(f64::from(object.cost).max(1e-3));
+            // What the frame never culls, a moving object for instance, is not hidden either where it stands
+            // now.
+            if object.never_cull || !object.bounds.is_finite() {
+                *answer = SEEN;
+            }
+        }
+        let gap = if settings.gap > 0.0 { settings.gap } else { 0.0 };
+        Self { query: query.map(|query| query.with_stop(stop)), costs, gap, answers }
     }
 
     /// Returns whether the search has given up.
@@ -64,38 +74,39 @@ impl<'a> Search<'a> {
         self.read();
     }
 
-    /// Tries to prove open objects hidden until the gap is met, the most costly first: all by their boxes,
-    /// and only then by their triangles, which takes a hundred times as long.
-    pub(crate) fn prove(&mut self, gap: f64) {
-        let gap = if gap > 0.0 { gap } else { 0.0 };
-        for method in [Method::Boxes, Method::Triangles] {
-            let mut untried: Vec<usize> =
-                (0..self.costs.len()).filter(|&at| self.answers[at] == OPEN).collect();
-            untried.sort_by(|&a, &b| self.costs[b].total_cmp(&self.costs[a]).then(a.cmp(&b)));
-            while !untried.is_empty() && !self.is_stopped() {
-                let mut open_cost = self.cost(OPEN);
-                let allowed = gap * (self.cost(SEEN) + open_cost);
-                if open_cost <= allowed {
-                    return;
-                }
-                let enough = match method {
-                    // As many as must be decided to meet the gap: they are proven in groups.
-                    Method::Boxes => untried.iter().position(|&at| {
-                        open_cost -= self.costs[at];
-                        open_cost <= allowed
-                    }),
-                    Method::Triangles => Some(0),
-                };
-                let mut is_asked = vec![false; self.costs.len()];
-                let asked = untried.drain(..enough.map_or(untried.len(), |last| last + 1));
-                asked.for_each(|at| is_asked[at] = self.answers[at] == OPEN);
-                let Some(query) = &mut self.query else { return };
-                match method {
-                    Method::Boxes => query.prove_boxes(&|id| is_asked[id.index()]),
-                    Method::Triangles => query.prove_triangles(&|id| is_asked[id.index()]),
-                }
-                self.read();
+    /// Returns whether the gap is met.
+    pub(crate) fn is_met(&self) -> bool {
+        self.cost(OPEN) <= self.allowed()
+    }
+
+    /// Returns the cost of open objects that the gap allows.
+    fn allowed(&self) -> f64 {
+        self.gap * (self.cost(SEEN) + self.cost(OPEN))
+    }
+
+    /// Tries to prove open objects hidden until the gap is met, the most costly first.
+    pub(crate) fn prove(&mut self, method: Method) {
+        let mut untried: Vec<usize> = (0..self.costs.len()).filter(|&at| self.answers[at] == OPEN).collect();
+        untried.sort_by(|&a, &b| self.costs[b].total_cmp(&self.costs[a]).then(a.cmp(&b)));
+        while !untried.is_empty() && !self.is_stopped() && !self.is_met() {
+            let (mut open, allowed) = (self.cost(OPEN), self.allowed());
+            let enough = match method {
+                // As many as must be decided to meet the gap: they are proven in groups.
+                Method::Boxes => untried.iter().position(|&at| {
+                    open -= self.costs[at];
+                    open <= allowed
+                }),
+                Method::Triangles => Some(0),
+            };
+            let mut is_asked = vec![false; self.costs.len()];
+            let asked = untried.drain(..enough.map_or(untried.len(), |last| last + 1));
+            asked.for_each(|at| is_asked[at] = self.answers[at] == OPEN);
+            let Some(query) = &mut self.query else { return };
+            match method {
+                Method::Boxes => query.prove_boxes(&|id| is_asked[id.index()]),
+                Method::Triangles => query.prove_triangles(&|id| is_asked[id.index()]),
             }
+            self.read();
         }
     }
 

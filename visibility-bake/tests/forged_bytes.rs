@@ -1,14 +1,16 @@
-//! Tests that bytes of sets and shards that were changed, before or after compression and with repaired
-//! checksums, are refused or can be used to the last row.
+//! Tests that bytes of sets, shards, states and caches that were changed, before or after compression and with
+//! repaired checksums, are refused or can be used to the last row.
 #![allow(missing_docs)]
 
 use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec;
 use std::sync::Arc;
-use visibility_bake::{BakedSet, SandwichBaker, Settings, Shard, assemble};
+use visibility_bake::{BakeCache, BakedSet, SandwichBaker, Settings, Shard, assemble};
+use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
+use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::{Prefetch, PvsCuller, Viewcell, ViewcellId, Viewcells};
-use visibility_core::{Aabb, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::{Aabb, Object, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_testing::Random;
 
 /// Repairs the length and the checksum of a header.
@@ -110,6 +112,42 @@ fn ask(rounds: usize) -> [usize; 2] {
     accepted
 }
 
+/// Returns how many of the forged states of a bake and of the forged caches were accepted.
+fn go_on(rounds: usize) -> [usize; 2] {
+    let mut random = Random(43);
+    let mut scene = Scene::new();
+    let bounds = |i: usize| Aabb::from_arrays([i as f32, 5.0, 0.0], [i as f32 + 0.5, 6.0, 1.0]);
+    scene.insert_batch((0..12).map(|i| Object { occluder: i % 2 == 0, ..Object::new(bounds(i)) }));
+    scene.prepare_occluders(&Preparation::default());
+    let cell = |x: u32| Viewcell::from_box(DVec3::splat(x.into()), DVec3::splat(f64::from(x) + 1.0));
+    let cells = Viewcells::new((0..4).map(cell));
+    let baker = || SandwichBaker::new(&scene, &cells, Settings { rays: 2, gap: 0.0, ..Settings::default() });
+    let mut bake = Bake::new(baker());
+    bake.advance();
+    let (state, cache) = (bake.save(), bake.run().cache.to_bytes());
+    let mut accepted = [0; 2];
+    for _ in 0..rounds {
+        let state = Bake::resume(baker(), &changed(&state, &mut random));
+        let cache = BakeCache::from_bytes(&changed(&cache, &mut random));
+        accepted[0] += usize::from(state.is_ok());
+        accepted[1] += usize::from(cache.is_ok());
+        let cached = cache.map(|cache| Bake::new(baker().with_cache(cache)));
+        for bake in state.into_iter().chain(cached) {
+            let _ = Bake::resume(baker(), &bake.save());
+            for cell in bake.run().cells {
+                assert!(cell.reported().last().is_none_or(|&last| last < 12));
+            }
+        }
+    }
+    accepted
+}
+
+#[test]
+fn forged_states_and_caches_are_refused_or_can_be_used() {
+    let accepted = go_on(2000);
+    assert!(accepted.iter().all(|&accepted| accepted > 40 && accepted < 1960), "{accepted:?}");
+}
+
 #[test]
 fn forged_bytes_are_refused_or_can_be_used() {
     let accepted = ask(5000);
@@ -121,4 +159,5 @@ fn forged_bytes_are_refused_or_can_be_used() {
 #[ignore = "minutes"]
 fn many_forged_bytes_are_refused_or_can_be_used() {
     ask(3_000_000);
+    go_on(1_000_000);
 }
