@@ -36,13 +36,15 @@ const LOOK: u32 = 1;
 /// with progress, stopping and resuming, on any number of threads with the same result.
 ///
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
-/// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, they are
-/// searched, those that the sweeps have left the most costly objects first: rays find what is seen; then
-/// proofs are tried, for the most costly of the open objects first, until the [gap](Settings::gap) is met. So
-/// the bake has two items for each viewcell, and if it is ended early, few viewcells see all. Occluders
-/// are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles. Objects that
-/// are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen. Each method
-/// works on what the sweep before it has left, so that an edit elsewhere changes nothing
+/// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
+/// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
+/// first, until the [gap](Settings::gap) is met; then, where it is not met, for their triangles. So the bake
+/// has three items for each viewcell; in the later stages, viewcells with the most costly open objects come
+/// first.
+///
+/// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
+/// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.
+/// Each method works on what the sweep before it has left, so that an edit elsewhere changes nothing
 /// ([`with_cache`](Self::with_cache)).
 ///
 /// ```
@@ -370,7 +372,7 @@ pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Setting
 }
 
 fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &Settings) -> u64 {
-    let hash = Fingerprint::new().with_u64(level.fingerprint());
+    let hash = Fingerprint::new().with(METHODS).with_u64(level.fingerprint());
     viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
 }
 
@@ -563,8 +565,7 @@ impl Baker for SandwichBaker<'_> {
                 }),
             };
             let is_wrong = |found: &FoundCell| {
-                found.next == SWEEP
-                    || found.next as usize > STAGES
+                found.next as usize > STAGES
                     || found.record.left.last().is_some_and(|&last| last as usize >= left[of])
             };
             if done.as_ref().is_some_and(is_wrong) {

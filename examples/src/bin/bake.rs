@@ -133,20 +133,21 @@ fn bake(arguments: &Whole) -> Result<(), String> {
     let settings = Run { threads: arguments.threads, limit, save_every, state: PathBuf::from(state) };
     // The bar is drawn on standard error, and only if that is a terminal.
     let bar = ProgressBar::new(range.len() as u64);
-    let template = "{bar:40} {pos}/{len} viewcells {msg}, {elapsed}, {eta} to go";
+    let template = "{msg} {bar:40} {pos}/{len} viewcells, {elapsed}, {eta} to go in this step";
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     let start = Instant::now();
     let baker = || level.baker().with_range(range.clone());
     let outcome = run(baker, &settings, |now| {
-        let of_stage = now.done.checked_sub(range.len());
-        let method = if of_stage.is_some() { "searched" } else { "swept" };
-        if bar.message() != method {
-            bar.set_message(method);
+        let (step, done) = (now.done / range.len().max(1), now.done % range.len().max(1));
+        if let Some(step) = ["sweeps", "rays and boxes", "triangles"].get(step)
+            && bar.message() != *step
+        {
+            bar.set_message(*step);
             bar.reset_eta();
         }
-        bar.set_position(of_stage.unwrap_or(now.done) as u64);
+        bar.set_position(done as u64);
     })?;
     bar.finish_and_clear();
     if let Some(path) = &arguments.cache {
