@@ -197,7 +197,7 @@ impl Grid {
                 all.push(self.cell(place));
                 continue;
             }
-            let mut free = flood.voxelize(place).free;
+            let mut free = flood.voxelize(place).open;
             // Where a walk passes, the camera is.
             seeds.iter().for_each(|&seed| free[seed / 64] |= 1 << (seed % 64));
             let (mut left, mut parts) = (seeds.clone(), Vec::new());
@@ -295,11 +295,11 @@ struct Flood<'a> {
 
 /// The voxels of a viewcell, along x first.
 struct Voxels {
-    /// A bit for each voxel where the camera can be.
-    free: Vec<u64>,
+    /// A bit for each voxel where the camera can be and that the flood has not reached.
+    open: Vec<u64>,
     /// A bit for each voxel that the flood has reached.
     reached: Vec<u64>,
-    /// Voxels to go on from, which may be reached or not free.
+    /// Voxels to go on from, which may be reached by now.
     entered: Vec<u32>,
     is_found: bool,
 }
@@ -436,11 +436,11 @@ impl<'a> Flood<'a> {
                 if !(meets(axis, from, to) && (0..3).all(|k| k == axis || meets(k, low[k], high[k]))) {
                     continue;
                 }
-                let beyond = (0..3).fold(Polygon { corners: triangle.to_vec() }, |polygon, k| {
+                let beyond = (0..3).fold(Polygon::new(triangle), |polygon, k| {
                     let ends = if k == axis { [from, to] } else { [low[k], high[k]] };
                     polygon.clipped(k, [ends[0] - slack, ends[1] + slack])
                 });
-                if !beyond.corners.is_empty() {
+                if !beyond.is_empty() {
                     let [least, most] = beyond.range(axis);
                     limit = if is_upper { limit.min(least - gap) } else { limit.max(most + gap) };
                 }
@@ -469,8 +469,8 @@ impl<'a> Flood<'a> {
             (corner + at * edge).distance_squared(point)
         };
         let all = 0..counts.iter().product();
-        let nearest =
-            all.filter(|&voxel| bit(&voxels.free, voxel)).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let is_free = |&voxel: &usize| bit(&voxels.open, voxel) || bit(&voxels.reached, voxel);
+        let nearest = all.filter(is_free).min_by(|a, b| distance(a).total_cmp(&distance(b)));
         if let Some(voxel) = nearest {
             self.enter(place, [voxel as u32])?;
         }
@@ -488,7 +488,7 @@ impl<'a> Flood<'a> {
     fn enter(&mut self, place: [i64; 3], entered: impl IntoIterator<Item = u32>) -> Result<(), GridError> {
         let voxels = self.voxels(place)?;
         let is_waiting = !voxels.entered.is_empty();
-        let open = |voxel: &u32| bit(&voxels.free, *voxel as usize) && !bit(&voxels.reached, *voxel as usize);
+        let open = |voxel: &u32| bit(&voxels.open, *voxel as usize);
         voxels.entered.extend(entered.into_iter().filter(open));
         if !is_waiting && !voxels.entered.is_empty() {
             if !voxels.is_found {
@@ -504,34 +504,32 @@ impl<'a> Flood<'a> {
     fn spread(&mut self, place: [i64; 3]) -> Result<(), GridError> {
         let counts = self.counts;
         let Some(voxels) = self.cells.get_mut(&place) else { return Ok(()) };
-        let mut stack = std::mem::take(&mut voxels.entered);
         let mut beyond: [Vec<u32>; 6] = Default::default();
-        let strides = [1, counts[0], counts[0] * counts[1]];
-        while let Some(voxel) = stack.pop() {
-            let voxel = voxel as usize;
-            if bit(&voxels.reached, voxel) {
-                continue;
+        let entered = std::mem::take(&mut voxels.entered);
+        take_connected(&mut voxels.open, counts, entered, |at, last| {
+            let run = join(at, counts)..=join([last, at[1], at[2]], counts);
+            run.for_each(|voxel| voxels.reached[voxel / 64] |= 1 << (voxel % 64));
+            if at[0] == 0 {
+                beyond[0].push(join([counts[0] - 1, at[1], at[2]], counts) as u32);
             }
-            voxels.reached[voxel / 64] |= 1 << (voxel % 64);
-            let at = split(voxel, counts);
-            for axis in 0..3 {
-                let wrap = strides[axis] * (counts[axis] - 1);
-                for (side, is_last) in [at[axis] == 0, at[axis] + 1 == counts[axis]].into_iter().enumerate() {
-                    let next = match (side, is_last) {
-                        (0, false) => voxel - strides[axis],
-                        (_, false) => voxel + strides[axis],
-                        (_, true) => {
-                            let other = if side == 0 { voxel + wrap } else { voxel - wrap };
-                            beyond[axis * 2 + side].push(other as u32);
-                            continue;
-                        }
-                    };
-                    if bit(&voxels.free, next) && !bit(&voxels.reached, next) {
-                        stack.push(next as u32);
-                    }
+            if last + 1 == counts[0] {
+                beyond[1].push(join([0, at[1], at[2]], counts) as u32);
+            }
+            for axis in 1..3 {
+                let mut add = |side: usize, place: usize| {
+                    let mut other = at;
+                    other[axis] = place;
+                    let first = join(other, counts) as u32;
+                    beyond[axis * 2 + side].extend(first..=first + (last - at[0]) as u32);
+                };
+                if at[axis] == 0 {
+                    add(0, counts[axis] - 1);
+                }
+                if at[axis] + 1 == counts[axis] {
+                    add(1, 0);
                 }
             }
-        }
+        });
         for (side, entered) in beyond.into_iter().enumerate() {
             let (axis, mut other) = (side / 2, place);
             other[axis] += if side % 2 == 0 { -1 } else { 1 };
@@ -608,8 +606,8 @@ impl<'a> Flood<'a> {
                 }
             });
         }
-        let free = solid.iter().zip(&stood).map(|(solid, stood)| stood & !solid).collect();
-        Voxels { free, reached: vec![0; count.div_ceil(64)], entered: Vec::new(), is_found: false }
+        let open = solid.iter().zip(&stood).map(|(solid, stood)| stood & !solid).collect();
+        Voxels { open, reached: vec![0; count.div_ceil(64)], entered: Vec::new(), is_found: false }
     }
 }
 
@@ -637,22 +635,46 @@ fn take_part(set: &mut [u64], counts: [usize; 3], seed: usize) -> Option<Part> {
         return None;
     }
     let mut part = Part { first: split(seed, counts), last: split(seed, counts) };
+    take_connected(set, counts, vec![seed as u32], |at, last| {
+        part.add(at, [0; 3], counts);
+        part.add([last, at[1], at[2]], [0; 3], counts);
+    });
+    Some(part)
+}
+
+/// Removes the voxels of a set that are connected through faces with those of a list. Calls `each` with runs
+/// of them along x: the place of the first, and the x of the last.
+fn take_connected(
+    set: &mut [u64],
+    counts: [usize; 3],
+    mut list: Vec<u32>,
+    mut each: impl FnMut([usize; 3], usize),
+) {
     let strides = [1, counts[0], counts[0] * counts[1]];
-    let mut stack = vec![seed];
-    while let Some(voxel) = stack.pop() {
-        if !bit(set, voxel) {
+    while let Some(voxel) = list.pop() {
+        if !bit(set, voxel as usize) {
             continue;
         }
-        set[voxel / 64] &= !(1 << (voxel % 64));
-        let at = split(voxel, counts);
-        part.add(at, [0; 3], counts);
-        for axis in 0..3 {
-            let lower = (at[axis] > 0).then(|| voxel - strides[axis]);
-            let upper = (at[axis] + 1 < counts[axis]).then(|| voxel + strides[axis]);
-            stack.extend(lower.into_iter().chain(upper).filter(|&next| bit(set, next)));
+        let at = split(voxel as usize, counts);
+        let row = voxel as usize - at[0];
+        let (mut first, mut last) = (at[0], at[0]);
+        while first > 0 && bit(set, row + first - 1) {
+            first -= 1;
+        }
+        while last + 1 < counts[0] && bit(set, row + last + 1) {
+            last += 1;
+        }
+        (row + first..=row + last).for_each(|voxel| set[voxel / 64] &= !(1 << (voxel % 64)));
+        each([first, at[1], at[2]], last);
+        for axis in 1..3 {
+            let lower = (at[axis] > 0).then(|| row - strides[axis]);
+            let upper = (at[axis] + 1 < counts[axis]).then(|| row + strides[axis]);
+            for row in lower.into_iter().chain(upper) {
+                let is_start = |&x: &usize| bit(set, row + x) && (x == first || !bit(set, row + x - 1));
+                list.extend((first..=last).filter(is_start).map(|x| (row + x) as u32));
+            }
         }
     }
-    Some(part)
 }
 
 /// Returns whether a triangle is less steep than 60 degrees. A triangle without area is not.
@@ -676,6 +698,11 @@ fn split(voxel: usize, counts: [usize; 3]) -> [usize; 3] {
     [voxel % counts[0], voxel / counts[0] % counts[1], voxel / counts[0] / counts[1]]
 }
 
+/// Returns the number of the voxel at a place.
+fn join(at: [usize; 3], counts: [usize; 3]) -> usize {
+    at[0] + counts[0] * (at[1] + counts[1] * at[2])
+}
+
 /// Calls `each` with the columns of a grid that a triangle touches, and with the least and greatest
 /// coordinate of the triangle on the axis `up` in that column. Columns are `step` wide on the two `axes`, the
 /// first begins at 0, and each counts as larger by `slack` on all sides. Those outside `limits` (first and
@@ -689,7 +716,7 @@ fn for_each_column(
     slack: f64,
     mut each: impl FnMut([i64; 2], [f64; 2]),
 ) {
-    let whole = Polygon { corners: triangle.to_vec() };
+    let whole = Polygon::new(triangle);
     let range = |polygon: &Polygon, side: usize| {
         let [least, most] = polygon.range(axes[side]);
         let place = |x: f64| (x / step[side]).floor();
@@ -701,49 +728,78 @@ fn for_each_column(
     };
     for row in range(&whole, 1) {
         let strip = whole.clipped(axes[1], between(1, row));
-        if strip.corners.is_empty() {
+        if strip.is_empty() {
             continue;
         }
         for column in range(&strip, 0) {
             let piece = strip.clipped(axes[0], between(0, column));
-            if !piece.corners.is_empty() {
+            if !piece.is_empty() {
                 each([column, row], piece.range(up));
             }
         }
     }
 }
 
-/// A convex polygon.
+/// Most corners of a [`Polygon`]: three, and half as many again for each of the six sides of a box, which is
+/// more than rounding can add.
+const CORNERS: usize = 28;
+
+/// A triangle clipped by sides of a box.
 struct Polygon {
-    corners: Vec<DVec3>,
+    corners: [DVec3; CORNERS],
+    count: usize,
 }
 
 impl Polygon {
+    fn new([a, b, c]: [DVec3; 3]) -> Self {
+        let mut polygon = Self { corners: [DVec3::ZERO; CORNERS], count: 0 };
+        [a, b, c].into_iter().for_each(|corner| polygon.push(corner));
+        polygon
+    }
+
+    fn push(&mut self, corner: DVec3) {
+        if let Some(place) = self.corners.get_mut(self.count) {
+            *place = corner;
+            self.count += 1;
+        }
+    }
+
+    fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+
+    fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
     /// Returns the least and greatest coordinate on an axis.
     fn range(&self, axis: usize) -> [f64; 2] {
-        self.corners
+        self.corners()
             .iter()
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], p| [low.min(p[axis]), high.max(p[axis])])
     }
 
     /// Returns the part between two coordinates on an axis.
     fn clipped(&self, axis: usize, [low, high]: [f64; 2]) -> Self {
-        let mut corners = Vec::with_capacity(self.corners.len() + 2);
-        corners.extend_from_slice(&self.corners);
-        for (sign, limit) in [(1.0, low), (-1.0, -high)] {
-            let inside = |p: DVec3| p[axis] * sign - limit;
-            let from = std::mem::take(&mut corners);
-            for (number, &q) in from.iter().enumerate() {
-                let p = from[(number + from.len() - 1) % from.len()];
-                let (a, b) = (inside(p), inside(q));
-                if (a < 0.0) != (b < 0.0) {
-                    corners.push(p + (q - p) * (a / (a - b)));
-                }
-                if b >= 0.0 {
-                    corners.push(q);
-                }
+        self.clipped_by(axis, 1.0, low).clipped_by(axis, -1.0, -high)
+    }
+
+    /// Returns the part where the coordinate on an axis, times `sign`, is at least `limit`.
+    fn clipped_by(&self, axis: usize, sign: f64, limit: f64) -> Self {
+        let inside = |p: DVec3| p[axis] * sign - limit;
+        let mut part = Self { corners: [DVec3::ZERO; CORNERS], count: 0 };
+        let Some(&last) = self.corners().last() else { return part };
+        let (mut p, mut a) = (last, inside(last));
+        for &q in self.corners() {
+            let b = inside(q);
+            if (a < 0.0) != (b < 0.0) {
+                part.push(p + (q - p) * (a / (a - b)));
             }
+            if b >= 0.0 {
+                part.push(q);
+            }
+            (p, a) = (q, b);
         }
-        Self { corners }
+        part
     }
 }
