@@ -94,9 +94,6 @@ impl RowNode {
     }
 }
 
-/// Most occluders on a line of which the loop is tried.
-const LOOPS: usize = 6;
-
 impl Search<'_> {
     /// Searches the lines of a node. `left` is the number of nodes still allowed.
     pub(crate) fn divide(&mut self, sight: &Sight, left: &mut u32) -> Answer {
@@ -132,7 +129,7 @@ impl Search<'_> {
             return self.halve_divided(node, left, halvings);
         };
         let mut hits = core::mem::take(&mut self.hits);
-        let unsure = self.probe(line, 8, &mut hits);
+        let unsure = self.probe(line, &mut hits);
         let best = if hits.is_empty() { None } else { self.best_loop(sight, node.rows.len(), line, &hits) };
         let is_clear = hits.is_empty() && !unsure;
         self.hits = hits;
@@ -303,7 +300,7 @@ impl Search<'_> {
         let part = (0..depth.min(60)).fold(1.0, |part, _| part * 0.9);
         let grow = self.clearance * (0.5 + 0.5 * part);
         let mut best: Option<Loop> = None;
-        for (k, &hit) in hits.iter().take(LOOPS).enumerate() {
+        for (k, &hit) in hits.iter().enumerate() {
             let piece = self.triangles.piece_of(hit);
             if hits[..k].iter().any(|&other| self.triangles.piece_of(other) == piece) {
                 continue;
