@@ -22,7 +22,7 @@ use visibility_region::ExtendedProjectionCuller;
 
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
-const METHODS: u32 = 6;
+const METHODS: u32 = 7;
 
 /// Number of stages of a bake. All viewcells are swept; then all are looked from along rays, and boxes are
 /// proven hidden; then, where the gap is not met, triangles are.
@@ -334,6 +334,7 @@ impl<'a> SandwichBaker<'a> {
             times.rays += lap();
             search.prove(Method::Boxes);
         } else {
+            search.prove(Method::QuickTriangles);
             search.prove(Method::Triangles);
         }
         times.proofs += lap();
