@@ -10,6 +10,7 @@
 
 use crate::deflated::{deflated, inflated};
 use crate::object_facts::bounds_fingerprint;
+use crate::tiled_scene::TiledScene;
 use std::collections::HashMap;
 use std::fmt;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
@@ -120,7 +121,29 @@ impl BakedSet {
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
-        let (cells, index_limit) = (viewcells.cells(), scene.index_limit());
+        Self::compress(scene.index_limit(), scene_bounds(scene), viewcells, rows)
+    }
+
+    /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level of which no scene is in
+    /// memory.
+    ///
+    /// # Errors
+    /// [`BakedSetError::Rows`], [`BakedSetError::Pvs`].
+    pub fn of_level<R: AsRef<[u32]>>(
+        level: &TiledScene<'_>,
+        viewcells: Viewcells,
+        rows: &[R],
+    ) -> Result<Self, BakedSetError> {
+        Self::compress(level.index_limit(), level.bounds_fingerprint(), viewcells, rows)
+    }
+
+    fn compress<R: AsRef<[u32]>>(
+        index_limit: usize,
+        fingerprint: u64,
+        viewcells: Viewcells,
+        rows: &[R],
+    ) -> Result<Self, BakedSetError> {
+        let cells = viewcells.cells();
         if cells.len() != rows.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: rows.len() });
         }
@@ -140,7 +163,7 @@ impl BakedSet {
             });
             bases
         })?;
-        Ok(Self { fingerprint: scene_bounds(scene), index_limit, viewcells, classes, pvs })
+        Ok(Self { fingerprint, index_limit, viewcells, classes, pvs })
     }
 
     /// Returns the viewcells.

@@ -25,6 +25,8 @@ mod cell_sandwich;
 mod deflated;
 mod free_space;
 mod grid;
+mod level_error;
+mod level_file;
 mod method_times;
 mod near_to_far;
 mod object_facts;
@@ -41,10 +43,12 @@ pub use baked_set::{BakedSet, BakedSetError};
 pub use cell_sandwich::CellSandwich;
 pub use free_space::CameraRange;
 pub use grid::{Grid, GridError};
+pub use level_error::LevelError;
 pub use method_times::MethodTimes;
 pub use sandwich_baker::{BakeScratch, FoundCell, SandwichBaker, SandwichOutcome, bake_fingerprint};
 pub use settings::Settings;
 pub use shard::{AssembleError, Shard, assemble};
+pub use tiled_scene::{TiledScene, TiledSceneWriter};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -10,8 +10,9 @@
 //! Only the tiles that were opened have a say in what is left. If all of them are what they were, so is the
 //! result: [`Trace::replay`].
 
+use crate::level_error::LevelError;
 use crate::tile_tree::{Tile, TileTree};
-use crate::tiled_scene::TiledScene;
+use crate::tiled_scene::{PreparedScene, TiledScene};
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
@@ -86,22 +87,22 @@ pub(crate) fn sweep_near_to_far(
     cell: &Viewcell,
     sweep: &mut ExtendedProjectionCuller,
     whole: &mut Option<ExtendedProjectionCuller>,
-) -> Trace {
+) -> Result<Trace, LevelError> {
     let root = &level.tree.tiles[0];
     let mut around = Around { level, cell, opened: Vec::new(), occluding: Vec::new(), waiting: Vec::new() };
     around.open(What::Tile { tile: 0, parent: 0, child: 0 });
     if root.children.is_empty() {
-        let (scene, prepared) = level.whole();
-        let ids = swept(whole.get_or_insert_with(|| prepared.clone()), scene, cell);
+        let PreparedScene { scene, sweep, .. } = level.whole()?;
+        let ids = swept(whole.get_or_insert_with(|| sweep.clone()), scene, cell);
         let left = ids.iter().map(|id| [0, id.index() as u32]).collect();
-        return Trace { opened: around.opened, left };
+        return Ok(Trace { opened: around.opened, left });
     }
     let (mut portion, mut coarsest) = (level.first, COARSEST);
     around.divide(coarsest);
     around.open_nearest(portion, |tile| tile.weight);
     loop {
         around.load(portion);
-        around.sweep(sweep);
+        around.sweep(sweep)?;
         (portion, coarsest) = (portion.saturating_mul(2), coarsest / 2.0);
         around.open_nearest(portion, |tile| tile.own.len() as u64);
         around.divide(coarsest);
@@ -115,7 +116,7 @@ pub(crate) fn sweep_near_to_far(
     });
     let mut left: Vec<[u32; 2]> = around.occluding.iter().map(|&(place, _)| place).chain(places).collect();
     left.sort_unstable();
-    Trace { opened: around.opened, left }
+    Ok(Trace { opened: around.opened, left })
 }
 
 /// What is known around a viewcell.
@@ -189,7 +190,7 @@ impl Around<'_> {
     }
 
     /// Drops what is hidden.
-    fn sweep(&mut self, sweep: &mut ExtendedProjectionCuller) {
+    fn sweep(&mut self, sweep: &mut ExtendedProjectionCuller) -> Result<(), LevelError> {
         let numbers: Vec<u32> = self.occluding.iter().map(|&(_, number)| number).collect();
         let boxes = self.waiting.iter().map(|waiting| match waiting.what {
             What::Object { number, .. } => {
@@ -197,12 +198,13 @@ impl Around<'_> {
             }
             What::Tile { .. } => Object::new(waiting.bounds),
         });
-        let scene = self.level.scene_of(&numbers, boxes, false);
+        let ids = self.level.with_scene(&numbers, boxes, |scene| swept(sweep, scene, self.cell))?;
         let mut is_left = vec![false; numbers.len() + self.waiting.len()];
-        swept(sweep, &scene, self.cell).iter().for_each(|id| is_left[id.index()] = true);
+        ids.iter().for_each(|id| is_left[id.index()] = true);
         let mut is_left = is_left.into_iter();
         self.occluding.retain(|_| is_left.next().unwrap_or(true));
         self.waiting.retain(|_| is_left.next().unwrap_or(true));
+        Ok(())
     }
 
     /// Opens the nearest of the waiting tiles, until the sum of a measure of them is enough.
@@ -331,7 +333,7 @@ mod tests {
     }
 
     fn sweep_of(level: &TiledScene<'_>, cell: &Viewcell) -> Trace {
-        sweep_near_to_far(level, cell, &mut ExtendedProjectionCuller::new(), &mut None)
+        sweep_near_to_far(level, cell, &mut ExtendedProjectionCuller::new(), &mut None).unwrap()
     }
 
     /// Returns whether a segment between two points misses the inside of all occluders but one, by slabs.

@@ -111,6 +111,7 @@ mod tests {
                 [Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3]))],
                 with_triangles,
             );
+            let part = part.unwrap();
             assert!(part.origin() == scene.origin() && part.len() == 4);
             for (id, new) in [ids[7], ids[3], ids[4]].into_iter().zip(part.ids()) {
                 assert_eq!(part.object(new), scene.object(id));

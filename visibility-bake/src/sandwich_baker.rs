@@ -4,11 +4,12 @@
 use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
 use crate::cell_groups::{self, CellGroups};
 use crate::cell_sandwich::CellSandwich;
+use crate::level_error::LevelError;
 use crate::method_times::MethodTimes;
 use crate::near_to_far::{sweep_near_to_far, swept};
 use crate::search::{Method, Search};
 use crate::settings::Settings;
-use crate::tiled_scene::{PreparedScene, TiledScene, prepared};
+use crate::tiled_scene::{PreparedScene, TiledScene};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -68,7 +69,7 @@ const LOOK: u32 = 1;
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 pub struct SandwichBaker<'a> {
-    level: TiledScene<'a>,
+    level: Arc<TiledScene<'a>>,
     viewcells: &'a Viewcells,
     settings: Settings,
     range: Range<usize>,
@@ -85,6 +86,8 @@ pub struct SandwichBaker<'a> {
     costs: Vec<[u64; STAGES]>,
     /// By group with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
+    /// Why a viewcell could not be worked on: the first that happened.
+    error: Mutex<Option<LevelError>>,
 }
 
 /// The result of a bake.
@@ -104,6 +107,8 @@ pub struct SandwichOutcome {
     pub reused: usize,
     /// The results of this bake, for the next. Groups that are not complete are left out.
     pub cache: BakeCache,
+    /// Why viewcells could not be worked on, for a level in a file.
+    pub error: Option<LevelError>,
 }
 
 /// The results of one viewcell.
@@ -158,7 +163,12 @@ enum Content {
 impl<'a> SandwichBaker<'a> {
     /// Prepares a bake of all objects of a scene from all viewcells.
     pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: Settings) -> Self {
-        let (groups, level) = (CellGroups::new(viewcells), TiledScene::new(scene));
+        Self::of_level(Arc::new(TiledScene::new(scene)), viewcells, settings)
+    }
+
+    /// Prepares a bake of all objects of a level from all viewcells.
+    pub fn of_level(level: Arc<TiledScene<'a>>, viewcells: &'a Viewcells, settings: Settings) -> Self {
+        let groups = CellGroups::new(viewcells);
         let baker = Self {
             viewcells,
             settings,
@@ -172,6 +182,7 @@ impl<'a> SandwichBaker<'a> {
             done: Vec::new(),
             costs: Vec::new(),
             found_groups: Vec::new(),
+            error: Mutex::default(),
         };
         baker.with_range(0..viewcells.cells().len())
     }
@@ -214,6 +225,12 @@ impl<'a> SandwichBaker<'a> {
         self.fingerprint
     }
 
+    /// Returns why viewcells could not be worked on, for a level in a file: they count as done, see all that
+    /// they saw before, and are not worked on again if the bake is resumed.
+    pub fn error(&self) -> Option<LevelError> {
+        self.error.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
     /// Counts what is done and what is left in each group.
     fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
@@ -248,17 +265,22 @@ impl<'a> SandwichBaker<'a> {
 
     /// Returns what the viewcells of a group have in common, from its slot, or made now while other threads
     /// that need it wait.
-    fn group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Arc<Group> {
+    fn group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Result<Arc<Group>, LevelError> {
         let mut slot = self.slots[number as usize].lock().unwrap_or_else(PoisonError::into_inner);
-        slot.group.get_or_insert_with(|| Arc::new(self.new_group(number, stage, scratch))).clone()
+        if let Some(group) = &slot.group {
+            return Ok(group.clone());
+        }
+        let group = Arc::new(self.new_group(number, stage, scratch)?);
+        slot.group = Some(group.clone());
+        Ok(group)
     }
 
-    fn new_group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Group {
+    fn new_group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Result<Group, LevelError> {
         if let Some(record) = &self.found_groups[number as usize]
             && stage != SWEEP
         {
             let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
-            return Group { record: record.clone(), objects, content: Content::Objects };
+            return Ok(Group { record: record.clone(), objects, content: Content::Objects });
         }
         let members = &self.groups.cells[number as usize];
         let all = self.viewcells.cells();
@@ -274,18 +296,19 @@ impl<'a> SandwichBaker<'a> {
             && let Some(objects) = record.trace.replay(&self.level.tree)
             && is_usable(cells, &objects)
         {
-            return Group { record: record.clone(), objects, content: Content::Known(cells.to_vec()) };
+            let content = Content::Known(cells.to_vec());
+            return Ok(Group { record: record.clone(), objects, content });
         }
         let around = cell_groups::bounds(all, members);
-        let trace = sweep_near_to_far(&self.level, &around, &mut scratch.sweep, &mut scratch.whole);
+        let trace = sweep_near_to_far(&self.level, &around, &mut scratch.sweep, &mut scratch.whole)?;
         // What was opened just now is what it was.
         let objects = trace.replay(&self.level.tree).unwrap_or_default();
         let key = with_members(self.content_hash(objects.iter().copied()));
         let content = match self.cache.group(key).filter(|records| is_usable(records, &objects)) {
             Some(records) => Content::Known(records.to_vec()),
-            None => Content::Scene(Box::new(prepared(self.level.scene_of(&objects, [], false)))),
+            None => Content::Scene(Box::new(self.level.prepared(&objects)?)),
         };
-        Group { record: Arc::new(GroupRecord { question, key, trace }), objects, content }
+        Ok(Group { record: Arc::new(GroupRecord { question, key, trace }), objects, content })
     }
 
     /// Sweeps the scene of a group from a viewcell. Returns what is left, all of it open, or what the cache
@@ -294,7 +317,7 @@ impl<'a> SandwichBaker<'a> {
         &self,
         viewcell: usize,
         objects: &[u32],
-        (scene, prepared): &PreparedScene,
+        PreparedScene { scene, sweep: prepared, .. }: &PreparedScene,
         scratch: &mut BakeScratch,
     ) -> (CellRecord, bool) {
         let (cell, number) = (&self.viewcells.cells()[viewcell], self.groups.of[viewcell]);
@@ -320,10 +343,11 @@ impl<'a> SandwichBaker<'a> {
         before: &FoundCell,
         lap: &mut impl FnMut() -> Duration,
         stop: &dyn Fn() -> bool,
-    ) -> Option<(CellRecord, MethodTimes, u32)> {
+    ) -> Result<Option<(CellRecord, MethodTimes, u32)>, LevelError> {
         let record = &before.record;
         let left: Vec<u32> = record.left.iter().map(|&at| objects[at as usize]).collect();
-        let scene = self.level.scene_of(&left, [], true);
+        let _memory = self.level.reserve_cell(&left, true)?;
+        let scene = self.level.scene_of(&left, [], true)?;
         let triangles = SceneTriangles::new(&scene);
         let cell = &self.viewcells.cells()[viewcell];
         let answers = record.answers.clone();
@@ -339,12 +363,12 @@ impl<'a> SandwichBaker<'a> {
         }
         times.proofs += lap();
         if search.is_stopped() {
-            return None;
+            return Ok(None);
         }
         let next = if search.is_met() { STAGES as u32 } else { before.next + 1 };
         let steps = record.steps.saturating_add(search.steps());
         let (key, left) = (record.key, record.left.clone());
-        Some((CellRecord { key, left, answers: search.answers, steps }, times, next))
+        Ok(Some((CellRecord { key, left, answers: search.answers, steps }, times, next)))
     }
 
     /// Returns the sandwich of a record, given the objects of its group.
@@ -390,7 +414,7 @@ fn with_viewcell(hash: Fingerprint, cell: &Viewcell) -> Fingerprint {
 
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
-    /// `None` for a viewcell with nothing left to do.
+    /// `None` for a viewcell with nothing left to do, or whose objects could not be had.
     type Found = Option<FoundCell>;
     type Outcome = SandwichOutcome;
 
@@ -435,7 +459,14 @@ impl Baker for SandwichBaker<'_> {
         }
         let number = self.range.start + place;
         let of = self.groups.of[number];
-        let group = self.group(of, stage, scratch);
+        let failed = |error: LevelError| {
+            self.error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            Some(None)
+        };
+        let group = match self.group(of, stage, scratch) {
+            Ok(group) => group,
+            Err(error) => return failed(error),
+        };
         if stop() {
             return None;
         }
@@ -447,11 +478,18 @@ impl Baker for SandwichBaker<'_> {
                 (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
             }
             (Content::Scene(scene), _) => {
+                let _memory = match self.level.reserve_cell(objects, false) {
+                    Ok(memory) => memory,
+                    Err(error) => return failed(error),
+                };
                 let (record, is_known) = self.sweep(number, objects, scene, scratch);
                 let times = MethodTimes { sweep: lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
             }
-            (Content::Objects, Some(before)) => self.search(number, objects, before, &mut lap, stop)?,
+            (Content::Objects, Some(before)) => match self.search(number, objects, before, &mut lap, stop) {
+                Ok(found) => found?,
+                Err(error) => return failed(error),
+            },
             (Content::Objects, None) => return Some(None),
         };
         let open = record.left.iter().zip(&record.answers).filter(|&(_, &answer)| answer == OPEN);
@@ -489,11 +527,13 @@ impl Baker for SandwichBaker<'_> {
 
     fn finish(self, waiting: &[u32]) -> SandwichOutcome {
         let all: Vec<u32> = self.level.objects.iter().map(|object| object.index).collect();
+        let is_done =
+            |done: &Option<FoundCell>| done.as_ref().is_some_and(|found| found.next as usize == STAGES);
         let mut cache = BakeCache::default();
         for members in &self.groups.cells {
             let found = members.iter().map(|&cell| {
                 let place = (cell as usize).checked_sub(self.range.start)?;
-                self.done.get(place)?.as_ref().filter(|found| found.next as usize == STAGES)
+                self.done.get(place).filter(|done| is_done(done))?.as_ref()
             });
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
@@ -501,6 +541,7 @@ impl Baker for SandwichBaker<'_> {
                 cache.insert(first.group.clone(), found.iter().map(|found| found.record.clone()).collect());
             }
         }
+        let complete = waiting.is_empty() && self.done.iter().all(is_done);
         let reused = self.done.iter().flatten().filter(|found| found.is_reused).count();
         let unknown = || CellSandwich { open: all.clone(), ..CellSandwich::default() };
         let done = self.done.into_iter().map(|done| {
@@ -508,7 +549,8 @@ impl Baker for SandwichBaker<'_> {
         });
         let (cells, times) = done.unzip();
         let first = self.range.start;
-        SandwichOutcome { first, cells, times, complete: waiting.is_empty(), reused, cache }
+        let error = self.error.into_inner().unwrap_or_else(PoisonError::into_inner);
+        SandwichOutcome { first, cells, times, complete, reused, cache, error }
     }
 
     fn fingerprint(&self) -> u64 {

@@ -1,63 +1,128 @@
 //! A level in tiles: what is known of all objects, and the content of those that are asked for.
 
-use crate::object_facts::{ObjectFacts, content_fingerprint};
+use crate::level_error::LevelError;
+use crate::level_file::{ContentWriter, LevelFile, Reserved, facts};
+use crate::object_facts::{ObjectFacts, bounds_fingerprint, content_fingerprint};
 use crate::part_scene::{Meshes, copy_content};
 use crate::tile_tree::TileTree;
+use std::path::PathBuf;
 use std::sync::OnceLock;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Object, ObjectId, RegionCuller, Scene, VisibleSet};
+use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
 /// Weight of the objects that occlude in the first sweep from near to far. Each further sweep has twice as
 /// much.
 const FIRST: u64 = 8192;
 
+/// Bytes of memory that a scene for a sweep takes for each unit of weight, about.
+const SWEPT: u64 = 1000;
+
+/// Bytes of memory that a search takes for each unit of weight, about.
+const SEARCHED: u64 = 2000;
+
 /// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
-pub(crate) struct TiledScene<'a> {
-    pub origin: DVec3,
+///
+/// The content of the objects is in a [`Scene`], or in a file: then no more of it is in memory than a stated
+/// limit allows ([`TiledScene::writer`]). The results of a bake are the same.
+pub struct TiledScene<'a> {
+    pub(crate) origin: DVec3,
     /// By number. Numbers ascend with the indices of objects.
-    pub objects: Vec<ObjectFacts>,
-    pub tree: TileTree,
+    pub(crate) objects: Vec<ObjectFacts>,
+    pub(crate) tree: TileTree,
     /// Greatest index of an object plus 1.
-    pub index_limit: usize,
+    pub(crate) index_limit: usize,
     /// Weight of the objects that occlude in the first sweep from near to far.
-    pub first: u64,
-    scene: &'a Scene,
+    pub(crate) first: u64,
+    store: Store<'a>,
     /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
-    whole: OnceLock<PreparedScene>,
+    whole: OnceLock<Result<PreparedScene, LevelError>>,
+}
+
+/// Where the content of objects is.
+enum Store<'a> {
+    Scene(&'a Scene),
+    File(LevelFile),
 }
 
 /// A scene, and a sweep that is prepared for it.
-pub(crate) type PreparedScene = (Scene, ExtendedProjectionCuller);
-
-/// Returns a scene with a sweep that is prepared for it, to be cloned for threads.
-pub(crate) fn prepared(scene: Scene) -> PreparedScene {
-    let mut sweep = ExtendedProjectionCuller::new();
-    // From an empty viewcell nothing is visible: the culler only prepares what all threads share.
-    let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
-    sweep.cull(&scene, &nowhere, &mut VisibleSet::new());
-    (scene, sweep)
+pub(crate) struct PreparedScene {
+    pub scene: Scene,
+    pub sweep: ExtendedProjectionCuller,
+    _memory: Option<Reserved>,
 }
 
 impl<'a> TiledScene<'a> {
     /// Sorts the objects of a scene. Time is linear in the number of triangles.
-    pub(crate) fn new(scene: &'a Scene) -> Self {
+    pub fn new(scene: &'a Scene) -> Self {
         let facts = |id: ObjectId| {
             let object = scene.object(id).ok()?;
             let triangles = scene.triangles(id).unwrap_or_default();
             Some(ObjectFacts::new(id.index() as u32, &object, triangles, scene.occluder(id)))
         };
         let objects: Vec<ObjectFacts> = scene.ids().filter_map(facts).collect();
-        let tree = TileTree::new(&objects);
-        let (origin, index_limit) = (scene.origin(), scene.index_limit());
-        Self { origin, objects, tree, index_limit, first: FIRST, scene, whole: OnceLock::new() }
+        let (tree, origin, index_limit) = (TileTree::new(&objects), scene.origin(), scene.index_limit());
+        let store = Store::Scene(scene);
+        Self { origin, objects, tree, index_limit, first: FIRST, store, whole: OnceLock::new() }
+    }
+
+    /// Begins a level in a file, which is overwritten, and removed with the level.
+    ///
+    /// # Errors
+    /// [`LevelError::File`] if the file cannot be written.
+    pub fn writer(path: impl Into<PathBuf>, origin: DVec3) -> Result<TiledSceneWriter, LevelError> {
+        Ok(TiledSceneWriter { origin, objects: Vec::new(), content: ContentWriter::create(path.into())? })
+    }
+
+    /// Returns the number of objects.
+    pub fn object_count(&self) -> usize {
+        self.objects.len()
+    }
+
+    /// Returns the greatest index of an object plus 1.
+    pub fn index_limit(&self) -> usize {
+        self.index_limit
+    }
+
+    /// Returns the [cost](Object::cost) of the object with an index. `None` if there is none.
+    pub fn cost(&self, index: u32) -> Option<u32> {
+        let at = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
+        Some(self.objects[at].cost)
+    }
+
+    /// Calls `look` with a scene of the objects whose bounds touch a box in world space, or are not finite.
+    /// They have triangles but no occluder meshes, and other indices than in the level.
+    ///
+    /// # Errors
+    /// [`LevelError`] if a level in a file cannot be read, or the objects exceed its memory.
+    pub fn with_scene_around<T>(
+        &self,
+        min: DVec3,
+        max: DVec3,
+        look: impl FnOnce(&Scene) -> T,
+    ) -> Result<T, LevelError> {
+        let (min, max) = (min - self.origin, max - self.origin);
+        let touches = |bounds: &Aabb| {
+            let is_beyond = bounds.max.as_dvec3().cmplt(min) | max.cmplt(bounds.min.as_dvec3());
+            !bounds.is_finite() || !is_beyond.any()
+        };
+        let order = self.tree.order.iter().copied();
+        let numbers: Vec<u32> = order.filter(|&at| touches(&self.objects[at as usize].bounds)).collect();
+        let _memory = self.reserve(&numbers, SWEPT)?;
+        Ok(look(&self.scene_of(&numbers, [], true)?))
     }
 
     /// Returns a hash of all that a bake depends on: the origin, and for each object its index, bounds,
     /// layers, cost, flags, triangles and occluder mesh.
     pub(crate) fn fingerprint(&self) -> u64 {
         content_fingerprint(self.origin, &self.objects)
+    }
+
+    /// Returns a hash of the origin, and of the indices and bounds of the objects.
+    pub(crate) fn bounds_fingerprint(&self) -> u64 {
+        bounds_fingerprint(self.origin, self.objects.iter().map(|object| (object.index, object.bounds)))
     }
 
     /// Makes a scene of some objects, by their numbers, in the given order: the first gets index 0. After
@@ -68,23 +133,133 @@ impl<'a> TiledScene<'a> {
         numbers: &[u32],
         boxes: impl IntoIterator<Item = Object>,
         with_triangles: bool,
-    ) -> Scene {
+    ) -> Result<Scene, LevelError> {
         let mut part = Scene::new();
         // The origin of a scene is finite, and that of an empty scene may be set.
         let _ = part.set_origin(self.origin);
         let objects = numbers.iter().map(|&at| self.objects[at as usize].object());
         let ids = part.insert_batch(objects.chain(boxes));
-        let mut meshes = (!with_triangles).then(Meshes::new);
-        for (&at, new) in numbers.iter().zip(ids) {
-            if let Some(id) = self.scene.id_at(self.objects[at as usize].index as usize) {
-                copy_content(self.scene, id, &mut part, new, with_triangles, meshes.as_mut());
+        match &self.store {
+            Store::Scene(scene) => {
+                let mut meshes = (!with_triangles).then(Meshes::new);
+                for (&at, new) in numbers.iter().zip(ids) {
+                    if let Some(id) = scene.id_at(self.objects[at as usize].index as usize) {
+                        copy_content(scene, id, &mut part, new, with_triangles, meshes.as_mut());
+                    }
+                }
+            }
+            Store::File(file) => file.for_each(&self.objects, &self.tree, numbers, |place, content| {
+                if with_triangles {
+                    let _ = part.set_triangles(ids[place], &content.triangles[..]);
+                } else if let Some((mesh, transform)) = &content.mesh {
+                    let mesh = part.add_mesh(mesh.clone());
+                    let _ = part.set_mesh(ids[place], mesh, *transform);
+                }
+            })?,
+        }
+        Ok(part)
+    }
+
+    /// Reserves memory for some objects, where there is a limit.
+    fn reserve(&self, numbers: &[u32], bytes: u64) -> Result<Option<Reserved>, LevelError> {
+        match &self.store {
+            Store::Scene(_) => Ok(None),
+            Store::File(file) => {
+                let weight: u64 = numbers.iter().map(|&at| self.objects[at as usize].weight()).sum();
+                file.reserve(weight * bytes).map(Some)
             }
         }
-        part
+    }
+
+    /// Calls `sweep` with a scene of some objects, and after them of others that have nothing but bounds.
+    pub(crate) fn with_scene<T>(
+        &self,
+        numbers: &[u32],
+        boxes: impl IntoIterator<Item = Object>,
+        sweep: impl FnOnce(&Scene) -> T,
+    ) -> Result<T, LevelError> {
+        let _memory = self.reserve(numbers, SWEPT)?;
+        Ok(sweep(&self.scene_of(numbers, boxes, false)?))
+    }
+
+    /// Reserves the memory of a viewcell that is swept, for a copy of what is prepared, or searched.
+    pub(crate) fn reserve_cell(
+        &self,
+        numbers: &[u32],
+        is_search: bool,
+    ) -> Result<Option<Reserved>, LevelError> {
+        self.reserve(numbers, if is_search { SEARCHED } else { SWEPT })
+    }
+
+    /// Returns a scene of some objects, with a sweep that is prepared for it, to be cloned for threads.
+    pub(crate) fn prepared(&self, numbers: &[u32]) -> Result<PreparedScene, LevelError> {
+        let _memory = self.reserve(numbers, SWEPT)?;
+        let scene = self.scene_of(numbers, [], false)?;
+        let mut sweep = ExtendedProjectionCuller::new();
+        // From an empty viewcell nothing is visible: the culler only prepares what all threads share.
+        let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
+        sweep.cull(&scene, &nowhere, &mut VisibleSet::new());
+        Ok(PreparedScene { scene, sweep, _memory })
     }
 
     /// Returns a scene of all objects, tile by tile, with a sweep that is prepared for it.
-    pub(crate) fn whole(&self) -> &PreparedScene {
-        self.whole.get_or_init(|| prepared(self.scene_of(&self.tree.order, [], false)))
+    pub(crate) fn whole(&self) -> Result<&PreparedScene, LevelError> {
+        let whole = self.whole.get_or_init(|| self.prepared(&self.tree.order));
+        whole.as_ref().map_err(Clone::clone)
+    }
+}
+
+/// Writes a level to a file, object by object, so that it is never in memory as a whole.
+///
+/// ```
+/// use visibility_bake::{SandwichBaker, Settings, TiledScene};
+/// use visibility_core::{bake::Bake, glam::DVec3, pvs::{Viewcell, Viewcells}, Aabb, Object};
+/// let path = std::env::temp_dir().join(format!("tiles-{}", std::process::id()));
+/// let mut level = TiledScene::writer(&path, DVec3::ZERO)?;
+/// level.push(&Object::new(Aabb::from_arrays([5.0; 3], [6.0; 3])), &[], None)?;
+/// // At most 512 MiB, of which the process has 10 in use.
+/// let level = level.finish(512 << 20, 10 << 20)?;
+/// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+/// let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, Settings::default())).run();
+/// assert_eq!((outcome.cells[0].reported(), outcome.error), (vec![0], None));
+/// assert!(!path.exists());
+/// # Ok::<(), visibility_bake::LevelError>(())
+/// ```
+pub struct TiledSceneWriter {
+    origin: DVec3,
+    objects: Vec<ObjectFacts>,
+    content: ContentWriter,
+}
+
+impl TiledSceneWriter {
+    /// Appends an object, which gets the next index: its triangles, and its occluder mesh with the transform
+    /// to coordinates of the level, which an object that is not flagged as an occluder does without.
+    ///
+    /// # Errors
+    /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`].
+    pub fn push(
+        &mut self,
+        object: &Object,
+        triangles: &[Triangle],
+        mesh: Option<(&OccluderMesh, &Affine3A)>,
+    ) -> Result<(), LevelError> {
+        let mesh = mesh.filter(|_| object.occluder);
+        let facts = facts(self.objects.len(), object, triangles, mesh)?;
+        self.content.push(triangles, mesh)?;
+        self.objects.push(facts);
+        Ok(())
+    }
+
+    /// Ends the level. The process is to keep within `memory` bytes, of which it has `in_use` in use for
+    /// other things.
+    ///
+    /// # Errors
+    /// [`LevelError::File`] if the file cannot be written, [`LevelError::Memory`] if the limit is too low.
+    pub fn finish(self, memory: u64, in_use: u64) -> Result<TiledScene<'static>, LevelError> {
+        let Self { origin, mut objects, content } = self;
+        objects.shrink_to_fit();
+        let (tree, index_limit) = (TileTree::new(&objects), objects.len());
+        let store = Store::File(content.finish(&objects, &tree, memory, in_use)?);
+        Ok(TiledScene { origin, objects, tree, index_limit, first: FIRST, store, whole: OnceLock::new() })
     }
 }

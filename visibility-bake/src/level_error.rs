@@ -1,0 +1,53 @@
+//! Why the content of a level cannot be had.
+
+use std::fmt;
+use std::io::ErrorKind;
+use std::path::PathBuf;
+
+/// Why a level on disk cannot be written or read, or not within its memory.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum LevelError {
+    /// The file cannot be written or read.
+    File {
+        /// Path of the file.
+        path: PathBuf,
+        /// What the system says.
+        kind: ErrorKind,
+    },
+    /// The content of an object in the file is not what was written.
+    Damaged {
+        /// Path of the file.
+        path: PathBuf,
+        /// Index of the object.
+        object: u32,
+        /// Offset in bytes of the object's content.
+        offset: u64,
+    },
+    /// What must be in memory at the same time is estimated to exceed the limit.
+    Memory {
+        /// The limit in bytes.
+        limit: u64,
+        /// A limit in bytes that would do for now.
+        needed: u64,
+    },
+    /// There are more objects than 32 bits count.
+    TooMany,
+}
+
+impl fmt::Display for LevelError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File { path, kind } => write!(f, "{}: {kind}", path.display()),
+            Self::Damaged { path, object, offset } => {
+                write!(f, "{}: object {object}, at byte {offset}, is damaged", path.display())
+            }
+            Self::Memory { limit, needed } => {
+                let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+                write!(f, "{} MiB of memory are too few: at least {} are needed", mib(*limit), mib(*needed))
+            }
+            Self::TooMany => write!(f, "there are more objects than 32 bits count"),
+        }
+    }
+}
+
+impl std::error::Error for LevelError {}

@@ -1,0 +1,364 @@
+//! The triangles and occluder meshes of a level in a file, in the order of the objects, with as many tiles of
+//! them in memory as a limit allows.
+//!
+//! The file is for the process that has written it, which knows where each object begins and the hash of its
+//! content, and removes it at the end. For each object there are, as little-endian words, the numbers of
+//! triangles, of the mesh's positions and of its triangles, 1 if the mesh is two-sided, and, if there is a
+//! mesh, the twelve numbers of its transform; then nine words for each triangle, three for each position, and
+//! three for each triangle of the mesh.
+
+use crate::level_error::LevelError;
+use crate::object_facts::ObjectFacts;
+use crate::tile_tree::TileTree;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use visibility_core::glam::{Affine3A, Vec3};
+use visibility_core::scene::Triangle;
+use visibility_core::{Object, OccluderMesh};
+
+/// Number of words before the triangles of an object.
+const HEAD: usize = 4;
+
+/// Number of words of a transform.
+const TRANSFORM: usize = 12;
+
+/// Bytes of memory for each triangle of a tile that is loaded, about: itself, and its occluder mesh.
+const LOADED: u64 = 300;
+
+/// Bytes of memory that an object takes while the level is open, about: what is known of it, where its
+/// content is, and its tile.
+const KNOWN: u64 = 100;
+
+/// The content of an object.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct Content {
+    pub triangles: Box<[Triangle]>,
+    pub mesh: Option<(OccluderMesh, Affine3A)>,
+}
+
+/// A file that is removed when it is no longer needed.
+struct ScratchFile {
+    path: PathBuf,
+    file: File,
+}
+
+impl Drop for ScratchFile {
+    fn drop(&mut self) {
+        // What cannot be removed stays.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+impl ScratchFile {
+    fn error(&self, error: &std::io::Error) -> LevelError {
+        LevelError::File { path: self.path.clone(), kind: error.kind() }
+    }
+}
+
+/// Writes the content of objects to a file, one after another.
+pub(crate) struct ContentWriter {
+    scratch: ScratchFile,
+    to: BufWriter<File>,
+    /// Where each object begins, and the end of the last.
+    offsets: Vec<u64>,
+    words: Vec<u8>,
+}
+
+impl ContentWriter {
+    pub(crate) fn create(path: PathBuf) -> Result<Self, LevelError> {
+        let options =
+            std::fs::OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&path);
+        let file = options.map_err(|error| LevelError::File { path: path.clone(), kind: error.kind() })?;
+        let scratch = ScratchFile { path, file };
+        let to = BufWriter::new(scratch.file.try_clone().map_err(|error| scratch.error(&error))?);
+        Ok(Self { scratch, to, offsets: vec![0], words: Vec::new() })
+    }
+
+    /// Appends the content of an object.
+    pub(crate) fn push(
+        &mut self,
+        triangles: &[Triangle],
+        mesh: Option<(&OccluderMesh, &Affine3A)>,
+    ) -> Result<(), LevelError> {
+        self.words.clear();
+        let (positions, faces) =
+            mesh.map_or((&[][..], &[][..]), |(mesh, _)| (mesh.positions(), mesh.triangles()));
+        let two_sided = mesh.is_some_and(|(mesh, _)| mesh.is_two_sided());
+        let head = [triangles.len() as u32, positions.len() as u32, faces.len() as u32, two_sided.into()];
+        let transform = mesh.map(|(_, transform)| transform.to_cols_array());
+        let points = triangles.as_flattened().iter().chain(positions).flat_map(|p| p.to_array());
+        let words = head.into_iter();
+        let words = words.chain(transform.into_iter().flatten().chain(points).map(f32::to_bits));
+        let words = words.chain(faces.as_flattened().iter().copied());
+        self.words.extend(words.flat_map(u32::to_le_bytes));
+        self.to.write_all(&self.words).map_err(|error| self.scratch.error(&error))?;
+        let end = self.offsets.last().copied().unwrap_or_default() + self.words.len() as u64;
+        self.offsets.push(end);
+        Ok(())
+    }
+
+    /// Ends the file. Of the memory of the whole process, `limit` bytes, some are in use already.
+    pub(crate) fn finish(
+        mut self,
+        objects: &[ObjectFacts],
+        tree: &TileTree,
+        limit: u64,
+        in_use: u64,
+    ) -> Result<LevelFile, LevelError> {
+        self.to.flush().map_err(|error| self.scratch.error(&error))?;
+        let mut tile_of = vec![0; objects.len()];
+        for tile in 0..tree.tiles.len() as u32 {
+            tree.own(tile).iter().for_each(|&at| tile_of[at as usize] = tile);
+        }
+        let fixed = in_use + KNOWN * objects.len() as u64;
+        let memory = Memory { limit, reserved: fixed, cached: 0, clock: 0, tiles: HashMap::new() };
+        let file = LevelFile {
+            scratch: Mutex::new(self.scratch),
+            offsets: self.offsets,
+            tile_of,
+            memory: Arc::new(Mutex::new(memory)),
+        };
+        file.reserve(0)?;
+        Ok(file)
+    }
+}
+
+/// The content of a level, in a file.
+pub(crate) struct LevelFile {
+    scratch: Mutex<ScratchFile>,
+    offsets: Vec<u64>,
+    /// By number of an object, its tile.
+    tile_of: Vec<u32>,
+    memory: Arc<Mutex<Memory>>,
+}
+
+/// What is in memory, by estimates.
+struct Memory {
+    limit: u64,
+    /// Bytes that cannot be given up now.
+    reserved: u64,
+    /// Bytes of the tiles.
+    cached: u64,
+    /// Number of times that a tile was asked for.
+    clock: u64,
+    /// Tiles with their sizes in bytes, and the time when each was asked for last.
+    tiles: HashMap<u32, (Arc<[Content]>, u64, u64)>,
+}
+
+impl Memory {
+    /// Gives up tiles, least recently used first, until so many bytes are free. Returns whether they are.
+    fn make_room(&mut self, bytes: u64) -> bool {
+        while self.reserved + self.cached + bytes > self.limit {
+            let oldest = self.tiles.iter().min_by_key(|(_, tile)| tile.2).map(|(&tile, _)| tile);
+            let Some((_, bytes, _)) = oldest.and_then(|oldest| self.tiles.remove(&oldest)) else {
+                return false;
+            };
+            self.cached -= bytes;
+        }
+        true
+    }
+}
+
+/// Memory that is in use until this is dropped.
+pub(crate) struct Reserved {
+    memory: Arc<Mutex<Memory>>,
+    bytes: u64,
+}
+
+impl Drop for Reserved {
+    fn drop(&mut self) {
+        lock(&self.memory).reserved -= self.bytes;
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl LevelFile {
+    /// Reserves memory.
+    pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
+        let mut memory = lock(&self.memory);
+        if !memory.make_room(bytes) {
+            return Err(LevelError::Memory { limit: memory.limit, needed: memory.reserved + bytes });
+        }
+        memory.reserved += bytes;
+        Ok(Reserved { memory: self.memory.clone(), bytes })
+    }
+
+    /// Calls `each` with the content of some objects, in their order.
+    pub(crate) fn for_each(
+        &self,
+        objects: &[ObjectFacts],
+        tree: &TileTree,
+        numbers: &[u32],
+        mut each: impl FnMut(usize, &Content),
+    ) -> Result<(), LevelError> {
+        let mut loaded: Option<(u32, Arc<[Content]>)> = None;
+        for (place, &at) in numbers.iter().enumerate() {
+            let tile = self.tile_of[at as usize];
+            let content = match loaded.take() {
+                Some((of, content)) if of == tile => content,
+                _ => self.tile(objects, tree, tile)?,
+            };
+            // Numbers ascend in a tile.
+            if let Ok(own) = tree.own(tile).binary_search(&at) {
+                each(place, &content[own]);
+            }
+            loaded = Some((tile, content));
+        }
+        Ok(())
+    }
+
+    /// Returns the content of a tile.
+    fn tile(
+        &self,
+        objects: &[ObjectFacts],
+        tree: &TileTree,
+        tile: u32,
+    ) -> Result<Arc<[Content]>, LevelError> {
+        let mut memory = lock(&self.memory);
+        memory.clock += 1;
+        let now = memory.clock;
+        if let Some((content, _, last)) = memory.tiles.get_mut(&tile) {
+            *last = now;
+            return Ok(content.clone());
+        }
+        drop(memory);
+        let bytes = LOADED * tree.tiles[tile as usize].weight;
+        // While it is read it is in memory, whether it stays there or not.
+        let reserved = self.reserve(bytes)?;
+        let content =
+            tree.own(tile).iter().map(|&at| self.read(&objects[at as usize], at)).collect::<Result<_, _>>();
+        let content: Arc<[Content]> = content?;
+        drop(reserved);
+        let mut memory = lock(&self.memory);
+        if memory.make_room(bytes) && memory.tiles.insert(tile, (content.clone(), bytes, now)).is_none() {
+            memory.cached += bytes;
+        }
+        Ok(content)
+    }
+
+    /// Reads the content of an object, and checks that it is what was written.
+    fn read(&self, facts: &ObjectFacts, at: u32) -> Result<Content, LevelError> {
+        let (offset, end) = (self.offsets[at as usize], self.offsets[at as usize + 1]);
+        let mut bytes = vec![0; (end - offset) as usize];
+        let scratch = &mut *lock(&self.scratch);
+        let damaged = || LevelError::Damaged { path: scratch.path.clone(), object: facts.index, offset };
+        let mut file = &scratch.file;
+        let read = file.seek(SeekFrom::Start(offset)).and_then(|_| file.read_exact(&mut bytes));
+        match read {
+            Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => return Err(damaged()),
+            Err(error) => return Err(scratch.error(&error)),
+            Ok(()) => {}
+        }
+        let content = content(&bytes).ok_or_else(damaged)?;
+        let mesh = content.mesh.as_ref().map(|(mesh, transform)| (mesh, transform));
+        let found = ObjectFacts::new(facts.index, &facts.object(), &content.triangles, mesh);
+        if found.hash == facts.hash { Ok(content) } else { Err(damaged()) }
+    }
+}
+
+/// Reads the content of an object. `None` if there is less than it announces, or no such mesh.
+fn content(bytes: &[u8]) -> Option<Content> {
+    let mut words = bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let mut next = || words.next();
+    let [triangles, positions, faces, two_sided] = [next()?, next()?, next()?, next()?].map(|n| n as usize);
+    let head = HEAD + if faces > 0 { TRANSFORM } else { 0 };
+    let sizes = [(triangles, 9), (positions, 3), (faces, 3)];
+    let expected = sizes.iter().try_fold(head, |sum, (n, each)| n.checked_mul(*each)?.checked_add(sum))?;
+    if expected.checked_mul(4)? != bytes.len() {
+        return None;
+    }
+    let mut transform = [0.0; TRANSFORM];
+    if faces > 0 {
+        for x in &mut transform {
+            *x = f32::from_bits(next()?);
+        }
+    }
+    let mut point =
+        || Some(Vec3::new(f32::from_bits(next()?), f32::from_bits(next()?), f32::from_bits(next()?)));
+    let mut list = Vec::with_capacity(triangles);
+    for _ in 0..triangles {
+        list.push([point()?, point()?, point()?]);
+    }
+    let places: Vec<Vec3> = (0..positions).map(|_| point()).collect::<Option<_>>()?;
+    let mut corners = Vec::with_capacity(faces);
+    for _ in 0..faces {
+        corners.push([words.next()?, words.next()?, words.next()?]);
+    }
+    let mesh = if faces > 0 {
+        let mesh = OccluderMesh::from_indexed(&places, &corners).ok()?;
+        Some((mesh.with_two_sided(two_sided != 0), Affine3A::from_cols_array(&transform)))
+    } else {
+        None
+    };
+    Some(Content { triangles: list.into(), mesh })
+}
+
+/// Returns what is known of an object that is written.
+pub(crate) fn facts(
+    index: usize,
+    object: &Object,
+    triangles: &[Triangle],
+    mesh: Option<(&OccluderMesh, &Affine3A)>,
+) -> Result<ObjectFacts, LevelError> {
+    let index = u32::try_from(index).ok().filter(|&index| index < u32::MAX).ok_or(LevelError::TooMany)?;
+    u32::try_from(triangles.len()).map_err(|_| LevelError::TooMany)?;
+    Ok(ObjectFacts::new(index, object, triangles, mesh))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Aabb;
+
+    #[test]
+    fn tiles_are_given_up_and_read_again_within_the_limit() {
+        let path = std::env::temp_dir().join(format!("visibility-tiles-{}", std::process::id()));
+        let mut writer = ContentWriter::create(path.clone()).unwrap();
+        let triangles = |at: usize| -> Vec<Triangle> {
+            (0..at % 5).map(|k| [Vec3::splat(at as f32), Vec3::X * k as f32, Vec3::Y]).collect()
+        };
+        let known = |at: usize| {
+            let low = Vec3::new((at * 37 % 200) as f32, (at * 53 % 190) as f32, 0.0);
+            let object = Object::new(Aabb::new(low, low + 1.0));
+            facts(at, &object, &triangles(at), None).unwrap()
+        };
+        let objects: Vec<ObjectFacts> = (0..600).map(known).collect();
+        (0..600).for_each(|at| writer.push(&triangles(at), None).unwrap());
+        let tree = TileTree::with_leaves(&objects, 0, 100);
+        let fixed = KNOWN * 600;
+        let file = writer.finish(&objects, &tree, fixed + 300 * LOADED, 0).unwrap();
+        let in_tiles = tree.order.clone();
+        let scattered: Vec<u32> = (0..600).map(|at| at * 7 % 600).collect();
+        let (mut loads, mut kept) = (0, 0);
+        for numbers in [&in_tiles, &scattered, &in_tiles] {
+            let mut places = 0;
+            file.for_each(&objects, &tree, numbers, |place, content| {
+                assert_eq!(place, places);
+                assert_eq!(content.triangles[..], triangles(numbers[place] as usize)[..]);
+                places += 1;
+                let memory = lock(&file.memory);
+                assert!(memory.reserved + memory.cached <= memory.limit);
+                let sizes: u64 = memory.tiles.values().map(|tile| tile.1).sum();
+                assert_eq!(sizes, memory.cached);
+                (loads, kept) = (memory.clock, kept.max(memory.tiles.len()));
+            })
+            .unwrap();
+            assert_eq!(places, 600);
+        }
+        assert!(loads > 600 && kept > 1, "{loads} times a tile, of which {kept} were kept at once");
+        // All but what is known may be reserved, and then no tile is left; what is reserved comes back.
+        let all = file.reserve(300 * LOADED).unwrap();
+        assert!(lock(&file.memory).tiles.is_empty());
+        assert!(matches!(file.reserve(1), Err(LevelError::Memory { .. })));
+        drop(all);
+        assert!(file.reserve(300 * LOADED).is_ok());
+        drop(file);
+        assert!(!path.exists());
+    }
+}
