@@ -1,24 +1,21 @@
 //! Bakes of whole scenes: which viewcells, how far, and where the work is kept. Used by the program `bake`.
 
+mod level;
 pub mod pictures;
 pub mod report;
 pub mod viewcells;
 
-use crate::region::world;
-use crate::walkthrough::World;
-use crate::{Hint, open};
+use crate::Hint;
 use clap::Args;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 use viewcells::Places;
-use visibility_bake::{
-    BakeCache, BakedSet, CellSandwich, SandwichBaker, SandwichOutcome, Settings, bake_fingerprint,
-};
+use visibility_bake::{SandwichBaker, SandwichOutcome};
 use visibility_core::bake::{Bake, Progress};
-use visibility_core::pvs::Viewcells;
+
+pub use level::{Failure, Level};
 
 /// What is baked: the same for all shards of a bake.
 #[derive(Args, Clone, Debug)]
@@ -49,6 +46,25 @@ pub struct Job {
     /// Number of rays aimed at each object.
     #[arg(long, default_value_t = 200)]
     pub rays: u32,
+
+    /// Memory in which the bake is to do, as in 512M or 2G: triangles are in a file beside the output, and
+    /// those that are needed are read. The result is the same. The scene is read as a whole first. By
+    /// default all is in memory.
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    pub memory: Option<u64>,
+}
+
+/// Reads a number of bytes from text, as in 512M or 2G.
+fn bytes(text: &str) -> Result<u64, String> {
+    let (number, unit) = match text.char_indices().next_back() {
+        Some((end, 'k' | 'K')) => (&text[..end], 10),
+        Some((end, 'm' | 'M')) => (&text[..end], 20),
+        Some((end, 'g' | 'G')) => (&text[..end], 30),
+        _ => (text, 0),
+    };
+    let number: Option<u64> = number.parse().ok();
+    let bytes = number.and_then(|number| number.checked_mul(1 << unit));
+    bytes.ok_or_else(|| "a size is a number of bytes, or as in 512M or 2G".to_owned())
 }
 
 /// Reads a part from text: a number from 0 to 1, or a percentage.
@@ -63,76 +79,6 @@ fn share(text: &str) -> Result<f64, String> {
 fn hint(text: &str) -> Result<(Hint, String), String> {
     let (hint, part) = text.split_once('=').ok_or("a hint is HINT=TEXT, as in mover=Lift")?;
     Ok((hint.parse()?, part.to_owned()))
-}
-
-/// The scene of a job with its viewcells.
-pub struct Level {
-    /// Scene with occluders.
-    pub world: World,
-    /// All viewcells of the bake.
-    pub viewcells: Viewcells,
-    settings: Settings,
-    /// Results of an earlier bake.
-    cache: Arc<BakeCache>,
-}
-
-impl Level {
-    /// Loads the scene of a job and makes its viewcells.
-    ///
-    /// # Errors
-    ///
-    /// Returns a message if the scene cannot be loaded, a hint is for no object, or there are no viewcells or
-    /// too many.
-    pub fn open(job: &Job) -> Result<Self, String> {
-        let mut source = open(&job.scene).map_err(|error| error.to_string())?;
-        for (hint, part) in &job.hints {
-            let mut named = source.objects.iter_mut().filter(|object| object.name.contains(part)).peekable();
-            named.peek().ok_or_else(|| format!("no name of an object contains `{part}`"))?;
-            named.for_each(|object| object.take(*hint));
-        }
-        let world = world(source);
-        let viewcells = Viewcells::new(viewcells::make(&job.places, &world)?);
-        let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
-        Ok(Self { world, viewcells, settings, cache: Arc::default() })
-    }
-
-    /// Lets the bake take results from a file that an earlier bake has written, if it exists.
-    ///
-    /// # Errors
-    ///
-    /// Returns a message if the file cannot be read or is damaged.
-    pub fn take_cache(&mut self, path: &Path) -> Result<(), String> {
-        let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-        match std::fs::read(path) {
-            Ok(bytes) => {
-                self.cache = Arc::new(BakeCache::from_bytes(&bytes).map_err(|error| named(&error))?);
-                Ok(())
-            }
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-            Err(error) => Err(named(&error)),
-        }
-    }
-
-    /// Prepares the bake of all viewcells.
-    pub fn baker(&self) -> SandwichBaker<'_> {
-        let baker = SandwichBaker::new(&self.world.scene, &self.viewcells, self.settings);
-        baker.with_clock(clock).with_cache(self.cache.clone())
-    }
-
-    /// Returns the fingerprint that all shards of the bake have.
-    pub fn fingerprint(&self) -> u64 {
-        bake_fingerprint(&self.world.scene, &self.viewcells, &self.settings)
-    }
-
-    /// Makes the file that a game loads.
-    ///
-    /// # Errors
-    ///
-    /// Returns a message if the sets are too large to be stored.
-    pub fn set(&self, cells: &[CellSandwich]) -> Result<BakedSet, String> {
-        let rows: Vec<Vec<u32>> = cells.iter().map(CellSandwich::reported).collect();
-        BakedSet::new(&self.world.scene, self.viewcells.clone(), &rows).map_err(|error| error.to_string())
-    }
 }
 
 /// Returns the time passed since the first call.
@@ -159,12 +105,13 @@ pub struct Run {
 ///
 /// # Errors
 ///
-/// Returns a message if the state file is damaged, of another bake, or cannot be written.
+/// [`Failure`] if the state file is damaged, of another bake, or cannot be written, or a level in a file
+/// cannot be read or exceeds the memory. The state file of an earlier call stays.
 pub fn run<'a>(
     baker: impl Fn() -> SandwichBaker<'a> + Sync,
     run: &Run,
     mut progress: impl FnMut(Progress) + Send,
-) -> Result<SandwichOutcome, String> {
+) -> Result<SandwichOutcome, Failure> {
     let start = Instant::now();
     let mut bake = match std::fs::read(&run.state) {
         Ok(bytes) => Bake::resume(baker(), &bytes)
@@ -190,6 +137,9 @@ pub fn run<'a>(
                 match bake.advance_unless(|| !is_first() && is_due(), is_over) {
                     Some(now) => progress(now),
                     None => return Ok(bake.finish()),
+                }
+                if let Some(error) = bake.baker().error() {
+                    return Err(error.into());
                 }
                 if is_over() || is_due() {
                     break;
@@ -226,27 +176,11 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
 mod tests {
     use super::*;
 
-    #[derive(clap::Parser)]
-    struct Only {
-        #[command(flatten)]
-        job: Job,
-    }
-
     #[test]
-    fn hints_change_what_they_name_or_are_refused() {
-        let open = |hint: &str| {
-            let Only { job } = clap::Parser::try_parse_from(["", "london:2,2", "--hint", hint]).ok()?;
-            Level::open(&job).ok()
-        };
-        let scene = open("mover=b1").unwrap().world.scene;
-        let of = |flag: fn(&visibility_core::Object) -> bool| {
-            scene.ids().filter(|&id| flag(&scene.object(id).unwrap())).count()
-        };
-        let movers = of(|object| object.never_cull);
-        assert!(0 < movers && movers < scene.len(), "{movers}");
-        assert!(of(|object| object.occluder) <= scene.len() - movers);
-        for wrong in ["mover=house", "moover=b1", "mover"] {
-            assert!(open(wrong).is_none(), "{wrong}");
+    fn sizes_are_read_or_refused() {
+        assert_eq!((bytes("512M"), bytes("2g"), bytes("77")), (Ok(512 << 20), Ok(2 << 30), Ok(77)));
+        for wrong in ["", "M", "1.5G", "-1", "99999999999G", "1T"] {
+            assert!(bytes(wrong).is_err(), "{wrong}");
         }
     }
 

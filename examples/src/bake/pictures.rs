@@ -4,6 +4,7 @@
 use super::Level;
 use super::report::{Cell, Report};
 use crate::region::picture::{LEGEND, outline};
+use crate::walkthrough::World;
 use crate::walkthrough::canvas::{Canvas, Color};
 use crate::walkthrough::map_picture::Map;
 use crate::walkthrough::palette::{HIDDEN, INK, PAPER, REPORTED, VIEW, VISIBLE};
@@ -24,12 +25,13 @@ const RAMP: [Color; 3] = [VISIBLE, [246, 222, 110], [190, 28, 40]];
 ///
 /// Returns a message if a picture cannot be drawn or written.
 pub fn draw(level: &Level, cells: &[CellSandwich], report: &Report, folder: &Path) -> Result<(), String> {
+    let world = level.world().ok_or("pictures need the scene in memory: leave out --memory")?;
     std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for cell in level.viewcells.cells() {
         (low, high) = (low.min(cell.min), high.max(cell.max));
     }
-    let map = Map::of(&level.world, low, high);
+    let map = Map::of(world, low, high);
     let greatest = report.viewcells.iter().map(|cell| cell.gap).fold(0.0, f64::max);
     // Of viewcells above one another, the worst is on top.
     let mut order: Vec<(usize, &Cell)> = report.viewcells.iter().enumerate().collect();
@@ -45,7 +47,7 @@ pub fn draw(level: &Level, cells: &[CellSandwich], report: &Report, folder: &Pat
         .collect();
 
     let mut canvas = Canvas::new(map.width, map.height + LEGEND, PAPER);
-    map.paint(&mut canvas, &level.world, |_, _| true, |_| HIDDEN).map_err(|error| error.to_string())?;
+    map.paint(&mut canvas, world, |_, _| true, |_| HIDDEN).map_err(|error| error.to_string())?;
     for Tile { color, place: [x, y, width, height], .. } in &tiles {
         let (width, height) = (width.ceil().max(2.0) as i64, height.ceil().max(2.0) as i64);
         canvas.rectangle(*x as i64, *y as i64, width, height, *color);
@@ -57,7 +59,7 @@ pub fn draw(level: &Level, cells: &[CellSandwich], report: &Report, folder: &Pat
     super::write(&folder.join("gaps.svg"), svg([map.width, map.height], &title, &tiles).as_bytes())?;
 
     for &(number, cell) in order.iter().rev().take(WORST).filter(|(_, cell)| cell.gap > 0.0) {
-        let picture = worst(level, number, cell, &cells[number])?;
+        let picture = worst(level, world, number, &cells[number], cell)?;
         save(&picture, &folder.join(format!("worst-{number}.png")))?;
     }
     Ok(())
@@ -114,8 +116,13 @@ fn svg([width, height]: [u32; 2], title: &str, tiles: &[Tile<'_>]) -> String {
 }
 
 /// Draws what is known of the objects from one viewcell.
-fn worst(level: &Level, number: usize, cell: &Cell, found: &CellSandwich) -> Result<Canvas, String> {
-    let world = &level.world;
+fn worst(
+    level: &Level,
+    world: &World,
+    number: usize,
+    found: &CellSandwich,
+    cell: &Cell,
+) -> Result<Canvas, String> {
     let viewcell = &level.viewcells.cells()[number];
     let (low, high) = world.source.bounds().unwrap_or_default();
     let map = Map::of(world, low.as_dvec3().min(viewcell.min), high.as_dvec3().max(viewcell.max));
@@ -181,7 +188,7 @@ mod tests {
         }
         let arguments = "bake london:1,1 --size 16,16,4 --over 0,0,0,64,32,4 --gap 100% --rays 20";
         let Arguments { job } = clap::Parser::parse_from(arguments.split(' '));
-        let level = Level::open(&job).unwrap();
+        let level = Level::open(&job, Path::new("")).unwrap();
         let settings =
             Run { threads: 1, limit: None, save_every: Duration::from_secs(60), state: folder.join("state") };
         let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();

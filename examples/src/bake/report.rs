@@ -3,7 +3,6 @@
 use super::Level;
 use serde::Serialize;
 use visibility_bake::{BakedSet, CellSandwich, MethodTimes};
-use visibility_core::Scene;
 
 /// What a bake found.
 #[derive(Clone, Debug, Serialize)]
@@ -79,12 +78,11 @@ impl Report {
         seconds: f64,
         complete: bool,
     ) -> Self {
-        let scene = &level.world.scene;
         let mut sums = [0.0; 2];
         let by_method = times.iter().map(Seconds::from).chain(std::iter::repeat(Seconds::default()));
         let viewcells = level.viewcells.cells().iter().zip(cells).zip(by_method);
         let viewcells = viewcells.map(|((cell, found), seconds)| {
-            let costs = [cost(scene, &found.open), cost(scene, &found.seen)];
+            let costs = [cost(level, &found.open), cost(level, &found.seen)];
             sums = [sums[0] + costs[0], sums[1] + costs[1]];
             let ([a, b, c], [d, e, f]) = (cell.min.to_array(), cell.max.to_array());
             Cell {
@@ -100,15 +98,15 @@ impl Report {
         });
         let viewcells: Vec<Cell> = viewcells.collect();
         Self {
-            scene: level.world.source.name.clone(),
-            objects: scene.len(),
+            scene: level.name.clone(),
+            objects: level.object_count(),
             seconds,
             methods: Seconds::from(&times.iter().sum()),
             complete,
             gap: part(sums),
             bytes: set.to_bytes().len(),
             memory: set.set_bytes(),
-            plain_bytes: cells.len() * scene.index_limit().div_ceil(8),
+            plain_bytes: cells.len() * level.object_count().div_ceil(8),
             viewcells,
         }
     }
@@ -150,12 +148,8 @@ impl Report {
 }
 
 /// Returns the triangles of some objects.
-fn cost(scene: &Scene, objects: &[u32]) -> f64 {
-    let cost = |&index: &u32| {
-        let id = scene.id_at(index as usize)?;
-        scene.object(id).ok().map(|object| f64::from(object.cost))
-    };
-    objects.iter().filter_map(cost).sum()
+fn cost(level: &Level, objects: &[u32]) -> f64 {
+    objects.iter().filter_map(|&index| level.cost(index)).map(f64::from).sum()
 }
 
 fn part([open, seen]: [f64; 2]) -> f64 {

@@ -1,13 +1,15 @@
 //! Viewcells of a bake: where the users of a scene can be.
 
-use crate::load;
+use super::Failure;
 use crate::region::cells;
-use crate::walkthrough::World;
+use crate::source::Corners;
+use crate::{SceneSource, load};
 use clap::Args;
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use visibility_bake::{CameraRange, Grid, GridError};
+use visibility_bake::{CameraRange, Grid, GridError, TiledScene};
+use visibility_core::Scene;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
 /// Where viewcells are.
@@ -100,16 +102,43 @@ fn heights(text: &str) -> Result<[f64; 2], String> {
     if low <= high { Ok([low, high]) } else { Err("the greatest height is less than the least".to_owned()) }
 }
 
-/// Makes the viewcells of a world.
+/// Where the solid triangles are, around which free space is sought.
+pub enum Space<'a> {
+    /// In memory.
+    Scene(&'a Scene),
+    /// In a file.
+    Level(&'a TiledScene<'a>),
+}
+
+impl Space<'_> {
+    /// Seeks viewcells in a scene of all objects, or of at least those that touch a box.
+    fn seek(
+        &self,
+        (min, max): (DVec3, DVec3),
+        seek: impl FnOnce(&Scene) -> Result<Vec<Viewcell>, GridError>,
+    ) -> Result<Vec<Viewcell>, Failure> {
+        let found = match self {
+            Self::Scene(scene) => seek(scene),
+            Self::Level(level) => level.with_scene_around(min, max, seek)?,
+        };
+        found.map_err(|error| error.to_string().into())
+    }
+}
+
+/// Makes the viewcells of a scene with some bounds.
 ///
 /// # Errors
 ///
-/// Returns a message if there are none or too many, or a file cannot be read.
-pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
+/// [`Failure`] if there are none or too many, a file cannot be read, or the memory is too small.
+pub fn make(
+    places: &Places,
+    source: &SceneSource,
+    bounds: Option<Corners>,
+    space: &Space<'_>,
+) -> Result<Vec<Viewcell>, Failure> {
     let text = |error: GridError| error.to_string();
-    let source = &world.source;
     let double = |point: Vec3| point.as_dvec3();
-    let (low, high) = source.bounds().map_or((DVec3::ZERO, DVec3::ZERO), |(a, b)| (double(a), double(b)));
+    let (low, high) = bounds.map_or((DVec3::ZERO, DVec3::ZERO), |(a, b)| (double(a), double(b)));
     let up = source.up.abs().max_position();
     let usual = DVec3::from_array([0, 1, 2].map(|axis| if axis == up { 2.0 } else { 4.0 }));
     let size = places.size.map_or(usual, DVec3::from_array);
@@ -133,17 +162,30 @@ pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
         heights: (!places.fly).then_some(places.heights),
         up: double(source.up),
     };
+    let along = || {
+        let walks = source.walks.iter();
+        let eyes: Vec<Vec<DVec3>> = walks.map(|walk| walk.keys.iter().map(|key| key.eye).collect()).collect();
+        let (min, max) = eyes
+            .iter()
+            .flatten()
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &eye| (a.min(eye), b.max(eye)));
+        let margin = size * 2.0 + places.radius;
+        let walks = eyes.iter().map(Vec::as_slice);
+        space.seek((min - margin, max + margin), |scene| grid.along_free(scene, walks, &camera))
+    };
     let found = match kind {
-        Kind::Walks => along(world, &grid, &camera).map_err(text)?,
+        Kind::Walks => along()?,
         Kind::Free => {
             let (from, mut all): (Vec<DVec3>, _) = if places.from.is_empty() {
                 let eyes = source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
-                (eyes.collect(), along(world, &grid, &camera).map_err(text)?)
+                (eyes.collect(), along()?)
             } else {
                 (places.from.iter().copied().map(DVec3::from_array).collect(), Vec::new())
             };
             let (min, max) = over.unwrap_or((low, high));
-            let reached = grid.free(&world.scene, &from, &camera, min, max).map_err(text)?;
+            let margin = size * 2.0 + places.radius + places.heights[1].abs();
+            let reached = space
+                .seek((min - margin, max + margin), |scene| grid.free(scene, &from, &camera, min, max))?;
             let known = Viewcells::new(all.iter().cloned());
             let is_new = |cell: &Viewcell| {
                 let mut is_within = false;
@@ -163,7 +205,7 @@ pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
         Kind::Graph => source
             .cells
             .as_ref()
-            .ok_or("the scene has no cells: take another value of --cells")?
+            .ok_or_else(|| "the scene has no cells: take another value of --cells".to_owned())?
             .viewcells
             .cells()
             .to_vec(),
@@ -175,13 +217,8 @@ pub fn make(places: &Places, world: &World) -> Result<Vec<Viewcell>, String> {
         }
     };
     if found.is_empty() {
-        return Err("there are no viewcells: say with --cells or --over where they should be".to_owned());
+        let message = "there are no viewcells: say with --cells or --over where they should be";
+        return Err(message.to_owned().into());
     }
     Ok(found)
-}
-
-fn along(world: &World, grid: &Grid, camera: &CameraRange) -> Result<Vec<Viewcell>, GridError> {
-    let walks = world.source.walks.iter();
-    let eyes: Vec<Vec<DVec3>> = walks.map(|walk| walk.keys.iter().map(|key| key.eye).collect()).collect();
-    grid.along_free(&world.scene, eyes.iter().map(Vec::as_slice), camera)
 }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use visibility_bake::{CellSandwich, Shard, assemble};
 use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
-use visibility_examples::bake::{Job, Level, Run, forget, run, write};
+use visibility_examples::bake::{Failure, Job, Level, Run, forget, run, write};
 
 /// Bake what can be seen from each viewcell of a scene. A bake that was interrupted goes on where it was.
 ///
@@ -92,6 +92,9 @@ struct Identity {
     job: Job,
 }
 
+/// Exit code if the memory is too small.
+const MEMORY: u8 = 3;
+
 fn part(text: &str) -> Result<[usize; 2], String> {
     let numbers = text.split_once('/').and_then(|(i, n)| Some([i.parse().ok()?, n.parse().ok()?]));
     numbers.filter(|[i, n]| i < n).ok_or_else(|| "a part is I/N with I from 0 to N - 1".to_owned())
@@ -109,16 +112,24 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
-            ExitCode::FAILURE
+            match error {
+                Failure::Memory(_) => ExitCode::from(MEMORY),
+                Failure::Other(_) => ExitCode::FAILURE,
+            }
         }
     }
 }
 
-fn bake(arguments: &Whole) -> Result<(), String> {
+fn bake(arguments: &Whole) -> Result<(), Failure> {
     let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string());
     let limit = arguments.time.map(duration).transpose()?;
     let save_every = duration(arguments.save)?;
-    let mut level = Level::open(&arguments.job)?;
+    let beside = |end: &str| {
+        let mut path = arguments.out.clone().into_os_string();
+        path.push(end);
+        PathBuf::from(path)
+    };
+    let mut level = Level::open(&arguments.job, &beside(".tiles"))?;
     if let Some(cache) = &arguments.cache {
         level.take_cache(cache)?;
     }
@@ -128,9 +139,7 @@ fn bake(arguments: &Whole) -> Result<(), String> {
         let at = |i: usize| (count as u128 * i as u128 / n as u128) as usize;
         at(i)..at(i + 1)
     });
-    let mut state = arguments.out.clone().into_os_string();
-    state.push(".state");
-    let settings = Run { threads: arguments.threads, limit, save_every, state: PathBuf::from(state) };
+    let settings = Run { threads: arguments.threads, limit, save_every, state: beside(".state") };
     // The bar is drawn on standard error, and only if that is a terminal.
     let bar = ProgressBar::new(range.len() as u64);
     let template = "{msg} {bar:40} {pos}/{len} viewcells, {elapsed}, {eta} to go in this step";
@@ -174,14 +183,15 @@ fn bake(arguments: &Whole) -> Result<(), String> {
     Ok(())
 }
 
-fn identify(arguments: &Identity) -> Result<(), String> {
-    let level = Level::open(&arguments.job)?;
+fn identify(arguments: &Identity) -> Result<(), Failure> {
+    let scratch = std::env::temp_dir().join(format!("bake-{}.tiles", std::process::id()));
+    let level = Level::open(&arguments.job, &scratch)?;
     println!("{:016x} {}", level.fingerprint(), level.viewcells.cells().len());
     Ok(())
 }
 
-fn put_together(arguments: &Assembly) -> Result<(), String> {
-    let level = Level::open(&arguments.job)?;
+fn put_together(arguments: &Assembly) -> Result<(), Failure> {
+    let level = Level::open(&arguments.job, &arguments.out.with_extension("tiles"))?;
     let fingerprint = level.fingerprint();
     let mut shards = Vec::new();
     for file in &arguments.shards {
@@ -189,7 +199,7 @@ fn put_together(arguments: &Assembly) -> Result<(), String> {
         let bytes = std::fs::read(file).map_err(|error| named(&error))?;
         let shard = Shard::from_bytes(&bytes).map_err(|error| named(&error))?;
         if shard.fingerprint != fingerprint {
-            return Err(named(&"it is of another scene, other viewcells or other settings"));
+            return Err(named(&"it is of another scene, other viewcells or other settings").into());
         }
         shards.push(shard);
     }
@@ -207,10 +217,11 @@ fn tell(
     report: &Report,
     json: &Option<PathBuf>,
     folder: &Option<PathBuf>,
-) -> Result<(), String> {
+) -> Result<(), Failure> {
     print!("{}", report.text());
     if let Some(path) = json {
         write(path, &serde_json::to_vec(report).map_err(|error| error.to_string())?)?;
     }
-    folder.as_deref().map_or(Ok(()), |folder| pictures::draw(level, cells, report, folder))
+    let drawn = folder.as_deref().map_or(Ok(()), |folder| pictures::draw(level, cells, report, folder));
+    drawn.map_err(Failure::from)
 }

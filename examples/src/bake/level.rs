@@ -1,0 +1,255 @@
+//! The level of a bake: a scene in memory or in a file, its viewcells and the settings.
+
+use super::viewcells::{self, Space};
+use super::{Job, clock};
+use crate::region::world;
+use crate::walkthrough::World;
+use crate::{SceneSource, open};
+use glam::DVec3;
+use std::fmt;
+use std::io::ErrorKind;
+use std::path::Path;
+use std::sync::Arc;
+use visibility_bake::{BakeCache, BakedSet, CellSandwich, LevelError, SandwichBaker, Settings, TiledScene};
+use visibility_core::occlusion::Preparation;
+use visibility_core::pvs::Viewcells;
+use visibility_core::{Aabb, Object, Scene};
+
+/// Number of objects whose occluder meshes are prepared together while a level is written to a file.
+const TOGETHER: usize = 1000;
+
+/// Bytes of memory that the program has in use beside the level, about.
+const PROGRAM: u64 = 32 << 20;
+
+/// The scene of a job with its viewcells.
+pub struct Level {
+    /// Name of the scene.
+    pub name: String,
+    /// All viewcells of the bake.
+    pub viewcells: Viewcells,
+    content: Content,
+    settings: Settings,
+    /// Results of an earlier bake.
+    cache: Arc<BakeCache>,
+}
+
+enum Content {
+    World(Box<World>),
+    File(Arc<TiledScene<'static>>),
+}
+
+/// Why a bake has ended without a result.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Failure {
+    /// The memory is too small. The message says how much is needed.
+    Memory(String),
+    /// Any other reason.
+    Other(String),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Self::Memory(message) | Self::Other(message)) = self;
+        f.write_str(message)
+    }
+}
+
+impl From<String> for Failure {
+    fn from(message: String) -> Self {
+        Self::Other(message)
+    }
+}
+
+impl From<LevelError> for Failure {
+    fn from(error: LevelError) -> Self {
+        match error {
+            LevelError::Memory { .. } => Self::Memory(error.to_string()),
+            other => Self::Other(other.to_string()),
+        }
+    }
+}
+
+impl Level {
+    /// Loads the scene of a job and makes its viewcells. `scratch` is the path of the file that has the
+    /// triangles if the job limits the memory.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure`] if the scene cannot be loaded, a hint is for no object, there are no viewcells or too
+    /// many, or the memory is too small.
+    pub fn open(job: &Job, scratch: &Path) -> Result<Self, Failure> {
+        let mut source = open(&job.scene).map_err(|error| error.to_string())?;
+        for (hint, part) in &job.hints {
+            let mut named = source.objects.iter_mut().filter(|object| object.name.contains(part)).peekable();
+            named.peek().ok_or_else(|| format!("no name of an object contains `{part}`"))?;
+            named.for_each(|object| object.take(*hint));
+        }
+        let name = source.name.clone();
+        let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
+        let bounds = source.bounds();
+        let (content, viewcells) = match job.memory {
+            None => {
+                let world = world(source);
+                let space = Space::Scene(&world.scene);
+                let viewcells = viewcells::make(&job.places, &world.source, bounds, &space)?;
+                (Content::World(Box::new(world)), viewcells)
+            }
+            Some(memory) => {
+                let level = in_file(&mut source, scratch, memory)?;
+                let viewcells = viewcells::make(&job.places, &source, bounds, &Space::Level(&level))?;
+                (Content::File(Arc::new(level)), viewcells)
+            }
+        };
+        let viewcells = Viewcells::new(viewcells);
+        Ok(Self { name, viewcells, content, settings, cache: Arc::default() })
+    }
+
+    /// Lets the bake take results from a file that an earlier bake has written, if it exists.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message if the file cannot be read or is damaged.
+    pub fn take_cache(&mut self, path: &Path) -> Result<(), String> {
+        let named = |error: &dyn fmt::Display| format!("{}: {error}", path.display());
+        match std::fs::read(path) {
+            Ok(bytes) => {
+                self.cache = Arc::new(BakeCache::from_bytes(&bytes).map_err(|error| named(&error))?);
+                Ok(())
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+            Err(error) => Err(named(&error)),
+        }
+    }
+
+    /// Prepares the bake of all viewcells.
+    pub fn baker(&self) -> SandwichBaker<'_> {
+        let baker = match &self.content {
+            Content::World(world) => SandwichBaker::new(&world.scene, &self.viewcells, self.settings),
+            Content::File(level) => SandwichBaker::of_level(level.clone(), &self.viewcells, self.settings),
+        };
+        baker.with_clock(clock).with_cache(self.cache.clone())
+    }
+
+    /// Returns the fingerprint that all shards of the bake have.
+    pub fn fingerprint(&self) -> u64 {
+        self.baker().whole_fingerprint()
+    }
+
+    /// Makes the file that a game loads.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message if the sets are too large to be stored.
+    pub fn set(&self, cells: &[CellSandwich]) -> Result<BakedSet, String> {
+        let rows: Vec<Vec<u32>> = cells.iter().map(CellSandwich::reported).collect();
+        let set = match &self.content {
+            Content::World(world) => BakedSet::new(&world.scene, self.viewcells.clone(), &rows),
+            Content::File(level) => BakedSet::of_level(level, self.viewcells.clone(), &rows),
+        };
+        set.map_err(|error| error.to_string())
+    }
+
+    /// Returns the scene with its triangles and walks. `None` if it is in a file.
+    pub fn world(&self) -> Option<&World> {
+        match &self.content {
+            Content::World(world) => Some(world),
+            Content::File(_) => None,
+        }
+    }
+
+    /// Returns the number of objects. Their indices are below it.
+    pub fn object_count(&self) -> usize {
+        match &self.content {
+            Content::World(world) => world.scene.len(),
+            Content::File(level) => level.object_count(),
+        }
+    }
+
+    /// Returns the triangles of an object.
+    pub fn cost(&self, index: u32) -> Option<u32> {
+        match &self.content {
+            Content::World(world) => {
+                world.scene.object(world.scene.id_at(index as usize)?).ok().map(|object| object.cost)
+            }
+            Content::File(level) => level.cost(index),
+        }
+    }
+}
+
+/// Writes the objects of a scene to a file, and takes them from the scene.
+fn in_file(source: &mut SceneSource, path: &Path, memory: u64) -> Result<TiledScene<'static>, LevelError> {
+    let mut writer = TiledScene::writer(path, DVec3::ZERO)?;
+    let mut objects = std::mem::take(&mut source.objects).into_iter();
+    while !objects.as_slice().is_empty() {
+        let mut scene = Scene::new();
+        for object in objects.by_ref().take(TOGETHER) {
+            let id = scene.insert(Object {
+                cost: u32::try_from(object.triangles.len()).unwrap_or(u32::MAX),
+                occluder: object.opaque && !object.door,
+                never_cull: object.never_cull,
+                ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
+            });
+            scene.set_triangles(id, object.triangles).expect("the object was just inserted");
+        }
+        scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+        for id in scene.ids() {
+            let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
+            writer.push(&object, triangles, scene.occluder(id))?;
+        }
+    }
+    writer.finish(memory, PROGRAM)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bake::{Run, run};
+    use std::time::Duration;
+
+    #[derive(clap::Parser)]
+    struct Only {
+        #[command(flatten)]
+        job: Job,
+    }
+
+    #[test]
+    fn hints_change_what_they_name_or_are_refused() {
+        let open = |hint: &str| {
+            let Only { job } = clap::Parser::try_parse_from(["", "london:2,2", "--hint", hint]).ok()?;
+            Level::open(&job, Path::new("")).ok()
+        };
+        let scene = open("mover=b1").unwrap();
+        let of = |flag: fn(&visibility_core::Object) -> bool| {
+            scene.ids().filter(|&id| flag(&scene.object(id).unwrap())).count()
+        };
+        let movers = of(|object| object.never_cull);
+        assert!(0 < movers && movers < scene.len(), "{movers}");
+        assert!(of(|object| object.occluder) <= scene.len() - movers);
+        for wrong in ["mover=house", "moover=b1", "mover"] {
+            assert!(open(wrong).is_none(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_level_in_a_file_has_the_same_result() {
+        for scene in ["london:2,2", "office:1,3"] {
+            let bytes = |memory: &[&str]| {
+                let arguments = ["", scene, "--gap", "100%", "--rays", "4"];
+                let Only { job } = clap::Parser::parse_from(arguments.iter().chain(memory));
+                let path =
+                    |end: &str| std::env::temp_dir().join(format!("bake-level-{}.{end}", std::process::id()));
+                let level = Level::open(&job, &path("scratch")).unwrap();
+                let save_every = Duration::from_secs(60);
+                let settings = Run { threads: 1, limit: None, save_every, state: path("state") };
+                let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();
+                assert!(outcome.complete && outcome.error.is_none());
+                (level.fingerprint(), level.set(&outcome.cells).unwrap().to_bytes())
+            };
+            assert!(bytes(&[]) == bytes(&["--memory", "256M"]), "{scene}");
+        }
+        let Only { job } = clap::Parser::parse_from(["", "london:2,2", "--memory", "32M"]);
+        let scratch = std::env::temp_dir().join(format!("bake-few-{}", std::process::id()));
+        assert!(matches!(Level::open(&job, &scratch), Err(Failure::Memory(_))));
+        assert!(!scratch.exists());
+    }
+}
