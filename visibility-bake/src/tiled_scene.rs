@@ -20,8 +20,11 @@ const FIRST: u64 = 8192;
 /// Bytes of memory that a scene for a sweep takes for each unit of weight, about.
 const SWEPT: u64 = 1000;
 
+/// Bytes of memory that a scene with nothing but triangles takes for each unit of weight, about.
+const TRIANGLES: u64 = 200;
+
 /// Bytes of memory that a search takes for each unit of weight, about.
-const SEARCHED: u64 = 2000;
+const SEARCHED: u64 = 1000;
 
 /// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
 ///
@@ -110,7 +113,7 @@ impl<'a> TiledScene<'a> {
         };
         let order = self.tree.order.iter().copied();
         let numbers: Vec<u32> = order.filter(|&at| touches(&self.objects[at as usize].bounds)).collect();
-        let _memory = self.reserve(&numbers, SWEPT)?;
+        let _memory = self.reserve(&numbers, TRIANGLES)?;
         Ok(look(&self.scene_of(&numbers, [], true)?))
     }
 
