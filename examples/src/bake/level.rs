@@ -1,7 +1,9 @@
 //! The level of a bake: a scene in memory or in a file, its viewcells and the settings.
 
+use super::failure::Failure;
+use super::job::Job;
+use super::run::clock;
 use super::viewcells::{self, Space};
-use super::{Job, clock};
 use crate::region::world;
 use crate::walkthrough::World;
 use crate::{SceneSource, open};
@@ -36,37 +38,6 @@ pub struct Level {
 enum Content {
     World(Box<World>),
     File(Arc<TiledScene<'static>>),
-}
-
-/// Why a bake has ended without a result.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub enum Failure {
-    /// The memory is too small. The message says how much is needed.
-    Memory(String),
-    /// Any other reason.
-    Other(String),
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Self::Memory(message) | Self::Other(message)) = self;
-        f.write_str(message)
-    }
-}
-
-impl From<String> for Failure {
-    fn from(message: String) -> Self {
-        Self::Other(message)
-    }
-}
-
-impl From<LevelError> for Failure {
-    fn from(error: LevelError) -> Self {
-        match error {
-            LevelError::Memory { .. } => Self::Memory(error.to_string()),
-            other => Self::Other(other.to_string()),
-        }
-    }
 }
 
 impl Level {

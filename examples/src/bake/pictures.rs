@@ -1,7 +1,7 @@
 //! Pictures of a bake from above: a heat map of the gaps of all viewcells, and what is seen from the
 //! viewcells with the greatest gaps.
 
-use super::Level;
+use super::level::Level;
 use super::report::{Cell, Report};
 use crate::region::picture::{LEGEND, outline};
 use crate::walkthrough::World;
@@ -56,7 +56,7 @@ pub fn draw(level: &Level, cells: &[CellSandwich], report: &Report, folder: &Pat
     let [none, half, all] = [0.0, greatest * 50.0, greatest * 100.0].map(|part| format!("{part:.1} %"));
     legend(&mut canvas, &map, &title, &[(RAMP[0], &none), (RAMP[1], &half), (RAMP[2], &all)]);
     save(&canvas, &folder.join("gaps.png"))?;
-    super::write(&folder.join("gaps.svg"), svg([map.width, map.height], &title, &tiles).as_bytes())?;
+    super::run::write(&folder.join("gaps.svg"), svg([map.width, map.height], &title, &tiles).as_bytes())?;
 
     for &(number, cell) in order.iter().rev().take(WORST).filter(|(_, cell)| cell.gap > 0.0) {
         let picture = worst(level, world, number, &cells[number], cell)?;

@@ -1,6 +1,6 @@
 //! What a bake found, and where its time went, in numbers: for people and as JSON.
 
-use super::Level;
+use super::level::Level;
 use serde::Serialize;
 use visibility_bake::{BakedSet, CellSandwich, MethodTimes};
 

@@ -1,6 +1,6 @@
 //! Viewcells of a bake: where the users of a scene can be.
 
-use super::Failure;
+use super::failure::Failure;
 use crate::region::cells;
 use crate::source::Corners;
 use crate::{SceneSource, load};

@@ -1,0 +1,100 @@
+//! The run of a bake: on threads, with a limit of time, and its state kept in a file.
+
+use super::failure::Failure;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+use visibility_bake::{SandwichBaker, SandwichOutcome};
+use visibility_core::bake::{Bake, Progress};
+
+/// Returns the time passed since the first call.
+pub(super) fn clock() -> Duration {
+    static FIRST: OnceLock<Instant> = OnceLock::new();
+    FIRST.get_or_init(Instant::now).elapsed()
+}
+
+/// Where and how long a bake runs.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Number of threads, 0 for as many as the machine has.
+    pub threads: usize,
+    /// Time after which what is not done stays open: viewcells that are worked on are given up.
+    pub limit: Option<Duration>,
+    /// Least time between two writes of the work done so far.
+    pub save_every: Duration,
+    /// File of the work done so far, from which a bake goes on that was interrupted.
+    pub state: PathBuf,
+}
+
+/// Runs a bake, from the state that an interrupted one has left if there is one. The state file stays until
+/// [`forget`] removes it.
+///
+/// # Errors
+///
+/// [`Failure`] if the state file is damaged, of another bake, or cannot be written, or a level in a file
+/// cannot be read or exceeds the memory. The state file of an earlier call stays.
+pub fn run<'a>(
+    baker: impl Fn() -> SandwichBaker<'a> + Sync,
+    run: &Run,
+    mut progress: impl FnMut(Progress) + Send,
+) -> Result<SandwichOutcome, Failure> {
+    let start = Instant::now();
+    let mut bake = match std::fs::read(&run.state) {
+        Ok(bytes) => Bake::resume(baker(), &bytes)
+            .map_err(|error| format!("{}: {error}; remove the file to begin anew", run.state.display()))?,
+        Err(_) => Bake::new(baker()),
+    };
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(run.threads)
+        .build()
+        .map_err(|error| error.to_string())?;
+    pool.install(|| {
+        progress(bake.progress());
+        loop {
+            let (begun, asked) = (Instant::now(), AtomicUsize::new(0));
+            let is_over = || run.limit.is_some_and(|limit| start.elapsed() >= limit);
+            // Before a write threads wait for one another. At most a tenth of the time is lost with a
+            // process.
+            let every = run.save_every.max(start.elapsed() / 10);
+            let is_due = || begun.elapsed() >= every;
+            // Between two writes at least one viewcell is begun, however little time there is.
+            let is_first = || asked.fetch_add(1, Relaxed) == 0;
+            loop {
+                match bake.advance_unless(|| !is_first() && is_due(), is_over) {
+                    Some(now) => progress(now),
+                    None => return Ok(bake.finish()),
+                }
+                if let Some(error) = bake.baker().error() {
+                    return Err(error.into());
+                }
+                if is_over() || is_due() {
+                    break;
+                }
+            }
+            write(&run.state, &bake.save())?;
+            if is_over() {
+                return Ok(bake.finish());
+            }
+        }
+    })
+}
+
+/// Removes the state file of a bake whose result is stored.
+pub fn forget(state: &Path) {
+    // Without a state file there is nothing to remove.
+    let _ = std::fs::remove_file(state);
+}
+
+/// Writes a file so that it is there whole or not at all.
+///
+/// # Errors
+///
+/// Returns a message with the path.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    let mut part = path.as_os_str().to_owned();
+    part.push(".part");
+    std::fs::write(&part, bytes)
+        .and_then(|()| std::fs::rename(&part, path))
+        .map_err(|error| format!("cannot write {}: {error}", path.display()))
+}
