@@ -30,6 +30,11 @@ pub(crate) struct CellRecord {
 }
 
 impl CellRecord {
+    /// Returns whether the record can be of a group whose sweep has left some objects.
+    pub(crate) fn is_of(&self, objects: &[u32]) -> bool {
+        self.left.last().is_none_or(|&last| (last as usize) < objects.len())
+    }
+
     pub(crate) fn save(&self, to: &mut Writer) {
         to.u64(self.key);
         to.u64(self.steps);

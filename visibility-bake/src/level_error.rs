@@ -27,9 +27,11 @@ pub enum LevelError {
     Memory {
         /// The limit in bytes.
         limit: u64,
-        /// A limit in bytes that would do for now.
+        /// The least limit in bytes with which the work that failed could have gone on.
         needed: u64,
     },
+    /// The origin of the level is not finite.
+    Origin,
     /// There are more objects than 32 bits count.
     TooMany,
 }
@@ -45,6 +47,7 @@ impl fmt::Display for LevelError {
                 let mib = |bytes: u64| bytes.div_ceil(1 << 20);
                 write!(f, "{} MiB of memory are too few: at least {} are needed", mib(*limit), mib(*needed))
             }
+            Self::Origin => write!(f, "the origin of the level is not finite"),
             Self::TooMany => write!(f, "there are more objects than 32 bits count"),
         }
     }

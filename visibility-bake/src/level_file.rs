@@ -113,7 +113,7 @@ impl ContentWriter {
         for tile in 0..tree.tiles.len() as u32 {
             tree.own(tile).iter().for_each(|&at| tile_of[at as usize] = tile);
         }
-        let fixed = in_use + KNOWN * objects.len() as u64;
+        let fixed = in_use.saturating_add(KNOWN * objects.len() as u64);
         let memory = Memory { limit, reserved: fixed, cached: 0, clock: 0, tiles: HashMap::new() };
         let file = LevelFile {
             scratch: Mutex::new(self.scratch),
@@ -151,7 +151,11 @@ struct Memory {
 impl Memory {
     /// Gives up tiles, least recently used first, until so many bytes are free. Returns whether they are.
     fn make_room(&mut self, bytes: u64) -> bool {
-        while self.reserved + self.cached + bytes > self.limit {
+        let reserved = self.reserved.saturating_add(bytes);
+        if reserved > self.limit {
+            return false;
+        }
+        while reserved.saturating_add(self.cached) > self.limit {
             let oldest = self.tiles.iter().min_by_key(|(_, tile)| tile.2).map(|(&tile, _)| tile);
             let Some((_, bytes, _)) = oldest.and_then(|oldest| self.tiles.remove(&oldest)) else {
                 return false;
@@ -183,7 +187,10 @@ impl LevelFile {
     pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
         let mut memory = lock(&self.memory);
         if !memory.make_room(bytes) {
-            return Err(LevelError::Memory { limit: memory.limit, needed: memory.reserved + bytes });
+            return Err(LevelError::Memory {
+                limit: memory.limit,
+                needed: memory.reserved.saturating_add(bytes),
+            });
         }
         memory.reserved += bytes;
         Ok(Reserved { memory: self.memory.clone(), bytes })
@@ -246,13 +253,17 @@ impl LevelFile {
     fn read(&self, facts: &ObjectFacts, at: u32) -> Result<Content, LevelError> {
         let (offset, end) = (self.offsets[at as usize], self.offsets[at as usize + 1]);
         let mut bytes = vec![0; (end - offset) as usize];
-        let scratch = &mut *lock(&self.scratch);
-        let damaged = || LevelError::Damaged { path: scratch.path.clone(), object: facts.index, offset };
-        let mut file = &scratch.file;
-        let read = file.seek(SeekFrom::Start(offset)).and_then(|_| file.read_exact(&mut bytes));
+        let read = {
+            let mut file = &lock(&self.scratch).file;
+            file.seek(SeekFrom::Start(offset)).and_then(|_| file.read_exact(&mut bytes))
+        };
+        let damaged = || {
+            let path = lock(&self.scratch).path.clone();
+            LevelError::Damaged { path, object: facts.index, offset }
+        };
         match read {
             Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => return Err(damaged()),
-            Err(error) => return Err(scratch.error(&error)),
+            Err(error) => return Err(lock(&self.scratch).error(&error)),
             Ok(()) => {}
         }
         let content = content(&bytes).ok_or_else(damaged)?;

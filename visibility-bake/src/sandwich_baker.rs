@@ -40,8 +40,8 @@ const LOOK: u32 = 1;
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
 /// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
 /// first, until the [gap](Settings::gap) is met; then, where it is not met, for their triangles. So the bake
-/// has three items for each viewcell; in the later stages, viewcells with the most costly open objects come
-/// first.
+/// has three items for each viewcell. In the later stages, of about as many viewcells as came before, the
+/// groups with the most costly open objects come first.
 ///
 /// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
 /// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.
@@ -82,7 +82,7 @@ pub struct SandwichBaker<'a> {
     /// Returns the time passed since any fixed moment.
     clock: fn() -> Duration,
     done: Vec<Option<FoundCell>>,
-    /// By group and stage, the cost of what is open in its viewcells that wait for the stage.
+    /// By group and stage, the cost of what was open in its viewcells that have come to the stage.
     costs: Vec<[u64; STAGES]>,
     /// By group with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
@@ -225,8 +225,8 @@ impl<'a> SandwichBaker<'a> {
         self.fingerprint
     }
 
-    /// Returns why viewcells could not be worked on, for a level in a file: they count as done, see all that
-    /// they saw before, and are not worked on again if the bake is resumed.
+    /// Returns why viewcells could not be worked on, for a level in a file: what was not proven
+    /// hidden before counts as visible, and they are not worked on again if the bake is resumed.
     pub fn error(&self) -> Option<LevelError> {
         self.error.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -246,6 +246,18 @@ impl<'a> SandwichBaker<'a> {
                     .into_iter()
                     .for_each(|cost| *cost = cost.saturating_add(found.cost));
             }
+        }
+    }
+
+    /// Notes that a viewcell of a group is done with some stages, and releases what a stage has shared after
+    /// the last.
+    fn end_stages(&self, group: u32, stages: Range<u32>) {
+        let mut slot = self.slots[group as usize].lock().unwrap_or_else(PoisonError::into_inner);
+        for stage in stages.clone() {
+            slot.left[stage as usize] = slot.left[stage as usize].saturating_sub(1);
+        }
+        if slot.left[stages.start as usize] == 0 {
+            slot.group = None;
         }
     }
 
@@ -287,9 +299,7 @@ impl<'a> SandwichBaker<'a> {
         let with_members =
             |hash| members.iter().fold(hash, |hash, &cell| with_viewcell(hash, &all[cell as usize])).value();
         let is_usable = |records: &[CellRecord], objects: &[u32]| {
-            let is_known =
-                |record: &CellRecord| record.left.last().is_none_or(|&last| (last as usize) < objects.len());
-            records.len() == members.len() && records.iter().all(is_known)
+            records.len() == members.len() && records.iter().all(|record| record.is_of(objects))
         };
         let question = with_members(self.content_hash([]));
         if let Some((record, cells)) = self.cache.answer(question)
@@ -461,6 +471,7 @@ impl Baker for SandwichBaker<'_> {
         let of = self.groups.of[number];
         let failed = |error: LevelError| {
             self.error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            self.end_stages(of, stage..STAGES as u32);
             Some(None)
         };
         let group = match self.group(of, stage, scratch) {
@@ -486,11 +497,14 @@ impl Baker for SandwichBaker<'_> {
                 let times = MethodTimes { sweep: lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
             }
-            (Content::Objects, Some(before)) => match self.search(number, objects, before, &mut lap, stop) {
-                Ok(found) => found?,
-                Err(error) => return failed(error),
-            },
-            (Content::Objects, None) => return Some(None),
+            // Saved bytes may be forged.
+            (Content::Objects, Some(before)) if before.record.is_of(objects) => {
+                match self.search(number, objects, before, &mut lap, stop) {
+                    Ok(found) => found?,
+                    Err(error) => return failed(error),
+                }
+            }
+            (Content::Objects, _) => return Some(None),
         };
         let open = record.left.iter().zip(&record.answers).filter(|&(_, &answer)| answer == OPEN);
         let cost = |(&at, _)| u64::from(self.level.objects[objects[at as usize] as usize].cost);
@@ -503,11 +517,7 @@ impl Baker for SandwichBaker<'_> {
             is_reused: stage == SWEEP && next == done,
             next,
         };
-        let mut slot = self.slots[of as usize].lock().unwrap_or_else(PoisonError::into_inner);
-        slot.left[stage as usize] = slot.left[stage as usize].saturating_sub(1);
-        if slot.left[stage as usize] == 0 {
-            slot.group = None;
-        }
+        self.end_stages(of, stage..next);
         Some(Some(found))
     }
 

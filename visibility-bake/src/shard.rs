@@ -38,7 +38,8 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Bakes the range of a baker.
+    /// Bakes the range of a baker. For a level in a file, run the [`Bake`] yourself and look at
+    /// [`SandwichOutcome::error`] before you make a shard with [`new`](Self::new).
     pub fn bake(baker: SandwichBaker<'_>) -> Self {
         let fingerprint = baker.whole_fingerprint();
         Self::new(fingerprint, Bake::new(baker).run())

@@ -18,13 +18,13 @@ use visibility_region::ExtendedProjectionCuller;
 const FIRST: u64 = 8192;
 
 /// Bytes of memory that a scene for a sweep takes for each unit of weight, about.
-const SWEPT: u64 = 1000;
+const SWEPT: u64 = 400;
 
 /// Bytes of memory that a scene with nothing but triangles takes for each unit of weight, about.
 const TRIANGLES: u64 = 200;
 
 /// Bytes of memory that a search takes for each unit of weight, about.
-const SEARCHED: u64 = 1000;
+const SEARCHED: u64 = 600;
 
 /// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
 ///
@@ -74,8 +74,12 @@ impl<'a> TiledScene<'a> {
     /// Begins a level in a file, which is overwritten, and removed with the level.
     ///
     /// # Errors
-    /// [`LevelError::File`] if the file cannot be written.
+    /// [`LevelError::Origin`] if the origin is not finite, [`LevelError::File`] if the file cannot be
+    /// written.
     pub fn writer(path: impl Into<PathBuf>, origin: DVec3) -> Result<TiledSceneWriter, LevelError> {
+        if !origin.is_finite() {
+            return Err(LevelError::Origin);
+        }
         Ok(TiledSceneWriter { origin, objects: Vec::new(), content: ContentWriter::create(path.into())? })
     }
 

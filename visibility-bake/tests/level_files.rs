@@ -169,6 +169,9 @@ fn damage_is_an_error_with_what_and_where() {
     assert!(found >= 5, "{found}");
     let nowhere = TiledScene::writer(path("no/such/folder"), DVec3::ZERO);
     assert!(matches!(nowhere.err(), Some(LevelError::File { .. })));
+    for origin in [DVec3::NAN, DVec3::X * f64::INFINITY] {
+        assert_eq!(TiledScene::writer(path("origin"), origin).err(), Some(LevelError::Origin));
+    }
 }
 
 #[test]

@@ -58,7 +58,7 @@ pub fn run<'a>(
             // process.
             let every = run.save_every.max(start.elapsed() / 10);
             let is_due = || begun.elapsed() >= every;
-            // Between two writes at least one viewcell is begun, however little time there is.
+            // Between two writes at least one item is begun, however little time there is.
             let is_first = || asked.fetch_add(1, Relaxed) == 0;
             loop {
                 match bake.advance_unless(|| !is_first() && is_due(), is_over) {

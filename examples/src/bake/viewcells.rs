@@ -183,7 +183,7 @@ pub fn make(
                 (places.from.iter().copied().map(DVec3::from_array).collect(), Vec::new())
             };
             let (min, max) = over.unwrap_or((low, high));
-            let margin = size * 2.0 + places.radius + places.heights[1].abs();
+            let margin = size * 2.0 + places.radius + places.heights[0].abs().max(places.heights[1].abs());
             let reached = space
                 .seek((min - margin, max + margin), |scene| grid.free(scene, &from, &camera, min, max))?;
             let known = Viewcells::new(all.iter().cloned());

@@ -4,7 +4,7 @@
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use visibility_bake::{CellSandwich, Shard, assemble};
@@ -56,7 +56,7 @@ struct Whole {
 
     /// Folder for pictures: a heat map of the gaps of all viewcells (PNG and SVG), and the viewcells with
     /// the greatest gaps. By default none.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "memory")]
     pictures: Option<PathBuf>,
 }
 
@@ -80,7 +80,7 @@ struct Assembly {
     json: Option<PathBuf>,
 
     /// Folder for pictures, as of a whole bake. By default none.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "memory")]
     pictures: Option<PathBuf>,
 }
 
@@ -124,12 +124,7 @@ fn bake(arguments: &Whole) -> Result<(), Failure> {
     let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string());
     let limit = arguments.time.map(duration).transpose()?;
     let save_every = duration(arguments.save)?;
-    let beside = |end: &str| {
-        let mut path = arguments.out.clone().into_os_string();
-        path.push(end);
-        PathBuf::from(path)
-    };
-    let mut level = Level::open(&arguments.job, &beside(".tiles"))?;
+    let mut level = Level::open(&arguments.job, &beside(&arguments.out, ".tiles"))?;
     if let Some(cache) = &arguments.cache {
         level.take_cache(cache)?;
     }
@@ -139,7 +134,8 @@ fn bake(arguments: &Whole) -> Result<(), Failure> {
         let at = |i: usize| (count as u128 * i as u128 / n as u128) as usize;
         at(i)..at(i + 1)
     });
-    let settings = Run { threads: arguments.threads, limit, save_every, state: beside(".state") };
+    let settings =
+        Run { threads: arguments.threads, limit, save_every, state: beside(&arguments.out, ".state") };
     // The bar is drawn on standard error, and only if that is a terminal.
     let bar = ProgressBar::new(range.len() as u64);
     let template = "{msg} {bar:40} {pos}/{len} viewcells, {elapsed}, {eta} to go in this step";
@@ -183,6 +179,13 @@ fn bake(arguments: &Whole) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Returns the path of a file beside another.
+fn beside(path: &Path, end: &str) -> PathBuf {
+    let mut path = path.to_owned().into_os_string();
+    path.push(end);
+    PathBuf::from(path)
+}
+
 fn identify(arguments: &Identity) -> Result<(), Failure> {
     let scratch = std::env::temp_dir().join(format!("bake-{}.tiles", std::process::id()));
     let level = Level::open(&arguments.job, &scratch)?;
@@ -191,7 +194,7 @@ fn identify(arguments: &Identity) -> Result<(), Failure> {
 }
 
 fn put_together(arguments: &Assembly) -> Result<(), Failure> {
-    let level = Level::open(&arguments.job, &arguments.out.with_extension("tiles"))?;
+    let level = Level::open(&arguments.job, &beside(&arguments.out, ".tiles"))?;
     let fingerprint = level.fingerprint();
     let mut shards = Vec::new();
     for file in &arguments.shards {
