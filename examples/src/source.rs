@@ -8,7 +8,7 @@
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
 use std::str::FromStr;
-use visibility_core::{cells::CellGraph, pvs::Viewcells};
+use visibility_core::{Aabb, Object, cells::CellGraph, pvs::Viewcells};
 
 /// Scene with its camera walks, in world space and metres.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,6 +129,16 @@ impl SourceObject {
     /// Creates an opaque object that is not a door, from its world-space triangles.
     pub fn new(name: impl Into<String>, triangles: Vec<[Vec3; 3]>) -> Self {
         Self { name: name.into(), triangles, opaque: true, door: false, never_cull: false }
+    }
+
+    /// Returns the object as the cullers' scene takes it, an occluder even if it is a door.
+    pub fn object(&self) -> Object {
+        Object {
+            cost: u32::try_from(self.triangles.len()).unwrap_or(u32::MAX),
+            occluder: self.opaque,
+            never_cull: self.never_cull,
+            ..Object::new(Aabb::from_points(self.triangles.iter().flatten().copied()))
+        }
     }
 
     /// Notes a hint of the level.

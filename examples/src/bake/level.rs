@@ -15,7 +15,7 @@ use std::sync::Arc;
 use visibility_bake::{BakeCache, BakedSet, CellSandwich, LevelError, SandwichBaker, Settings, TiledScene};
 use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::Viewcells;
-use visibility_core::{Aabb, Object, Scene};
+use visibility_core::{Object, Scene};
 
 /// Number of objects whose occluder meshes are prepared together while a level is written to a file.
 const TOGETHER: usize = 1000;
@@ -154,12 +154,8 @@ fn in_file(source: &mut SceneSource, path: &Path, memory: u64) -> Result<TiledSc
     while !objects.as_slice().is_empty() {
         let mut scene = Scene::new();
         for object in objects.by_ref().take(TOGETHER) {
-            let id = scene.insert(Object {
-                cost: u32::try_from(object.triangles.len()).unwrap_or(u32::MAX),
-                occluder: object.opaque && !object.door,
-                never_cull: object.never_cull,
-                ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
-            });
+            let whole = object.object();
+            let id = scene.insert(Object { occluder: whole.occluder && !object.door, ..whole });
             scene.set_triangles(id, object.triangles).expect("the object was just inserted");
         }
         scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });

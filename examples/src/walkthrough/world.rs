@@ -2,14 +2,13 @@
 
 use super::prepared::Prepared;
 use crate::pvs::built;
-use crate::source::SourceCells;
+use crate::source::{SourceCells, SourceObject};
 use crate::{SceneSource, SourceError, frames};
 use glam::DVec3;
 use std::sync::OnceLock;
 use std::time::Instant;
 use visibility_core::{
-    Aabb, Object, ObjectId, Pose, Scene, View, cells::CellId, occlusion::Preparation, pvs::Viewcells,
-    view::ViewError,
+    ObjectId, Pose, Scene, View, cells::CellId, occlusion::Preparation, pvs::Viewcells, view::ViewError,
 };
 
 /// Scene and views that cullers work on, with the source that they came from.
@@ -78,12 +77,7 @@ impl World {
     ) -> Self {
         let mut scene = Scene::new();
         scene.set_origin(origin).expect("a finite origin");
-        let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
-            cost: u32::try_from(object.triangles.len()).unwrap_or(u32::MAX),
-            occluder: object.opaque,
-            never_cull: object.never_cull,
-            ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
-        }));
+        let ids = scene.insert_batch(source.objects.iter().map(SourceObject::object));
         let mut given = source.cells.as_mut();
         while let Some(cells) = given {
             let pairs = deep_enough(&scene, cells, objects_in_cells(&scene, &ids, &cells.viewcells));
