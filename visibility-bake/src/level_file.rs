@@ -135,7 +135,7 @@ pub(crate) struct LevelFile {
     memory: Arc<Mutex<Memory>>,
 }
 
-/// What is in memory, by estimates.
+/// The memory of a level in a file, by estimates.
 struct Memory {
     limit: u64,
     /// Bytes that cannot be given up now.

@@ -119,14 +119,14 @@ pub(crate) fn sweep_near_to_far(
     Ok(Trace { opened: around.opened, left })
 }
 
-/// What is known around a viewcell.
+/// The tiles and objects around a viewcell, as far as they are swept.
 struct Around<'a> {
     level: &'a TiledScene<'a>,
     cell: &'a Viewcell,
     opened: Vec<Opened>,
     /// Objects that occlude and are not hidden: their places and numbers.
     occluding: Vec<([u32; 2], u32)>,
-    /// What is not hidden and does not occlude yet.
+    /// Tiles and objects that are not hidden and do not occlude yet.
     waiting: Vec<Waiting>,
 }
 

@@ -225,8 +225,8 @@ impl<'a> SandwichBaker<'a> {
         self.fingerprint
     }
 
-    /// Returns why viewcells could not be worked on, for a level in a file: what was not proven
-    /// hidden before counts as visible, and they are not worked on again if the bake is resumed.
+    /// Returns why viewcells could not be worked on, for a level in a file: what was not proven hidden before
+    /// counts as visible, and they are not worked on again if the bake is resumed.
     pub fn error(&self) -> Option<LevelError> {
         self.error.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -241,10 +241,7 @@ impl<'a> SandwichBaker<'a> {
             let next = done.as_ref().map_or(SWEEP, |found| found.next) as usize;
             slot.left.iter_mut().skip(next).for_each(|left| *left += 1);
             if let Some(found) = done {
-                self.costs[of]
-                    .get_mut(next)
-                    .into_iter()
-                    .for_each(|cost| *cost = cost.saturating_add(found.cost));
+                add_cost(&mut self.costs[of], found);
             }
         }
     }
@@ -400,6 +397,13 @@ impl<'a> SandwichBaker<'a> {
     }
 }
 
+/// Adds what is open in a viewcell to the costs of its group, for the stage that the viewcell has come to.
+fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
+    if let Some(cost) = costs.get_mut(found.next as usize) {
+        *cost = cost.saturating_add(found.cost);
+    }
+}
+
 /// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
 /// same hash belong together. Time is linear in the numbers of triangles and viewcells.
 pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Settings) -> u64 {
@@ -525,10 +529,7 @@ impl Baker for SandwichBaker<'_> {
         let Some(found) = found else { return 0 };
         let (place, _) = self.place(item);
         let of = self.groups.of[self.range.start + place] as usize;
-        self.costs[of]
-            .get_mut(found.next as usize)
-            .into_iter()
-            .for_each(|cost| *cost = cost.saturating_add(found.cost));
+        add_cost(&mut self.costs[of], &found);
         self.found_groups[of].get_or_insert_with(|| found.group.clone());
         let steps = found.record.steps;
         let before = self.done[place].replace(found);

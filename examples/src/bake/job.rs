@@ -1,4 +1,4 @@
-//! What is baked, as a user says it.
+//! The job of a bake, as a user states it: scene, viewcells and settings.
 
 use super::viewcells::Places;
 use crate::Hint;
