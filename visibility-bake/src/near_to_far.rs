@@ -287,7 +287,7 @@ impl Trace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visibility_testing::Random;
+    use visibility_testing::{Random, is_clear};
 
     /// A town of blocks of houses with yards, 240 m wide, with some towers, and things in the streets and in
     /// the yards; a sign that is never culled, and a cloud without bounds.
@@ -334,17 +334,6 @@ mod tests {
 
     fn sweep_of(level: &TiledScene<'_>, cell: &Viewcell) -> Trace {
         sweep_near_to_far(level, cell, &mut ExtendedProjectionCuller::new(), &mut None).unwrap()
-    }
-
-    /// Returns whether a segment between two points misses the inside of all occluders but one, by slabs.
-    fn is_clear(scene: &Scene, from: DVec3, to: DVec3, but: usize) -> bool {
-        scene.ids().filter(|id| id.index() != but).all(|id| {
-            let object = scene.object(id).unwrap();
-            let (min, max) = (object.bounds.min.as_dvec3(), object.bounds.max.as_dvec3());
-            let (a, b) = ((min - from) / (to - from), (max - from) / (to - from));
-            let (enter, leave) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(1.0));
-            !object.occluder || enter >= leave
-        })
     }
 
     const EYES: [[f64; 3]; 3] = [[-3.5, -3.5, 1.0], [37.0, 64.0, 1.0], [-110.0, -110.0, 1.0]];

@@ -13,7 +13,7 @@ use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcells;
 use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, Object, Scene};
-use visibility_testing::Random;
+use visibility_testing::{Random, is_clear};
 
 /// A street: houses left and right, with small boxes between and behind them.
 fn street() -> (Scene, Viewcells) {
@@ -55,17 +55,6 @@ fn insert(scene: &mut Scene, min: [f32; 3], max: [f32; 3], occluder: bool) {
 
 fn baked(scene: &Scene, cells: &Viewcells, settings: Settings) -> Vec<CellSandwich> {
     Bake::new(SandwichBaker::new(scene, cells, settings)).run().cells
-}
-
-/// Returns whether a segment between two points misses the inside of all houses but one, by slabs.
-fn is_clear(scene: &Scene, from: DVec3, to: DVec3, but: usize) -> bool {
-    scene.ids().filter(|id| id.index() != but).all(|id| {
-        let object = scene.object(id).unwrap();
-        let (min, max) = (object.bounds.min.as_dvec3(), object.bounds.max.as_dvec3());
-        let (a, b) = ((min - from) / (to - from), (max - from) / (to - from));
-        let (enter, leave) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(1.0));
-        !object.occluder || enter >= leave
-    })
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod hash;
 mod octree;
 mod plain_map;
 mod random;
+mod slabs;
 pub mod swapped;
 
 pub use exact::sign_of_sum;
@@ -18,3 +19,4 @@ pub use hash::{FNV_START, fnv};
 pub use octree::Octree;
 pub use plain_map::PlainMap;
 pub use random::Random;
+pub use slabs::is_clear;
