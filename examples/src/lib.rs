@@ -27,7 +27,7 @@ pub mod walkthrough;
 
 pub use description::load_walks;
 pub use error::SourceError;
-pub use load::{cars5, load, open};
+pub use load::{cars5, load, open, open_by_object};
 pub use recipes::built_in;
 pub use source::{Hint, SceneSource, SourceObject};
 pub use walk::{CameraKey, Frame, Walk, frames};

@@ -6,10 +6,12 @@
 
 use crate::description::Description;
 use crate::error::SourceError;
-use crate::recipes::{built_in, known_recipes};
-use crate::source::{SceneSource, SourceObject};
+use crate::recipes::{built_in_by_object, known_recipes};
+use crate::source::{Bounds, SceneSource, SourceObject, collected};
 use crate::{gltf_file, vscn, walk};
 use glam::{DQuat, DVec3, Vec3};
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 /// Makes the scene that a user names: a recipe with or without sizes (`office:7,24`), the path of a scene
@@ -19,16 +21,27 @@ use std::path::Path;
 ///
 /// # Errors
 ///
-/// Returns the errors of [`built_in`], [`load()`] or [`cars5`].
+/// Returns the errors of [`built_in`](crate::built_in), [`load()`] or [`cars5`].
 pub fn open(name: &str) -> Result<SceneSource, SourceError> {
+    collected(|each| open_by_object(name, each))
+}
+
+/// Makes the same scene as [`open`], object by object: each is passed to `each` as soon as it is made or
+/// read, and the scene is returned without objects. Of recipes and VSCN files one object is in memory at a
+/// time; glTF files are read as a whole before their first object is passed on.
+///
+/// # Errors
+///
+/// Returns the errors of [`open`], which may come after objects were passed on.
+pub fn open_by_object(name: &str, each: &mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError> {
     let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
     let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
     if let Some(car) = name.strip_prefix("cars5:") {
-        cars5(Path::new(car))
+        cars5_by_object(Path::new(car), each)
     } else if known_recipes().any(is_recipe) || Path::new(name).extension().is_none() {
-        built_in(name)
+        built_in_by_object(name, each)
     } else {
-        load(Path::new(name))
+        load_by_object(Path::new(name), each)
     }
 }
 
@@ -41,10 +54,18 @@ pub fn open(name: &str) -> Result<SceneSource, SourceError> {
 /// read, and [`SourceError::Content`] when its content is invalid or the JSON's counts differ from the
 /// file's.
 pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
+    collected(|each| load_by_object(path, each))
+}
+
+fn load_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError> {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
-        Some("vscn") => load_vscn(path),
-        Some("gltf" | "glb") => gltf_file::parse(&read(path)?, path),
+        Some("vscn") => load_vscn(path, each),
+        Some("gltf" | "glb") => {
+            let mut scene = gltf_file::parse(&read(path)?, path)?;
+            std::mem::take(&mut scene.objects).into_iter().for_each(each);
+            Ok(scene)
+        }
         _ => Err(SourceError::UnknownFormat { file: path.to_path_buf() }),
     }
 }
@@ -60,6 +81,10 @@ pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
 /// Returns [`SourceError::Io`] when one of the two files cannot be read, and [`SourceError::Content`] when
 /// its content is invalid or the JSON has no placements.
 pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
+    collected(|each| cars5_by_object(path, each))
+}
+
+fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError> {
     let description = Description::load(&path.with_extension("json"))?;
     if description.cars5_placements.is_empty() {
         return Err(SourceError::content(
@@ -68,18 +93,18 @@ pub fn cars5(path: &Path) -> Result<SceneSource, SourceError> {
             "the car has no placements",
         ));
     }
-    let car = assemble(path, &description)?;
-    let mut objects = Vec::new();
+    let car = collected(|each| assemble(path, &description, each))?;
     for (number, [x, z, yaw]) in description.cars5_placements.iter().enumerate() {
         let turn = DQuat::from_rotation_y(yaw.to_radians());
         let place = |p: Vec3| (turn * p.as_dvec3() + DVec3::new(*x, 0.0, *z)).as_vec3();
-        objects.extend(car.objects.iter().map(|part| SourceObject {
+        let copies = car.objects.iter().map(|part| SourceObject {
             name: format!("car{number}/{}", part.name),
             triangles: part.triangles.iter().map(|t| t.map(place)).collect(),
             ..*part
-        }));
+        });
+        copies.for_each(&mut *each);
     }
-    Ok(SceneSource { name: format!("{}5", car.name), objects, ..car })
+    Ok(SceneSource { name: format!("{}5", car.name), objects: Vec::new(), ..car })
 }
 
 /// Reads all bytes of a file. The error of the file system carries the path.
@@ -88,7 +113,7 @@ fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
 }
 
 /// Loads a VSCN file with the JSON description beside it. A missing description is no error.
-fn load_vscn(path: &Path) -> Result<SceneSource, SourceError> {
+fn load_vscn(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError> {
     let beside = path.with_extension("json");
     // Only a missing file counts as no description; a file that exists and cannot be read is an error.
     let description = match Description::load(&beside) {
@@ -97,30 +122,38 @@ fn load_vscn(path: &Path) -> Result<SceneSource, SourceError> {
         }
         other => other?,
     };
-    assemble(path, &description)
+    assemble(path, &description, each)
 }
 
-/// Makes the scene of a VSCN file and a description. Absent facts get defaults: z up, and a near plane and
-/// walks derived from the bounds. Returns an error when the file is invalid or its counts differ from the
-/// description's.
-fn assemble(path: &Path, description: &Description) -> Result<SceneSource, SourceError> {
-    let triangles = vscn::parse(&read(path)?, path)?;
-    check_counts(path, description, &triangles)?;
-    let objects = triangles
-        .into_iter()
-        .enumerate()
-        .map(|(index, triangles)| object(description, index, triangles))
-        .collect();
+/// Makes the scene of a VSCN file and a description, and passes its objects on. Absent facts get defaults: z
+/// up, and a near plane and walks derived from the bounds. Returns an error when the file is invalid or its
+/// counts differ from the description's.
+fn assemble(
+    path: &Path,
+    description: &Description,
+    each: &mut dyn FnMut(SourceObject),
+) -> Result<SceneSource, SourceError> {
+    let failed = |cause| SourceError::io(path, cause);
+    let file = File::open(path).map_err(failed)?;
+    let size = file.metadata().map_err(failed)?.len();
+    let (mut bounds, mut index, mut triangle_count) = (Bounds::default(), 0, 0);
+    let objects = vscn::read(BufReader::new(file), size, path, &mut |triangles| {
+        triangle_count += triangles.len();
+        let object = object(description, index, triangles);
+        index += 1;
+        bounds.add(&object);
+        each(object);
+    })?;
+    check_counts(path, description, objects, triangle_count)?;
+    let bounds = bounds.corners();
     let mut scene = SceneSource {
         name: description.name.clone().unwrap_or_else(|| crate::source::stem(path)),
         up: description.up.unwrap_or(Vec3::Z),
-        near: 0.0,
-        objects,
+        near: description.near.unwrap_or(walk::made_up_near(bounds)),
+        objects: Vec::new(),
         walks: description.walks.clone(),
         cells: None,
     };
-    let bounds = scene.bounds();
-    scene.near = description.near.unwrap_or(walk::made_up_near(bounds));
     if scene.walks.is_empty() {
         scene.walks = walk::made_up(bounds, scene.up);
     }
@@ -132,15 +165,16 @@ fn assemble(path: &Path, description: &Description) -> Result<SceneSource, Sourc
 fn check_counts(
     path: &Path,
     description: &Description,
-    triangles: &[Vec<[Vec3; 3]>],
+    objects: usize,
+    triangles: usize,
 ) -> Result<(), SourceError> {
     let counts = [
-        ("objects", description.objects, triangles.len()),
-        ("triangles", description.triangles, triangles.iter().map(Vec::len).sum()),
+        ("objects", description.objects, objects),
+        ("triangles", description.triangles, triangles),
         (
             "object_names",
             (!description.object_names.is_empty()).then_some(description.object_names.len() as u64),
-            triangles.len(),
+            objects,
         ),
     ];
     for (key, claimed, found) in counts {

@@ -5,6 +5,7 @@
 //! Triangles are neither indexed nor shared between objects: a triangle soup is the simplest form from which
 //! to fill the cullers' scene.
 
+use crate::error::SourceError;
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
 use std::str::FromStr;
@@ -155,7 +156,7 @@ impl SourceObject {
     /// Returns the box around the finite coordinates. `None` when one of the axes has no finite coordinate,
     /// as for an object without triangles.
     pub fn bounds(&self) -> Option<Corners> {
-        bounds_of(self.triangles.iter().flatten())
+        Bounds::from_iter([self]).corners()
     }
 }
 
@@ -168,21 +169,54 @@ impl SceneSource {
     /// Returns the box around the finite coordinates of all objects. `None` when one of the axes has no
     /// finite coordinate. Visits every vertex.
     pub fn bounds(&self) -> Option<Corners> {
-        bounds_of(self.objects.iter().flat_map(|o| o.triangles.iter().flatten()))
+        Bounds::from_iter(&self.objects).corners()
     }
 }
 
-/// Returns the box around the finite coordinates of the points, or `None` when one of the axes has none.
-/// Non-finite coordinates are skipped one by one, since a camera needs a usable box even when a file holds a
-/// NaN.
-fn bounds_of<'a>(points: impl Iterator<Item = &'a Vec3>) -> Option<Corners> {
-    let mut low = Vec3::INFINITY;
-    let mut high = Vec3::NEG_INFINITY;
-    for point in points {
-        low = low.min(Vec3::select(point.is_finite_mask(), *point, Vec3::INFINITY));
-        high = high.max(Vec3::select(point.is_finite_mask(), *point, Vec3::NEG_INFINITY));
+/// Returns the scene that `make` returns without objects, with the objects that `make` passes on.
+pub(crate) fn collected(
+    make: impl FnOnce(&mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError>,
+) -> Result<SceneSource, SourceError> {
+    let mut objects = Vec::new();
+    let scene = make(&mut |object| objects.push(object))?;
+    Ok(SceneSource { objects, ..scene })
+}
+
+/// Box around the finite coordinates of objects that are added one by one. Non-finite coordinates are skipped
+/// one by one, since a camera needs a usable box even when a file holds a NaN.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY }
     }
-    low.cmple(high).all().then_some((low, high))
+}
+
+impl Bounds {
+    /// Encloses the finite coordinates of an object.
+    pub fn add(&mut self, object: &SourceObject) {
+        for point in object.triangles.as_flattened() {
+            self.low = self.low.min(Vec3::select(point.is_finite_mask(), *point, Vec3::INFINITY));
+            self.high = self.high.max(Vec3::select(point.is_finite_mask(), *point, Vec3::NEG_INFINITY));
+        }
+    }
+
+    /// Returns the corners of the box. `None` when one of the axes has no finite coordinate.
+    pub fn corners(&self) -> Option<Corners> {
+        self.low.cmple(self.high).all().then_some((self.low, self.high))
+    }
+}
+
+impl<'a> FromIterator<&'a SourceObject> for Bounds {
+    fn from_iter<T: IntoIterator<Item = &'a SourceObject>>(objects: T) -> Self {
+        let mut bounds = Self::default();
+        objects.into_iter().for_each(|object| bounds.add(object));
+        bounds
+    }
 }
 
 /// Returns the file name without its extension; empty when the path has no file name.

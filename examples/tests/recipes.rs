@@ -4,7 +4,7 @@ mod shared_scenes;
 
 use glam::{DVec3, Vec3};
 use shared_scenes::stored;
-use visibility_examples::recipes::{forest, london, office, plpcity, town};
+use visibility_examples::recipes::office;
 use visibility_examples::{SceneSource, Walk, built_in, description::Description};
 
 /// Returns the number of objects and the number of triangles of a scene.
@@ -32,11 +32,11 @@ fn sample_sizes_have_their_counts() {
 #[test]
 fn larger_sizes_have_their_counts() {
     assert_eq!(built_in("plpcity:3,3").expect("small").triangle_count(), 522_504);
-    assert_eq!(counts(&plpcity(6, 6).expect("in bounds")), (21_384, 2_090_016));
-    assert_eq!(counts(&town(8).expect("in bounds")), (2_357, 1_027_034));
+    assert_eq!(counts(&built_in("plpcity:6,6").expect("in bounds")), (21_384, 2_090_016));
+    assert_eq!(counts(&built_in("town:8").expect("in bounds")), (2_357, 1_027_034));
     assert_eq!(counts(&office(7, 24).expect("in bounds").scene), (4_020, 468_960));
-    assert_eq!(counts(&forest(1_450, 226.0).expect("in bounds")), (1_571, 1_465_488));
-    let city = london(101, 101).expect("in bounds");
+    assert_eq!(counts(&built_in("forest:1450,226").expect("in bounds")), (1_571, 1_465_488));
+    let city = built_in("london:101,101").expect("in bounds");
     assert_eq!(counts(&city), (249_851 + 101 * 101, 2_518_912));
     let buildings = city.objects.iter().filter(|o| o.name != "ground");
     assert_eq!(buildings.count(), 249_851);

@@ -4,7 +4,7 @@
 use glam::Vec3;
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
-use visibility_examples::{SceneSource, SourceError, SourceObject, load, vscn};
+use visibility_examples::{SceneSource, SourceError, SourceObject, load, open_by_object, vscn};
 
 /// Makes a scene of opaque objects, each from its list of triangles.
 fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
@@ -113,6 +113,44 @@ fn the_description_beside_a_file_is_used_and_checked() {
         std::fs::write(&facts, text).expect("a test file");
         let message = load(&file).expect_err(part).to_string();
         assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn files_are_read_object_by_object_and_damaged_ones_refused_as_bytes_are() {
+    let file = folder("vscn_damaged").join("room.vscn");
+    let at = file.display().to_string();
+    let bytes = small();
+    let mut damaged = vec![bytes.clone(), [&bytes[..], &[0]].concat()];
+    damaged.extend([0, 7, 40, 83, 91].map(|length| bytes[..length].to_vec()));
+    damaged.push([&bytes[..4], &[9; 4], &bytes[8..]].concat());
+    for bytes in &damaged {
+        std::fs::write(&file, bytes).expect("a test file");
+        let mut passed = Vec::new();
+        let read = open_by_object(&at, &mut |object| passed.push(object.triangles.len()));
+        let expected = parse(bytes).map(|objects| objects.len()).map_err(|error| error.to_string());
+        match (read, expected) {
+            (Ok(scene), Ok(count)) => assert!(scene.objects.is_empty() && passed.len() == count),
+            (Err(found), Err(expected)) => {
+                assert_eq!(found.to_string(), expected.replace("test.vscn", &at));
+            }
+            (found, expected) => panic!("{found:?} where {expected:?} was expected"),
+        }
+        // Objects before the damage are passed on.
+        let before = if bytes.len() < 84 || bytes[4] == 9 { 0 } else { 3 };
+        assert!(passed == [2, 0, 1][..before] || bytes.len() < 128 && passed == [2, 0][..passed.len()]);
+    }
+    let failing = std::io::Read::chain(&bytes[..50], Failing);
+    let error = vscn::read(failing, 128, Path::new("test.vscn"), &mut |_| {}).expect_err("a failing disk");
+    assert!(matches!(error, SourceError::Io { .. }), "{error}");
+}
+
+/// A disk that fails.
+struct Failing;
+
+impl std::io::Read for Failing {
+    fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+        Err(std::io::Error::other("the disk is broken"))
     }
 }
 

@@ -35,8 +35,9 @@ pub struct Job {
     pub rays: u32,
 
     /// Memory in which the bake is to do, as in 512M or 2G: triangles are in a file beside the output, and
-    /// those that are needed are read. The result is the same. The scene is read as a whole first. By
-    /// default all is in memory.
+    /// those that are needed are read. The result is the same. The scene is made or read object by object,
+    /// but for a .glb or .gltf file, which is in memory as a whole until its objects are written. By default
+    /// all is in memory.
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub memory: Option<u64>,
 }

@@ -5,20 +5,20 @@ use super::job::Job;
 use super::run::clock;
 use super::viewcells::{self, Space};
 use crate::region::world;
+use crate::source::{Bounds, Corners};
 use crate::walkthrough::World;
-use crate::{SceneSource, open};
+use crate::{SceneSource, SourceObject, open_by_object};
 use glam::DVec3;
 use std::fmt;
 use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
-use visibility_bake::{BakeCache, BakedSet, CellSandwich, LevelError, SandwichBaker, Settings, TiledScene};
+use visibility_bake::{
+    BakeCache, BakedSet, CellSandwich, LevelError, SandwichBaker, Settings, TiledScene, TiledSceneWriter,
+};
 use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::Viewcells;
 use visibility_core::{Object, Scene};
-
-/// Number of objects whose occluder meshes are prepared together while a level is written to a file.
-const TOGETHER: usize = 1000;
 
 /// Bytes of memory that the program has in use beside the level, about.
 const PROGRAM: u64 = 32 << 20;
@@ -49,26 +49,28 @@ impl Level {
     /// [`Failure`] if the scene cannot be loaded, a hint is for no object, there are no viewcells or too
     /// many, or the memory is too small.
     pub fn open(job: &Job, scratch: &Path) -> Result<Self, Failure> {
-        let mut source = open(&job.scene).map_err(|error| error.to_string())?;
-        for (hint, part) in &job.hints {
-            let mut named = source.objects.iter_mut().filter(|object| object.name.contains(part)).peekable();
-            named.peek().ok_or_else(|| format!("no name of an object contains `{part}`"))?;
-            named.for_each(|object| object.take(*hint));
-        }
-        let name = source.name.clone();
         let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
-        let bounds = source.bounds();
-        let (content, viewcells) = match job.memory {
+        let (name, content, viewcells) = match job.memory {
             None => {
-                let world = world(source);
+                let mut objects = Vec::new();
+                let (source, bounds) = read(job, &mut |object| objects.push(object))?;
+                let world = world(SceneSource { objects, ..source });
                 let space = Space::Scene(&world.scene);
                 let viewcells = viewcells::make(&job.places, &world.source, bounds, &space)?;
-                (Content::World(Box::new(world)), viewcells)
+                (world.source.name.clone(), Content::World(Box::new(world)), viewcells)
             }
             Some(memory) => {
-                let level = in_file(&mut source, scratch, memory)?;
+                let mut writer = TiledScene::writer(scratch, DVec3::ZERO)?;
+                let mut written = Ok(());
+                let (source, bounds) = read(job, &mut |object| {
+                    if written.is_ok() {
+                        written = append(&mut writer, object);
+                    }
+                })?;
+                written?;
+                let level = writer.finish(memory, PROGRAM)?;
                 let viewcells = viewcells::make(&job.places, &source, bounds, &Space::Level(&level))?;
-                (Content::File(Arc::new(level)), viewcells)
+                (source.name, Content::File(Arc::new(level)), viewcells)
             }
         };
         let viewcells = Viewcells::new(viewcells);
@@ -147,24 +149,37 @@ impl Level {
     }
 }
 
-/// Writes the objects of a scene to a file, and takes them from the scene.
-fn in_file(source: &mut SceneSource, path: &Path, memory: u64) -> Result<TiledScene<'static>, LevelError> {
-    let mut writer = TiledScene::writer(path, DVec3::ZERO)?;
-    let mut objects = std::mem::take(&mut source.objects).into_iter();
-    while !objects.as_slice().is_empty() {
-        let mut scene = Scene::new();
-        for object in objects.by_ref().take(TOGETHER) {
-            let whole = object.object();
-            let id = scene.insert(Object { occluder: whole.occluder && !object.door, ..whole });
-            scene.set_triangles(id, object.triangles).expect("the object was just inserted");
+/// Makes the scene of a job, and passes its objects to `each` one by one, with the job's hints. Returns the
+/// scene without objects, and the bounds of all objects.
+fn read(job: &Job, each: &mut dyn FnMut(SourceObject)) -> Result<(SceneSource, Option<Corners>), String> {
+    let mut bounds = Bounds::default();
+    let mut is_named = vec![false; job.hints.len()];
+    let source = open_by_object(&job.scene, &mut |mut object| {
+        for ((hint, part), is_named) in job.hints.iter().zip(&mut is_named) {
+            if object.name.contains(part) {
+                object.take(*hint);
+                *is_named = true;
+            }
         }
-        scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
-        for id in scene.ids() {
-            let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
-            writer.push(&object, triangles, scene.occluder(id))?;
-        }
+        bounds.add(&object);
+        each(object);
+    });
+    let source = source.map_err(|error| error.to_string())?;
+    match job.hints.iter().zip(is_named).find(|&(_, is_named)| !is_named) {
+        Some(((_, part), _)) => Err(format!("no name of an object contains `{part}`")),
+        None => Ok((source, bounds.corners())),
     }
-    writer.finish(memory, PROGRAM)
+}
+
+/// Appends an object to a level in a file, with its occluder mesh.
+fn append(writer: &mut TiledSceneWriter, object: SourceObject) -> Result<(), LevelError> {
+    let mut scene = Scene::new();
+    let whole = object.object();
+    let id = scene.insert(Object { occluder: whole.occluder && !object.door, ..whole });
+    scene.set_triangles(id, object.triangles).expect("the object was just inserted");
+    scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+    let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { return Ok(()) };
+    writer.push(&object, triangles, scene.occluder(id))
 }
 
 #[cfg(test)]
@@ -196,6 +211,17 @@ mod tests {
         for wrong in ["mover=house", "moover=b1", "mover"] {
             assert!(open(wrong).is_none(), "{wrong}");
         }
+        let scratch = std::env::temp_dir().join(format!("bake-hints-{}", std::process::id()));
+        let refused = |hints: &[&str]| {
+            let arguments = ["", "london:2,2", "--memory", "64M"].iter().chain(hints);
+            let Only { job } = clap::Parser::parse_from(arguments);
+            let error = Level::open(&job, &scratch).err();
+            assert!(error.is_none() || !scratch.exists());
+            error.map(|error| error.to_string())
+        };
+        assert_eq!(refused(&["--hint", "mover=b1"]), None);
+        let error = refused(&["--hint", "door=b1", "--hint", "mover=house", "--hint", "mover=tree"]);
+        assert_eq!(error.as_deref(), Some("no name of an object contains `house`"));
     }
 
     #[test]

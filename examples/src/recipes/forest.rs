@@ -31,7 +31,8 @@ const TRIANGLES_PER_TILE: u64 = 2 * (TILE_CELLS * TILE_CELLS) as u64;
 /// grows with the square of the number of trees.
 const MOST_TREES: u32 = 20_000;
 
-/// Makes a forest of `trees` trees on a square whose side is `side` metres.
+/// Makes a forest of `trees` trees on a square whose side is `side` metres. The objects go to `parts`, and
+/// the scene is returned without them.
 ///
 /// 200 trees on 84 m are 216 objects with 202,048 triangles; 1,450 trees on 226 m and 7,750 trees on 523 m
 /// have about the same density. The time to place the trees grows with the square of their number.
@@ -40,7 +41,7 @@ const MOST_TREES: u32 = 20_000;
 ///
 /// Returns [`SourceError::Recipe`] when `trees` is 0 or above 20,000, when `side` is NaN or outside 20 to
 /// 100,000 metres (both inclusive), or when the scene would have more triangles than recipes may make.
-pub fn forest(trees: u32, side: f64) -> Result<SceneSource, SourceError> {
+pub(super) fn forest(trees: u32, side: f64, mut parts: Parts<'_>) -> Result<SceneSource, SourceError> {
     let spec = format!("forest:{trees},{side}");
     let limits = Limits::new(spec.clone());
     limits.at_least_one("trees", trees)?;
@@ -57,7 +58,6 @@ pub fn forest(trees: u32, side: f64) -> Result<SceneSource, SourceError> {
 
     let mut random = Random::new(SEED);
     let kinds: Vec<Mesh> = (0..KINDS).map(|_| tree(&mut random)).collect();
-    let mut parts = Parts::default();
     let mut placed: Vec<DVec2> = Vec::with_capacity(trees as usize);
     for _ in 0..trees {
         let spot = spot_far_from(&placed, side, &mut random);
@@ -76,7 +76,7 @@ pub fn forest(trees: u32, side: f64) -> Result<SceneSource, SourceError> {
             parts.add("terrain", terrain(corner));
         }
     }
-    Ok(scene_on("forest", 0.1, parts, &ROUTES, height))
+    Ok(scene_on("forest", 0.1, &ROUTES, height))
 }
 
 /// Returns the height of the ground in metres at the point (`x`, `y`) in metres: the sum of three sine waves,

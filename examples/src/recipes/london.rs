@@ -35,7 +35,8 @@ const GAP_CHANCE: f64 = 0.03;
 /// Estimated triangles of one block, for the bound on the size of the scene.
 const TRIANGLES_PER_BLOCK: u64 = 250;
 
-/// Makes the city of `blocks_x` by `blocks_y` blocks, each with about 25 buildings.
+/// Makes the city of `blocks_x` by `blocks_y` blocks, each with about 25 buildings. The objects go to `parts`,
+/// and the scene is returned without them.
 ///
 /// 12 by 12 blocks are 3,674 objects with 35,588 triangles; 101 by 101 blocks make the full city of 249,851
 /// buildings.
@@ -44,7 +45,7 @@ const TRIANGLES_PER_BLOCK: u64 = 250;
 ///
 /// Returns [`SourceError::Recipe`] when a size is 0 or the scene would have more triangles than recipes may
 /// make.
-pub fn london(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> {
+pub(super) fn london(blocks_x: u32, blocks_y: u32, parts: Parts<'_>) -> Result<SceneSource, SourceError> {
     let limits = Limits::new(format!("london:{blocks_x},{blocks_y}"));
     limits.at_least_one("blocks along x", blocks_x)?;
     limits.at_least_one("blocks along y", blocks_y)?;
@@ -53,7 +54,7 @@ pub fn london(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> 
     let mut city = City {
         random: Random::new(SEED),
         centre: DVec2::new(f64::from(blocks_x), f64::from(blocks_y)) * PITCH / 2.0,
-        parts: Parts::default(),
+        parts,
     };
     for block_x in 0..blocks_x {
         for block_y in 0..blocks_y {
@@ -66,7 +67,7 @@ pub fn london(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> 
             city.parts.add("ground", ground(corner));
         }
     }
-    Ok(scene("london", 0.2, city.parts, &ROUTES))
+    Ok(scene("london", 0.2, &ROUTES))
 }
 
 /// Returns the position `p`, in metres on the plan, displaced by sums of sine waves that bend the street
@@ -119,21 +120,21 @@ impl Side {
     }
 }
 
-/// City under construction: the random numbers, the centre of the block grid in metres, and the objects made
-/// so far.
-struct City {
+/// City under construction: the random numbers, the centre of the block grid in metres, and the receiver of
+/// the objects.
+struct City<'a> {
     random: Random,
     centre: DVec2,
-    parts: Parts,
+    parts: Parts<'a>,
 }
 
-impl City {
+impl City<'_> {
     /// Adds a prism over the warped `plan` from the ground up to `height` metres, as one object. The plan is
     /// counter-clockwise, in metres before the warp.
     fn building(&mut self, plan: [DVec2; 4], height: f64) {
         let mut mesh = Mesh::new();
         mesh.prism(&plan.map(warp), 0.0, height);
-        let name = format!("b{}", self.parts.parts.len());
+        let name = format!("b{}", self.parts.count());
         self.parts.add(name, mesh);
     }
 

@@ -4,7 +4,8 @@
 //! Recipes compute in f64 and round to f32 once, at the end. So each coordinate of a chair on the far side of
 //! a large city is wrong by at most half a unit in the last place.
 
-use glam::{DVec2, DVec3, Vec3};
+use crate::source::SourceObject;
+use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Triangle soup under construction, in metres. Solids are wound counter-clockwise as seen from outside.
@@ -114,9 +115,11 @@ impl Mesh {
         self
     }
 
-    /// Returns the triangles with each coordinate rounded to the nearest f32.
-    pub(crate) fn into_f32(self) -> Vec<[Vec3; 3]> {
-        self.triangles.into_iter().map(|triangle| triangle.map(|p| p.as_vec3())).collect()
+    /// Returns an opaque object of this name, with each coordinate rounded to the nearest f32.
+    pub(crate) fn named(self, name: String) -> SourceObject {
+        // The memory of the mesh is not reused, as it is twice as large.
+        let triangles = self.triangles.iter().map(|triangle| triangle.map(|p| p.as_vec3())).collect();
+        SourceObject::new(name, triangles)
     }
 }
 
@@ -176,24 +179,27 @@ impl Pose {
     }
 }
 
-/// Named meshes of a recipe's objects, in the order in which the recipe made the objects.
-#[derive(Debug, Default)]
-pub(crate) struct Parts {
-    pub(crate) parts: Vec<(String, Mesh)>,
+/// Receiver of a recipe's objects, in the order in which the recipe makes the objects. No object is kept.
+pub(crate) struct Parts<'a> {
+    each: &'a mut dyn FnMut(String, Mesh),
+    count: usize,
 }
 
-impl Parts {
-    /// Appends an object with this name and mesh. Names need not be unique.
-    pub(crate) fn add(&mut self, name: impl Into<String>, mesh: Mesh) {
-        self.parts.push((name.into(), mesh));
+impl<'a> Parts<'a> {
+    /// Creates a receiver that passes the name and the mesh of each object to `each`.
+    pub(crate) fn new(each: &'a mut dyn FnMut(String, Mesh)) -> Self {
+        Self { each, count: 0 }
     }
 
-    /// Rounds the meshes to f32 and returns one source object per mesh, all opaque and none a door.
-    pub(crate) fn into_objects(self) -> Vec<crate::source::SourceObject> {
-        self.parts
-            .into_iter()
-            .map(|(name, mesh)| crate::source::SourceObject::new(name, mesh.into_f32()))
-            .collect()
+    /// Passes an object with this name and mesh on. Names need not be unique.
+    pub(crate) fn add(&mut self, name: impl Into<String>, mesh: Mesh) {
+        (self.each)(name.into(), mesh);
+        self.count += 1;
+    }
+
+    /// Returns the number of objects that were passed on.
+    pub(crate) fn count(&self) -> usize {
+        self.count
     }
 }
 

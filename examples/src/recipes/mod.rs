@@ -21,22 +21,24 @@ mod scene;
 mod town;
 mod walls;
 
-pub use forest::forest;
-pub use london::london;
 pub use office::{Cell, Office, Portal, office};
-pub use plpcity::plpcity;
-pub use town::town;
 
 use crate::error::SourceError;
-use crate::source::SceneSource;
+use crate::source::{SceneSource, SourceObject, collected};
+use forest::forest;
+use london::london;
+use mesh::Parts;
+use plpcity::plpcity;
+use town::town;
 
 /// Entry of the table of recipes: the recipe's name, the names of its sizes and the sizes of the stored
-/// sample, as a user types them, and the function that makes the scene.
+/// sample, as a user types them, and the function that passes the
+/// objects on and returns the scene without them.
 struct Recipe {
     name: &'static str,
     sizes: &'static str,
     sample: &'static [f64],
-    make: fn(&Sizes<'_>) -> Result<SceneSource, SourceError>,
+    make: fn(&Sizes<'_>, Parts<'_>) -> Result<SceneSource, SourceError>,
 }
 
 /// Table of all recipes. The default sizes are those of the stored sample scenes.
@@ -45,26 +47,31 @@ const RECIPES: [Recipe; 5] = [
         name: "plpcity",
         sizes: "blocks_x,blocks_y",
         sample: &[2.0, 2.0],
-        make: |sizes| plpcity(sizes.whole(0)?, sizes.whole(1)?),
+        make: |sizes, parts| plpcity(sizes.whole(0)?, sizes.whole(1)?, parts),
     },
     Recipe {
         name: "london",
         sizes: "blocks_x,blocks_y",
         sample: &[12.0, 12.0],
-        make: |sizes| london(sizes.whole(0)?, sizes.whole(1)?),
+        make: |sizes, parts| london(sizes.whole(0)?, sizes.whole(1)?, parts),
     },
-    Recipe { name: "town", sizes: "rings", sample: &[3.0], make: |sizes| town(sizes.whole(0)?) },
+    Recipe {
+        name: "town",
+        sizes: "rings",
+        sample: &[3.0],
+        make: |sizes, parts| town(sizes.whole(0)?, parts),
+    },
     Recipe {
         name: "forest",
         sizes: "trees,side_in_metres",
         sample: &[200.0, 84.0],
-        make: |sizes| forest(sizes.whole(0)?, sizes.number(1)),
+        make: |sizes, parts| forest(sizes.whole(0)?, sizes.number(1), parts),
     },
     Recipe {
         name: "office",
         sizes: "floors,rooms",
         sample: &[2.0, 16.0],
-        make: |sizes| office(sizes.whole(0)?, sizes.whole(1)?).map(|office| office.scene),
+        make: |sizes, parts| Ok(office::building(sizes.whole(0)?, sizes.whole(1)?, parts)?.scene),
     },
 ];
 
@@ -90,6 +97,19 @@ pub fn known_recipes() -> impl Iterator<Item = String> {
 /// # Ok::<(), visibility_examples::SourceError>(())
 /// ```
 pub fn built_in(spec: &str) -> Result<SceneSource, SourceError> {
+    collected(|each| built_in_by_object(spec, each))
+}
+
+/// Makes the same scene as [`built_in`], object by object: each is passed to `each` as soon as it is made,
+/// and the scene is returned without objects.
+///
+/// # Errors
+///
+/// Returns the errors of [`built_in`], all of them before the first object but for those of `office`.
+pub fn built_in_by_object(
+    spec: &str,
+    each: &mut dyn FnMut(SourceObject),
+) -> Result<SceneSource, SourceError> {
     let (name, sizes) = match spec.split_once(':') {
         Some((name, sizes)) => (name, Some(sizes)),
         None => (spec, None),
@@ -102,7 +122,7 @@ pub fn built_in(spec: &str) -> Result<SceneSource, SourceError> {
         ));
     };
     let sizes = Sizes::parse(spec, recipe, sizes)?;
-    (recipe.make)(&sizes)
+    (recipe.make)(&sizes, Parts::new(&mut |name, mesh| each(mesh.named(name))))
 }
 
 /// Sizes read from a specification, as many as the recipe takes. `spec` is the whole specification, for error

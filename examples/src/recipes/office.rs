@@ -114,6 +114,14 @@ pub struct Office {
 /// Returns [`SourceError::Recipe`] when a size is 0 or the scene would have more triangles than recipes may
 /// make.
 pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
+    let mut objects = Vec::new();
+    let mut office = building(floors, rooms, Parts::new(&mut |name, mesh| objects.push(mesh.named(name))))?;
+    office.scene.objects = objects;
+    Ok(office)
+}
+
+/// Makes an office building as [`office`] does. The objects go to `parts`, and the scene is without them.
+pub(super) fn building(floors: u32, rooms: u32, parts: Parts<'_>) -> Result<Office, SourceError> {
     let limits = Limits::new(format!("office:{floors},{rooms}"));
     limits.at_least_one("floors", floors)?;
     limits.at_least_one("rooms", rooms)?;
@@ -124,14 +132,14 @@ pub fn office(floors: u32, rooms: u32) -> Result<Office, SourceError> {
         length: f64::from(rooms) * ROOM_WIDTH,
         floors,
         rooms,
-        parts: Parts::default(),
+        parts,
         cells: Vec::new(),
         portals: Vec::new(),
     };
     for floor in 0..floors {
         building.floor(floor);
     }
-    let mut scene = scene("office", 0.1, building.parts, &ROUTES);
+    let mut scene = scene("office", 0.1, &ROUTES);
     if floors > 1 {
         scene.walks.push(upstairs());
     }
@@ -195,15 +203,15 @@ fn source_cells(cells: &[Cell], portals: &[Portal], deep: bool) -> Result<Source
     Ok(SourceCells { graph, viewcells: Viewcells::new(bodies), names, depth: REACH, with_doorways: None })
 }
 
-/// Building under construction: its sizes, its random numbers, and the objects, cells and portals made so
-/// far.
-struct Building {
+/// Building under construction: its sizes, its random numbers, the receiver of its objects, and the cells and
+/// portals made so far.
+struct Building<'a> {
     random: Random,
     /// Length of the corridors along x, in metres.
     length: f64,
     floors: u32,
     rooms: u32,
-    parts: Parts,
+    parts: Parts<'a>,
     cells: Vec<Cell>,
     portals: Vec<Portal>,
 }
@@ -220,7 +228,7 @@ fn doorway(from: [f64; 2], to: [f64; 2], z: f64) -> [DVec3; 4] {
     [corner(from, z), corner(to, z), corner(to, z + DOOR_HEAD), corner(from, z + DOOR_HEAD)]
 }
 
-impl Building {
+impl Building<'_> {
     /// Adds one floor: its slab, corridor, stair, end walls, rooms and ceiling, with their cells and portals.
     /// `floor` is the index from the ground floor up.
     fn floor(&mut self, floor: u32) {

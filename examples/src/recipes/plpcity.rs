@@ -50,7 +50,8 @@ const CROSS: [f64; 2] = [5.8, 4.5];
 /// Number of triangles of one block with its eight houses and its ground.
 const TRIANGLES_PER_BLOCK: u64 = 58_056;
 
-/// Makes the city of `blocks_x` by `blocks_y` blocks, each of eight houses.
+/// Makes the city of `blocks_x` by `blocks_y` blocks, each of eight houses. The objects go to `parts`, and the
+/// scene is returned without them.
 ///
 /// 2 by 2 blocks are 2,376 objects with 232,224 triangles.
 ///
@@ -58,14 +59,17 @@ const TRIANGLES_PER_BLOCK: u64 = 58_056;
 ///
 /// Returns [`SourceError::Recipe`] when a size is 0 or the scene would have more triangles than recipes may
 /// make.
-pub fn plpcity(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError> {
+pub(super) fn plpcity(
+    blocks_x: u32,
+    blocks_y: u32,
+    mut parts: Parts<'_>,
+) -> Result<SceneSource, SourceError> {
     let limits = Limits::new(format!("plpcity:{blocks_x},{blocks_y}"));
     limits.at_least_one("blocks along x", blocks_x)?;
     limits.at_least_one("blocks along y", blocks_y)?;
     limits.triangles(u64::from(blocks_x) * u64::from(blocks_y), TRIANGLES_PER_BLOCK)?;
 
     let mut random = Random::new(SEED);
-    let mut parts = Parts::default();
     for block_x in 0..blocks_x {
         for block_y in 0..blocks_y {
             block(&mut random, block_x, block_y, &mut parts);
@@ -76,7 +80,7 @@ pub fn plpcity(blocks_x: u32, blocks_y: u32) -> Result<SceneSource, SourceError>
             parts.add("ground", ground(block_x, block_y));
         }
     }
-    Ok(scene("plpcity", 0.1, parts, &ROUTES))
+    Ok(scene("plpcity", 0.1, &ROUTES))
 }
 
 /// Returns the minimum corner (x, y) of a block, in metres. `block_x` and `block_y` are the indices of the
@@ -95,7 +99,7 @@ fn ground(block_x: u32, block_y: u32) -> Mesh {
 
 /// Adds the pavement and the eight houses of a block to `parts`. `block_x` and `block_y` are the indices of
 /// the block.
-fn block(random: &mut Random, block_x: u32, block_y: u32, parts: &mut Parts) {
+fn block(random: &mut Random, block_x: u32, block_y: u32, parts: &mut Parts<'_>) {
     let (x, y) = corner(block_x, block_y);
     let pavement = Mesh::from_cuboid([x, y, -0.1], [x + BLOCK[0], y + BLOCK[1], 0.0]);
     parts.add("pavement", pavement);
@@ -107,29 +111,28 @@ fn block(random: &mut Random, block_x: u32, block_y: u32, parts: &mut Parts) {
             let facing = if row == 0 { 0 } else { 2 };
             let pose = Pose::quarters(facing, DVec3::new(house_x, house_y, 0.0));
             let tag = format!("b{block_x}_{block_y}h{lot}{row}");
-            for (name, mesh) in house(random).parts {
+            let mut place = |name: String, mesh: Mesh| {
                 let centred = mesh.moved(DVec3::new(-WIDTH / 2.0, -DEPTH / 2.0, 0.0));
                 parts.add(format!("{tag}/{name}"), centred.placed(&pose));
-            }
+            };
+            house(random, &mut Parts::new(&mut place));
         }
     }
 }
 
 /// Makes a house with its south-western corner at the origin and its front towards -y, in metres.
-fn house(random: &mut Random) -> Parts {
-    let mut parts = Parts::default();
+fn house(random: &mut Random, parts: &mut Parts<'_>) {
     for storey in 0..STOREYS {
         let z = f64::from(storey) * (ROOM_HEIGHT + SLAB);
-        walls(storey, z, &mut parts);
-        rooms(random, storey, z, &mut parts);
+        walls(storey, z, parts);
+        rooms(random, storey, z, parts);
     }
-    roof(random, f64::from(STOREYS) * (ROOM_HEIGHT + SLAB), &mut parts);
-    parts
+    roof(random, f64::from(STOREYS) * (ROOM_HEIGHT + SLAB), parts);
 }
 
 /// Adds to a house the slab of a storey, its four outer walls and its two inner walls. `z` is the height of
 /// the storey's floor in metres.
-fn walls(storey: u32, z: f64, parts: &mut Parts) {
+fn walls(storey: u32, z: f64, parts: &mut Parts<'_>) {
     let slab = Mesh::from_cuboid([0.0, 0.0, z - SLAB], [WIDTH, DEPTH, z]);
     parts.add(format!("slab{storey}"), slab);
 
@@ -166,7 +169,7 @@ fn walls(storey: u32, z: f64, parts: &mut Parts) {
 }
 
 /// Adds the furniture of the four rooms of a storey whose floor is at height `z` metres.
-fn rooms(random: &mut Random, storey: u32, z: f64, parts: &mut Parts) {
+fn rooms(random: &mut Random, storey: u32, z: f64, parts: &mut Parts<'_>) {
     use RoomKind::{Bedroom, Kitchen, Living, Office};
     let kinds =
         if storey == 0 { [Living, Kitchen, Office, Bedroom] } else { [Bedroom, Bedroom, Office, Bedroom] };
@@ -185,7 +188,7 @@ fn rooms(random: &mut Random, storey: u32, z: f64, parts: &mut Parts) {
 
 /// Adds to a house the ceiling, a gabled roof with eaves and a ridge along x, and a chimney north of the
 /// ridge. `z` is the height of the roof's foot in metres.
-fn roof(random: &mut Random, z: f64, parts: &mut Parts) {
+fn roof(random: &mut Random, z: f64, parts: &mut Parts<'_>) {
     /// Horizontal overhang of the roof beyond the walls, in metres.
     const EAVES: f64 = 0.5;
     /// Side of the chimney's square plan, in metres.

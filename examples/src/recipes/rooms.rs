@@ -33,7 +33,7 @@ const EAST: u8 = 3;
 
 /// Adds the furniture of a room of the given kind to `parts`. Object names are `tag`, a slash, and the name
 /// of the piece. Pieces of a fixed size may stand out of a floor that is too small.
-pub(crate) fn furnish(random: &mut Random, kind: RoomKind, floor: &Floor, tag: &str, parts: &mut Parts) {
+pub(crate) fn furnish(random: &mut Random, kind: RoomKind, floor: &Floor, tag: &str, parts: &mut Parts<'_>) {
     let mut room = Room { floor, tag, parts };
     match kind {
         RoomKind::Living => room.living(random),
@@ -43,14 +43,14 @@ pub(crate) fn furnish(random: &mut Random, kind: RoomKind, floor: &Floor, tag: &
     }
 }
 
-/// Room being furnished, with the prefix of its object names and the list that receives the objects.
-struct Room<'a> {
+/// Room being furnished, with the prefix of its object names and the receiver of the objects.
+struct Room<'a, 'b> {
     floor: &'a Floor,
     tag: &'a str,
-    parts: &'a mut Parts,
+    parts: &'a mut Parts<'b>,
 }
 
-impl Room<'_> {
+impl Room<'_, '_> {
     /// Adds a piece of furniture at (`x`, `y`) metres on the floor, turned counter-clockwise by `facing`
     /// quarter turns.
     fn put(&mut self, name: &str, mesh: Mesh, x: f64, y: f64, facing: u8) {

@@ -1,6 +1,5 @@
-//! Assembly of a scene from the objects that a recipe made and camera walks through it.
+//! What a recipe says of its scene beside the objects, with camera walks through the scene.
 
-use super::mesh::Parts;
 use crate::source::SceneSource;
 use crate::walk::{Walk, along};
 use glam::{DVec3, Vec3};
@@ -32,18 +31,17 @@ impl Route {
     }
 }
 
-/// Makes a scene of a recipe's objects, with walks over level ground at z = 0. `near` is the distance of the
-/// near plane in metres.
-pub(super) fn scene(name: &str, near: f32, parts: Parts, routes: &[Route]) -> SceneSource {
-    scene_on(name, near, parts, routes, |_, _| 0.0)
+/// Makes a recipe's scene without its objects, with walks over level ground at z = 0. `near` is the distance
+/// of the near plane in metres.
+pub(super) fn scene(name: &str, near: f32, routes: &[Route]) -> SceneSource {
+    scene_on(name, near, routes, |_, _| 0.0)
 }
 
-/// Makes a scene of a recipe's objects, with walks that follow the ground. `near` is the distance of the near
-/// plane, and `ground` maps a point (x, y) to the height of the ground there, in metres.
+/// Makes a recipe's scene without its objects, with walks that follow the ground. `near` is the distance of
+/// the near plane, and `ground` maps a point (x, y) to the height of the ground there, in metres.
 pub(super) fn scene_on(
     name: &str,
     near: f32,
-    parts: Parts,
     routes: &[Route],
     ground: impl Fn(f64, f64) -> f64,
 ) -> SceneSource {
@@ -51,7 +49,7 @@ pub(super) fn scene_on(
         name: name.to_owned(),
         up: Vec3::Z,
         near,
-        objects: parts.into_objects(),
+        objects: Vec::new(),
         walks: routes.iter().map(|route| route.walk(&ground)).collect(),
         cells: None,
     }

@@ -35,7 +35,8 @@ const TRIANGLES_PER_RING_SQUARED: u64 = 15_000;
 /// permitted maximum, and its arithmetic cannot overflow.
 const MOST_RINGS: u32 = 1_000;
 
-/// Makes the town with `rings` rings of houses.
+/// Makes the town with `rings` rings of houses. The objects go to `parts`, and the scene is returned without
+/// them.
 ///
 /// 3 rings are 698 objects with 190,400 triangles; 8 rings are 1,027,034 triangles.
 ///
@@ -43,14 +44,13 @@ const MOST_RINGS: u32 = 1_000;
 ///
 /// Returns [`SourceError::Recipe`] when `rings` is 0 or the scene would have more triangles than recipes may
 /// make.
-pub fn town(rings: u32) -> Result<SceneSource, SourceError> {
+pub(super) fn town(rings: u32, mut parts: Parts<'_>) -> Result<SceneSource, SourceError> {
     let limits = Limits::new(format!("town:{rings}"));
     limits.at_least_one("rings", rings)?;
     let capped = u64::from(rings.min(MOST_RINGS));
     limits.triangles(capped * TRIANGLES_PER_RING + capped * capped * TRIANGLES_PER_RING_SQUARED, 1)?;
 
     let mut random = Random::new(SEED);
-    let mut parts = Parts::default();
     for ring in 0..rings {
         for row in 0..ROWS.len() {
             row_of_houses(&mut random, ring, row, &mut parts);
@@ -59,7 +59,7 @@ pub fn town(rings: u32) -> Result<SceneSource, SourceError> {
     parts.add("church", church());
     town_wall(rings, &mut parts);
     ground(rings, &mut parts);
-    Ok(scene("town", 0.1, parts, &ROUTES))
+    Ok(scene("town", 0.1, &ROUTES))
 }
 
 /// Returns the inner radius of the ring of houses with index `ring`, in metres. The number of rings as `ring`
@@ -70,7 +70,7 @@ fn ring_radius(ring: u32) -> f64 {
 
 /// Adds the houses of one row of a ring, side by side around the circle, except where radial lanes cross the
 /// row. `ring` counts from the square outwards; `row` is 0 (inner) or 1 (outer).
-fn row_of_houses(random: &mut Random, ring: u32, row: usize, parts: &mut Parts) {
+fn row_of_houses(random: &mut Random, ring: u32, row: usize, parts: &mut Parts<'_>) {
     let radius = ring_radius(ring) + ROWS[row];
     let lanes = f64::from(6 + ring);
     let lane_spacing = TAU * radius / lanes;
@@ -216,7 +216,7 @@ fn church() -> Mesh {
 }
 
 /// Adds the town wall: a regular polygon with a tower at every corner and three open sides as gates.
-fn town_wall(rings: u32, parts: &mut Parts) {
+fn town_wall(rings: u32, parts: &mut Parts<'_>) {
     const GATES: u32 = 3;
     let radius = ring_radius(rings) + 4.0;
     let corners = 6 * (4 + rings);
@@ -265,7 +265,7 @@ fn wall_tower(centre: DVec2) -> Mesh {
 }
 
 /// Adds level ground at z = 0 in 16 by 16 square tiles, one object each, to 30 m outside the town wall.
-fn ground(rings: u32, parts: &mut Parts) {
+fn ground(rings: u32, parts: &mut Parts<'_>) {
     const TILES: u32 = 16;
     let half = ring_radius(rings) + 4.0 + 30.0;
     let tile = 2.0 * half / f64::from(TILES);
