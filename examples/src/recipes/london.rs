@@ -35,8 +35,8 @@ const GAP_CHANCE: f64 = 0.03;
 /// Estimated triangles of one block, for the bound on the size of the scene.
 const TRIANGLES_PER_BLOCK: u64 = 250;
 
-/// Makes the city of `blocks_x` by `blocks_y` blocks, each with about 25 buildings. The objects go to `parts`,
-/// and the scene is returned without them.
+/// Makes the city of `blocks_x` by `blocks_y` blocks, each with about 25 buildings. The objects go to
+/// `parts`, and the scene is returned without them.
 ///
 /// 12 by 12 blocks are 3,674 objects with 35,588 triangles; 101 by 101 blocks make the full city of 249,851
 /// buildings.

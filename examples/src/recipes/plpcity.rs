@@ -50,8 +50,8 @@ const CROSS: [f64; 2] = [5.8, 4.5];
 /// Number of triangles of one block with its eight houses and its ground.
 const TRIANGLES_PER_BLOCK: u64 = 58_056;
 
-/// Makes the city of `blocks_x` by `blocks_y` blocks, each of eight houses. The objects go to `parts`, and the
-/// scene is returned without them.
+/// Makes the city of `blocks_x` by `blocks_y` blocks, each of eight houses. The objects go to `parts`, and
+/// the scene is returned without them.
 ///
 /// 2 by 2 blocks are 2,376 objects with 232,224 triangles.
 ///
