@@ -43,12 +43,7 @@ impl CellGroups {
                 cells.push(part);
                 continue;
             }
-            let extent = bounds.max - bounds.min;
-            let axis = (1..3).fold(0, |most, axis| if extent[axis] > extent[most] { axis } else { most });
-            let key = |&cell: &u32| all[cell as usize].min[axis] * 0.5 + all[cell as usize].max[axis] * 0.5;
-            part.sort_unstable_by(|a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
-            let rest = part.split_off(part.len() / 2);
-            waiting.extend([part, rest]);
+            waiting.extend(halves(all, part));
         }
         cells.sort_unstable();
         let mut of = vec![0; all.len()];
@@ -63,6 +58,17 @@ impl CellGroups {
         let first = self.cells[group as usize].first().map_or(0, |&cell| cell as usize);
         usize::BITS - (first / FIRST).leading_zeros()
     }
+}
+
+/// Divides viewcells at the middle of the longest side of the box around them.
+pub(crate) fn halves(all: &[Viewcell], mut part: Vec<u32>) -> [Vec<u32>; 2] {
+    let bounds = bounds(all, &part);
+    let extent = bounds.max - bounds.min;
+    let axis = (1..3).fold(0, |most, axis| if extent[axis] > extent[most] { axis } else { most });
+    let key = |&cell: &u32| all[cell as usize].min[axis] * 0.5 + all[cell as usize].max[axis] * 0.5;
+    part.sort_unstable_by(|a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
+    let rest = part.split_off(part.len() / 2);
+    [part, rest]
 }
 
 /// Returns the box around some viewcells. Viewcells without a point are left out.

@@ -7,12 +7,18 @@
 //! opened. What a hidden object would occlude is hidden behind others anyway, so that nothing is lost but the
 //! time. The cost follows what is seen, not the size of the level.
 //!
+//! A group of viewcells is swept from the box around it. From some groups much more is seen than from their
+//! viewcells, as where the box reaches across walls: if the occluders exceed a weight, both halves of the
+//! group are swept in its place, and what one of them leaves is left.
+//!
 //! Only the tiles that were opened have a say in what is left. If all of them are what they were, so is the
 //! result: [`Trace::replay`].
 
+use crate::cell_groups;
 use crate::level_error::LevelError;
 use crate::tile_tree::{Tile, TileTree};
 use crate::tiled_scene::{PreparedScene, TiledScene};
+use std::collections::HashMap;
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
@@ -81,49 +87,51 @@ fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
     if gap.is_nan() || gap == f64::INFINITY { 0.0 } else { gap }
 }
 
-/// Sweeps the objects around a viewcell. The sweeps may have any content; `whole` is for a level of one tile.
+/// Sweeps the objects around some of the viewcells, by their numbers. The sweeps may have any content;
+/// `whole` is for a level of one tile.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
-    cell: &Viewcell,
+    all: &[Viewcell],
+    members: &[u32],
     sweep: &mut ExtendedProjectionCuller,
     whole: &mut Option<ExtendedProjectionCuller>,
 ) -> Result<Trace, LevelError> {
-    let root = &level.tree.tiles[0];
-    let mut around = Around { level, cell, opened: Vec::new(), occluding: Vec::new(), waiting: Vec::new() };
-    around.open(What::Tile { tile: 0, parent: 0, child: 0 });
-    if root.children.is_empty() {
+    let mut trace = Trace::default();
+    if level.tree.tiles[0].children.is_empty() {
         let PreparedScene { scene, sweep, .. } = level.whole()?;
-        let ids = swept(whole.get_or_insert_with(|| sweep.clone()), scene, cell);
-        let left = ids.iter().map(|id| [0, id.index() as u32]).collect();
-        return Ok(Trace { opened: around.opened, left });
+        let cell = cell_groups::bounds(all, members);
+        let ids = swept(whole.get_or_insert_with(|| sweep.clone()), scene, &cell);
+        trace.opened.push(Opened { parent: 0, child: 0, hash: level.tree.tiles[0].hash });
+        trace.left = ids.iter().map(|id| [0, id.index() as u32]).collect();
+        return Ok(trace);
     }
-    let (mut portion, mut coarsest) = (level.first, COARSEST);
-    around.divide(coarsest);
-    around.open_nearest(portion, |tile| tile.weight);
-    loop {
-        around.load(portion);
-        around.sweep(sweep)?;
-        (portion, coarsest) = (portion.saturating_mul(2), coarsest / 2.0);
-        around.open_nearest(portion, |tile| tile.own.len() as u64);
-        around.divide(coarsest);
-        if around.waiting_weight().is_some_and(|weight| weight <= FEW) {
-            break;
+    let mut places = HashMap::new();
+    let mut parts = vec![members.to_vec()];
+    while let Some(part) = parts.pop() {
+        let cell = &cell_groups::bounds(all, &part);
+        let most = if part.len() > 1 { level.most } else { u64::MAX };
+        let (occluding, waiting) = Default::default();
+        let mut around = Around { level, cell, trace: &mut trace, places: &mut places, occluding, waiting };
+        if around.sweep_all(sweep, most)? {
+            let left = around.left();
+            trace.left.extend(left);
+        } else {
+            parts.extend(cell_groups::halves(all, part));
         }
     }
-    let places = around.waiting.iter().filter_map(|waiting| match waiting.what {
-        What::Object { place, .. } => Some(place),
-        What::Tile { .. } => None,
-    });
-    let mut left: Vec<[u32; 2]> = around.occluding.iter().map(|&(place, _)| place).chain(places).collect();
-    left.sort_unstable();
-    Ok(Trace { opened: around.opened, left })
+    trace.left.sort_unstable();
+    trace.left.dedup();
+    Ok(trace)
 }
 
 /// The tiles and objects around a viewcell, as far as they are swept.
 struct Around<'a> {
     level: &'a TiledScene<'a>,
     cell: &'a Viewcell,
-    opened: Vec<Opened>,
+    /// Where opened tiles are noted, those of other viewcells too.
+    trace: &'a mut Trace,
+    /// By number of a tile, its position in the list of opened tiles.
+    places: &'a mut HashMap<u32, u32>,
     /// Objects that occlude and are not hidden: their places and numbers.
     occluding: Vec<([u32; 2], u32)>,
     /// Tiles and objects that are not hidden and do not occlude yet.
@@ -131,12 +139,46 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
+    /// Sweeps until all tiles that are not hidden are opened. Returns whether it has, or has given up because
+    /// the occluders exceed a weight.
+    fn sweep_all(&mut self, sweep: &mut ExtendedProjectionCuller, most: u64) -> Result<bool, LevelError> {
+        self.open(What::Tile { tile: 0, parent: 0, child: 0 });
+        let (mut portion, mut coarsest) = (self.level.first, COARSEST);
+        self.divide(coarsest);
+        self.open_nearest(portion, |tile| tile.weight);
+        loop {
+            self.load(portion);
+            if self.occluding_weight() > most {
+                return Ok(false);
+            }
+            self.sweep(sweep)?;
+            (portion, coarsest) = (portion.saturating_mul(2), coarsest / 2.0);
+            self.open_nearest(portion, |tile| tile.own.len() as u64);
+            self.divide(coarsest);
+            if self.waiting_weight().is_some_and(|weight| weight <= FEW) {
+                return Ok(true);
+            }
+        }
+    }
+
+    /// Returns the places of all objects that are not hidden.
+    fn left(self) -> Vec<[u32; 2]> {
+        let waiting = self.waiting.iter().filter_map(|waiting| match waiting.what {
+            What::Object { place, .. } => Some(place),
+            What::Tile { .. } => None,
+        });
+        self.occluding.iter().map(|&(place, _)| place).chain(waiting).collect()
+    }
+
     /// Adds a tile to those opened, its objects and the tiles below to those that wait.
     fn open(&mut self, what: What) {
         let What::Tile { tile, parent, child } = what else { return };
         let tree = &self.level.tree;
-        let number = self.opened.len() as u32;
-        self.opened.push(Opened { parent, child, hash: tree.tiles[tile as usize].hash });
+        let opened = &mut self.trace.opened;
+        let number = *self.places.entry(tile).or_insert_with(|| {
+            opened.push(Opened { parent, child, hash: tree.tiles[tile as usize].hash });
+            opened.len() as u32 - 1
+        });
         let waiting = |what, bounds| Waiting {
             what,
             bounds,
@@ -223,6 +265,11 @@ impl Around<'_> {
                 _ => self.waiting.push(waiting),
             }
         }
+    }
+
+    /// Returns the weight of the objects that occlude.
+    fn occluding_weight(&self) -> u64 {
+        self.occluding.iter().map(|&(_, number)| self.level.objects[number as usize].weight()).sum()
     }
 
     /// Returns the weight of the objects that do not occlude. `None` if a tile is not opened.
@@ -333,7 +380,12 @@ mod tests {
     }
 
     fn sweep_of(level: &TiledScene<'_>, cell: &Viewcell) -> Trace {
-        sweep_near_to_far(level, cell, &mut ExtendedProjectionCuller::new(), &mut None).unwrap()
+        sweep_of_all(level, std::slice::from_ref(cell))
+    }
+
+    fn sweep_of_all(level: &TiledScene<'_>, cells: &[Viewcell]) -> Trace {
+        let members: Vec<u32> = (0..cells.len() as u32).collect();
+        sweep_near_to_far(level, cells, &members, &mut ExtendedProjectionCuller::new(), &mut None).unwrap()
     }
 
     const EYES: [[f64; 3]; 3] = [[-3.5, -3.5, 1.0], [37.0, 64.0, 1.0], [-110.0, -110.0, 1.0]];
@@ -378,11 +430,51 @@ mod tests {
     }
 
     #[test]
+    fn a_group_that_sees_too_much_is_divided() {
+        let scene = town(&mut Random(80));
+        let mut level = in_small_tiles(&scene);
+        let cells = EYES.map(cell_at);
+        let tree = level.tree.clone();
+        let objects = |trace: &Trace| {
+            let mut objects = trace.replay(&tree).unwrap();
+            objects.sort_unstable();
+            objects
+        };
+        let whole = sweep_of_all(&level, &cells);
+        let mut apart: Vec<u32> = cells.iter().flat_map(|cell| objects(&sweep_of(&level, cell))).collect();
+        apart.sort_unstable();
+        apart.dedup();
+        assert!(apart.len() * 4 < objects(&whole).len() * 3, "{}", apart.len());
+        // The middle viewcell is far from the others: all of the town is around them.
+        let weight: u64 = level.objects.iter().map(|object| object.weight()).sum();
+        for (most, expected) in [(weight, &objects(&whole)), (weight / 4, &apart)] {
+            level.most = most;
+            assert!(objects(&sweep_of_all(&level, &cells)) == *expected, "{most}");
+        }
+        // What was opened before the group was divided counts as opened, and each tile once.
+        let trace = sweep_of_all(&level, &cells);
+        let mut tiles: Vec<[u32; 2]> =
+            trace.opened[1..].iter().map(|opened| [opened.parent, opened.child]).collect();
+        tiles.sort_unstable();
+        assert!(tiles.windows(2).all(|pair| pair[0] != pair[1]));
+        assert!(cells.iter().all(|cell| sweep_of(&level, cell).opened.len() < tiles.len()));
+        let alone = sweep_of_all(&level, &cells[..1]);
+        assert_eq!(alone, sweep_of(&level, &cells[0]), "one viewcell is swept whatever it sees");
+    }
+
+    #[test]
     fn what_changes_elsewhere_changes_nothing_and_is_noticed_where_it_was_looked() {
         let mut random = Random(78);
         let mut scene = town(&mut random);
-        let cells = EYES.map(cell_at);
-        let traces = cells.each_ref().map(|cell| sweep_of(&in_small_tiles(&scene), cell));
+        let [a, b, c] = EYES.map(cell_at);
+        let near = |cell: &Viewcell| Viewcell::from_box(cell.min + DVec3::X, cell.max + DVec3::X);
+        let cells = [vec![a.clone()], vec![b], vec![c], vec![near(&a), a]];
+        fn level_of(scene: &Scene) -> TiledScene<'_> {
+            let mut level = in_small_tiles(scene);
+            level.most = 600;
+            level
+        }
+        let traces = cells.each_ref().map(|cells| sweep_of_all(&level_of(&scene), cells));
         let (mut same, mut other) = (0, 0);
         for _ in 0..60 {
             let id = scene.id_at(random.below(scene.len() - 2)).unwrap();
@@ -391,16 +483,16 @@ mod tests {
             scene.set_bounds(id, Aabb::new(bounds.min + by, bounds.max + by)).unwrap();
             scene.set_triangles(id, triangles.iter().map(|t| t.map(|p| p + by)).collect::<Vec<_>>()).unwrap();
             scene.prepare_occluders(&Default::default());
-            let level = in_small_tiles(&scene);
-            for (cell, trace) in cells.iter().zip(&traces) {
+            let level = level_of(&scene);
+            for (cells, trace) in cells.iter().zip(&traces) {
                 match trace.replay(&level.tree) {
                     Some(_) => {
                         same += 1;
-                        assert!(sweep_of(&level, cell) == *trace, "{id} was looked at");
+                        assert!(sweep_of_all(&level, cells) == *trace, "{id} was looked at");
                     }
                     None => {
                         other += 1;
-                        assert!(sweep_of(&level, cell) != *trace, "{id} is in no tile that was opened");
+                        assert!(sweep_of_all(&level, cells) != *trace, "{id} is in no tile that was opened");
                     }
                 }
             }

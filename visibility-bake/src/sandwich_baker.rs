@@ -2,7 +2,7 @@
 //! open.
 
 use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
-use crate::cell_groups::{self, CellGroups};
+use crate::cell_groups::CellGroups;
 use crate::cell_sandwich::CellSandwich;
 use crate::level_error::LevelError;
 use crate::method_times::MethodTimes;
@@ -23,7 +23,7 @@ use visibility_region::ExtendedProjectionCuller;
 
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
-const METHODS: u32 = 7;
+const METHODS: u32 = 8;
 
 /// Number of stages of a bake. All viewcells are swept; then all are looked from along rays, and boxes are
 /// proven hidden; then, where the gap is not met, triangles are.
@@ -306,8 +306,7 @@ impl<'a> SandwichBaker<'a> {
             let content = Content::Known(cells.to_vec());
             return Ok(Group { record: record.clone(), objects, content });
         }
-        let around = cell_groups::bounds(all, members);
-        let trace = sweep_near_to_far(&self.level, &around, &mut scratch.sweep, &mut scratch.whole)?;
+        let trace = sweep_near_to_far(&self.level, all, members, &mut scratch.sweep, &mut scratch.whole)?;
         // What was opened just now is what it was.
         let objects = trace.replay(&self.level.tree).unwrap_or_default();
         let key = with_members(self.content_hash(objects.iter().copied()));

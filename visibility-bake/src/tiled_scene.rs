@@ -17,6 +17,9 @@ use visibility_region::ExtendedProjectionCuller;
 /// much.
 const FIRST: u64 = 8192;
 
+/// Greatest weight of the objects that occlude in a sweep of several viewcells.
+const MOST: u64 = 1 << 19;
+
 /// Bytes of memory that a scene for a sweep takes for each unit of weight, about.
 const SWEPT: u64 = 400;
 
@@ -39,6 +42,8 @@ pub struct TiledScene<'a> {
     pub(crate) index_limit: usize,
     /// Weight of the objects that occlude in the first sweep from near to far.
     pub(crate) first: u64,
+    /// Greatest weight of the objects that occlude in a sweep of several viewcells.
+    pub(crate) most: u64,
     store: Store<'a>,
     /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
     whole: OnceLock<Result<PreparedScene, LevelError>>,
@@ -68,7 +73,7 @@ impl<'a> TiledScene<'a> {
         let objects: Vec<ObjectFacts> = scene.ids().filter_map(facts).collect();
         let (tree, origin, index_limit) = (TileTree::new(&objects), scene.origin(), scene.index_limit());
         let store = Store::Scene(scene);
-        Self { origin, objects, tree, index_limit, first: FIRST, store, whole: OnceLock::new() }
+        Self { origin, objects, tree, index_limit, first: FIRST, most: MOST, store, whole: OnceLock::new() }
     }
 
     /// Begins a level in a file, which is overwritten, and removed with the level.
@@ -267,6 +272,15 @@ impl TiledSceneWriter {
         objects.shrink_to_fit();
         let (tree, index_limit) = (TileTree::new(&objects), objects.len());
         let store = Store::File(content.finish(&objects, &tree, memory, in_use)?);
-        Ok(TiledScene { origin, objects, tree, index_limit, first: FIRST, store, whole: OnceLock::new() })
+        Ok(TiledScene {
+            origin,
+            objects,
+            tree,
+            index_limit,
+            first: FIRST,
+            most: MOST,
+            store,
+            whole: OnceLock::new(),
+        })
     }
 }
