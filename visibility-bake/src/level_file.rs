@@ -6,6 +6,10 @@
 //! triangles, of the mesh's positions and of its triangles, 1 if the mesh is two-sided, and, if there is a
 //! mesh, the twelve numbers of its transform; then nine words for each triangle, three for each position, and
 //! three for each triangle of the mesh.
+//!
+//! Threads that work share the memory. One that asks for more than is free waits until others release theirs.
+//! If all others wait too, none would ever release any: the last one to ask has an error, gives up what it
+//! has, and begins anew when no other thread works ([`LevelFile::work`]).
 
 use crate::level_error::LevelError;
 use crate::object_facts::ObjectFacts;
@@ -14,7 +18,9 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{
+    Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError,
+};
 use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::{Object, OccluderMesh};
@@ -114,12 +120,14 @@ impl ContentWriter {
             tree.own(tile).iter().for_each(|&at| tile_of[at as usize] = tile);
         }
         let fixed = in_use.saturating_add(KNOWN * objects.len() as u64);
-        let memory = Memory { limit, reserved: fixed, cached: 0, clock: 0, tiles: HashMap::new() };
+        let memory =
+            Memory { limit, reserved: fixed, cached: 0, clock: 0, tiles: HashMap::new(), running: 0 };
         let file = LevelFile {
             scratch: Mutex::new(self.scratch),
             offsets: self.offsets,
             tile_of,
-            memory: Arc::new(Mutex::new(memory)),
+            shared: Arc::new(Shared { memory: Mutex::new(memory), changed: Condvar::new() }),
+            turn: RwLock::new(()),
         };
         file.reserve(0)?;
         Ok(file)
@@ -132,7 +140,16 @@ pub(crate) struct LevelFile {
     offsets: Vec<u64>,
     /// By number of an object, its tile.
     tile_of: Vec<u32>,
-    memory: Arc<Mutex<Memory>>,
+    shared: Arc<Shared>,
+    /// Held by all threads that work, together or alone.
+    turn: RwLock<()>,
+}
+
+/// What all threads know of the memory.
+struct Shared {
+    memory: Mutex<Memory>,
+    /// Notified when memory is released, or a thread ends or suspends its work.
+    changed: Condvar,
 }
 
 /// The memory of a level in a file, by estimates.
@@ -146,6 +163,8 @@ struct Memory {
     clock: u64,
     /// Tiles with their sizes in bytes, and the time when each was asked for last.
     tiles: HashMap<u32, (Arc<[Content]>, u64, u64)>,
+    /// Number of threads that work and wait for nothing.
+    running: usize,
 }
 
 impl Memory {
@@ -168,32 +187,83 @@ impl Memory {
 
 /// Memory that is in use until this is dropped.
 pub(crate) struct Reserved {
-    memory: Arc<Mutex<Memory>>,
+    shared: Arc<Shared>,
     bytes: u64,
 }
 
 impl Drop for Reserved {
     fn drop(&mut self) {
-        lock(&self.memory).reserved -= self.bytes;
+        lock(&self.shared.memory).reserved -= self.bytes;
+        self.shared.changed.notify_all();
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+/// The work of a thread, until this is dropped.
+pub(crate) struct Working<'a> {
+    file: &'a LevelFile,
+    _turn: Turn<'a>,
+}
+
+/// How a thread works, which is only held.
+enum Turn<'a> {
+    Together { _guard: RwLockReadGuard<'a, ()> },
+    Alone { _guard: RwLockWriteGuard<'a, ()> },
+}
+
+impl Drop for Working<'_> {
+    fn drop(&mut self) {
+        lock(&self.file.shared.memory).running -= 1;
+        self.file.shared.changed.notify_all();
+    }
+}
+
+/// Locks a mutex, whether or not a thread has panicked that held it.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl LevelFile {
-    /// Reserves memory.
+    /// Begins the work of a thread, together with others, or alone when all others have ended theirs. A
+    /// thread that works must not begin again.
+    pub(crate) fn work(&self, is_alone: bool) -> Working<'_> {
+        let _turn = if is_alone {
+            Turn::Alone { _guard: self.turn.write().unwrap_or_else(PoisonError::into_inner) }
+        } else {
+            Turn::Together { _guard: self.turn.read().unwrap_or_else(PoisonError::into_inner) }
+        };
+        lock(&self.shared.memory).running += 1;
+        Working { file: self, _turn }
+    }
+
+    /// Locks a mutex that another thread may hold while it waits for memory. Only for threads that work.
+    pub(crate) fn lock<'m, T>(&self, mutex: &'m Mutex<T>) -> MutexGuard<'m, T> {
+        match mutex.try_lock() {
+            Ok(guard) => guard,
+            Err(TryLockError::Poisoned(error)) => error.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                lock(&self.shared.memory).running -= 1;
+                self.shared.changed.notify_all();
+                let guard = lock(mutex);
+                lock(&self.shared.memory).running += 1;
+                guard
+            }
+        }
+    }
+
+    /// Reserves memory. Waits for it as long as another thread runs that may release some.
     pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
-        let mut memory = lock(&self.memory);
-        if !memory.make_room(bytes) {
-            return Err(LevelError::Memory {
-                limit: memory.limit,
-                needed: memory.reserved.saturating_add(bytes),
-            });
+        let mut memory = lock(&self.shared.memory);
+        while !memory.make_room(bytes) {
+            if memory.running <= 1 {
+                let needed = memory.reserved.saturating_add(bytes);
+                return Err(LevelError::Memory { limit: memory.limit, needed });
+            }
+            memory.running -= 1;
+            memory = self.shared.changed.wait(memory).unwrap_or_else(PoisonError::into_inner);
+            memory.running += 1;
         }
         memory.reserved += bytes;
-        Ok(Reserved { memory: self.memory.clone(), bytes })
+        Ok(Reserved { shared: self.shared.clone(), bytes })
     }
 
     /// Calls `each` with the content of some objects, in their order.
@@ -227,7 +297,7 @@ impl LevelFile {
         tree: &TileTree,
         tile: u32,
     ) -> Result<Arc<[Content]>, LevelError> {
-        let mut memory = lock(&self.memory);
+        let mut memory = lock(&self.shared.memory);
         memory.clock += 1;
         let now = memory.clock;
         if let Some((content, _, last)) = memory.tiles.get_mut(&tile) {
@@ -242,7 +312,7 @@ impl LevelFile {
             tree.own(tile).iter().map(|&at| self.read(&objects[at as usize], at)).collect::<Result<_, _>>();
         let content: Arc<[Content]> = content?;
         drop(reserved);
-        let mut memory = lock(&self.memory);
+        let mut memory = lock(&self.shared.memory);
         if memory.make_room(bytes) && memory.tiles.insert(tile, (content.clone(), bytes, now)).is_none() {
             memory.cached += bytes;
         }
@@ -325,6 +395,7 @@ pub(crate) fn facts(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
     use visibility_core::Aabb;
 
     #[test]
@@ -353,7 +424,7 @@ mod tests {
                 assert_eq!(place, places);
                 assert_eq!(content.triangles[..], triangles(numbers[place] as usize)[..]);
                 places += 1;
-                let memory = lock(&file.memory);
+                let memory = lock(&file.shared.memory);
                 assert!(memory.reserved + memory.cached <= memory.limit);
                 let sizes: u64 = memory.tiles.values().map(|tile| tile.1).sum();
                 assert_eq!(sizes, memory.cached);
@@ -365,11 +436,81 @@ mod tests {
         assert!(loads > 600 && kept > 1, "{loads} times a tile, of which {kept} were kept at once");
         // All but what is known may be reserved, and then no tile is left; what is reserved comes back.
         let all = file.reserve(300 * LOADED).unwrap();
-        assert!(lock(&file.memory).tiles.is_empty());
+        assert!(lock(&file.shared.memory).tiles.is_empty());
         assert!(matches!(file.reserve(1), Err(LevelError::Memory { .. })));
         drop(all);
         assert!(file.reserve(300 * LOADED).is_ok());
         drop(file);
         assert!(!path.exists());
+    }
+
+    /// Returns a level without objects, and a number of bytes of memory for threads.
+    fn empty(name: &str, bytes: u64) -> LevelFile {
+        let path = std::env::temp_dir().join(format!("visibility-{name}-{}", std::process::id()));
+        let tree = TileTree::new(&[]);
+        ContentWriter::create(path).unwrap().finish(&[], &tree, bytes, 0).unwrap()
+    }
+
+    #[test]
+    fn threads_wait_for_memory_and_no_two_wait_for_one_another() {
+        let file = empty("wait", 100);
+        let (in_use, given_up, shared) = (Mutex::new(0), Mutex::new(0), Mutex::new(()));
+        // Each thread needs nearly all of the memory, in two parts, and holds a mutex for some of the time.
+        let attempt = |file: &LevelFile, number: u64| {
+            let _shared = number.is_multiple_of(2).then(|| file.lock(&shared));
+            let first = file.reserve(40 + number)?;
+            std::thread::yield_now();
+            let second = file.reserve(45)?;
+            *lock(&in_use) += first.bytes + second.bytes;
+            assert!(*lock(&in_use) <= 100);
+            std::thread::yield_now();
+            *lock(&in_use) -= first.bytes + second.bytes;
+            Ok::<(), LevelError>(())
+        };
+        std::thread::scope(|scope| {
+            for number in 0..6 {
+                let (file, attempt, given_up) = (&file, &attempt, &given_up);
+                scope.spawn(move || {
+                    for _ in 0..300 {
+                        let together = {
+                            let _working = file.work(false);
+                            attempt(file, number)
+                        };
+                        if together.is_err() {
+                            *lock(given_up) += 1;
+                            let _working = file.work(true);
+                            assert_eq!(attempt(file, number), Ok(()), "nobody else has any memory");
+                        }
+                    }
+                });
+            }
+        });
+        assert!(*lock(&given_up) < 1800, "none has waited");
+        let memory = lock(&file.shared.memory);
+        assert_eq!((memory.reserved, memory.running), (0, 0));
+    }
+
+    #[test]
+    fn memory_that_another_thread_releases_is_waited_for() {
+        let file = empty("release", 100);
+        let _working = file.work(false);
+        let all = file.reserve(100).unwrap();
+        let has_begun = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| {
+                let _working = file.work(false);
+                has_begun.store(true, Relaxed);
+                file.reserve(100).map(|_| ())
+            });
+            let runs = || lock(&file.shared.memory).running > 1 || !has_begun.load(Relaxed);
+            while runs() && !waiting.is_finished() {
+                std::thread::yield_now();
+            }
+            assert!(!waiting.is_finished());
+            drop(all);
+            assert_eq!(waiting.join().unwrap(), Ok(()));
+        });
+        let _all = file.reserve(100).unwrap();
+        assert!(file.reserve(1).is_err(), "nobody else could release any");
     }
 }

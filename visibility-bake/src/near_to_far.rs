@@ -17,7 +17,7 @@
 use crate::cell_groups;
 use crate::level_error::LevelError;
 use crate::tile_tree::{Tile, TileTree};
-use crate::tiled_scene::{PreparedScene, TiledScene};
+use crate::tiled_scene::TiledScene;
 use std::collections::HashMap;
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
@@ -98,9 +98,9 @@ pub(crate) fn sweep_near_to_far(
 ) -> Result<Trace, LevelError> {
     let mut trace = Trace::default();
     if level.tree.tiles[0].children.is_empty() {
-        let PreparedScene { scene, sweep, .. } = level.whole()?;
+        let prepared = level.whole()?;
         let cell = cell_groups::bounds(all, members);
-        let ids = swept(whole.get_or_insert_with(|| sweep.clone()), scene, &cell);
+        let ids = swept(whole.get_or_insert_with(|| prepared.sweep.clone()), &prepared.scene, &cell);
         trace.opened.push(Opened { parent: 0, child: 0, hash: level.tree.tiles[0].hash });
         trace.left = ids.iter().map(|id| [0, id.index() as u32]).collect();
         return Ok(trace);

@@ -5,6 +5,7 @@ use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
 use crate::cell_groups::CellGroups;
 use crate::cell_sandwich::CellSandwich;
 use crate::level_error::LevelError;
+use crate::level_file::lock;
 use crate::method_times::MethodTimes;
 use crate::near_to_far::{sweep_near_to_far, swept};
 use crate::search::{Method, Search};
@@ -228,7 +229,7 @@ impl<'a> SandwichBaker<'a> {
     /// Returns why viewcells could not be worked on, for a level in a file: what was not proven hidden before
     /// counts as visible, and they are not worked on again if the bake is resumed.
     pub fn error(&self) -> Option<LevelError> {
-        self.error.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.error).clone()
     }
 
     /// Counts what is done and what is left in each group.
@@ -249,7 +250,7 @@ impl<'a> SandwichBaker<'a> {
     /// Notes that a viewcell of a group is done with some stages, and releases what a stage has shared after
     /// the last.
     fn end_stages(&self, group: u32, stages: Range<u32>) {
-        let mut slot = self.slots[group as usize].lock().unwrap_or_else(PoisonError::into_inner);
+        let mut slot = lock(&self.slots[group as usize]);
         for stage in stages.clone() {
             slot.left[stage as usize] = slot.left[stage as usize].saturating_sub(1);
         }
@@ -275,7 +276,7 @@ impl<'a> SandwichBaker<'a> {
     /// Returns what the viewcells of a group have in common, from its slot, or made now while other threads
     /// that need it wait.
     fn group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Result<Arc<Group>, LevelError> {
-        let mut slot = self.slots[number as usize].lock().unwrap_or_else(PoisonError::into_inner);
+        let mut slot = self.level.lock(&self.slots[number as usize]);
         if let Some(group) = &slot.group {
             return Ok(group.clone());
         }
@@ -315,6 +316,64 @@ impl<'a> SandwichBaker<'a> {
             None => Content::Scene(Box::new(self.level.prepared(&objects)?)),
         };
         Ok(Group { record: Arc::new(GroupRecord { question, key, trace }), objects, content })
+    }
+
+    /// Works on an item as [`work`](Baker::work) does, with the memory that is free.
+    fn attempt(
+        &self,
+        item: u32,
+        scratch: &mut BakeScratch,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Option<FoundCell>>, LevelError> {
+        let mut last = (self.clock)();
+        let mut lap = || {
+            let now = (self.clock)();
+            now.saturating_sub(std::mem::replace(&mut last, now))
+        };
+        let (place, stage) = self.place(item);
+        let before = self.done[place].as_ref();
+        if before.map_or(SWEEP, |before| before.next) != stage {
+            return Ok(Some(None));
+        }
+        let number = self.range.start + place;
+        let of = self.groups.of[number];
+        let group = self.group(of, stage, scratch)?;
+        if stop() {
+            return Ok(None);
+        }
+        let objects = &group.objects;
+        let done = STAGES as u32;
+        let (record, times, next) = match (&group.content, before) {
+            (Content::Known(records), _) => {
+                let member = self.groups.cells[of as usize].binary_search(&(number as u32));
+                (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
+            }
+            (Content::Scene(scene), _) => {
+                let _memory = self.level.reserve_cell(objects, false)?;
+                let (record, is_known) = self.sweep(number, objects, scene, scratch);
+                let times = MethodTimes { sweep: lap(), ..MethodTimes::default() };
+                (record, times, if is_known { done } else { LOOK })
+            }
+            // Saved bytes may be forged.
+            (Content::Objects, Some(before)) if before.record.is_of(objects) => {
+                match self.search(number, objects, before, &mut lap, stop)? {
+                    Some(found) => found,
+                    None => return Ok(None),
+                }
+            }
+            (Content::Objects, _) => return Ok(Some(None)),
+        };
+        let open = record.left.iter().zip(&record.answers).filter(|&(_, &answer)| answer == OPEN);
+        let cost = |(&at, _)| u64::from(self.level.objects[objects[at as usize] as usize].cost);
+        Ok(Some(Some(FoundCell {
+            sandwich: self.sandwich(&record, objects),
+            times,
+            group: group.record.clone(),
+            cost: open.map(cost).sum(),
+            record,
+            is_reused: stage == SWEEP && next == done,
+            next,
+        })))
     }
 
     /// Sweeps the scene of a group from a viewcell. Returns what is left, all of it open, or what the cache
@@ -460,68 +519,32 @@ impl Baker for SandwichBaker<'_> {
         scratch: &mut BakeScratch,
         stop: &dyn Fn() -> bool,
     ) -> Option<Option<FoundCell>> {
-        let mut last = (self.clock)();
-        let mut lap = || {
-            let now = (self.clock)();
-            now.saturating_sub(std::mem::replace(&mut last, now))
+        let mut found = {
+            let _working = self.level.work(false);
+            self.attempt(item, scratch, stop)
         };
+        if matches!(found, Err(LevelError::Memory { .. })) {
+            // Other threads may have too much of the memory, and groups whose viewcells wait.
+            let _working = self.level.work(true);
+            *scratch = BakeScratch::default();
+            self.slots.iter().for_each(|slot| lock(slot).group = None);
+            found = self.attempt(item, scratch, stop);
+        }
         let (place, stage) = self.place(item);
-        let before = self.done[place].as_ref();
-        if before.map_or(SWEEP, |before| before.next) != stage {
-            return Some(None);
-        }
-        let number = self.range.start + place;
-        let of = self.groups.of[number];
-        let failed = |error: LevelError| {
-            self.error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-            self.end_stages(of, stage..STAGES as u32);
-            Some(None)
-        };
-        let group = match self.group(of, stage, scratch) {
-            Ok(group) => group,
-            Err(error) => return failed(error),
-        };
-        if stop() {
-            return None;
-        }
-        let objects = &group.objects;
-        let done = STAGES as u32;
-        let (record, times, next) = match (&group.content, before) {
-            (Content::Known(records), _) => {
-                let member = self.groups.cells[of as usize].binary_search(&(number as u32));
-                (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
-            }
-            (Content::Scene(scene), _) => {
-                let _memory = match self.level.reserve_cell(objects, false) {
-                    Ok(memory) => memory,
-                    Err(error) => return failed(error),
-                };
-                let (record, is_known) = self.sweep(number, objects, scene, scratch);
-                let times = MethodTimes { sweep: lap(), ..MethodTimes::default() };
-                (record, times, if is_known { done } else { LOOK })
-            }
-            // Saved bytes may be forged.
-            (Content::Objects, Some(before)) if before.record.is_of(objects) => {
-                match self.search(number, objects, before, &mut lap, stop) {
-                    Ok(found) => found?,
-                    Err(error) => return failed(error),
+        let of = self.groups.of[self.range.start + place];
+        match found {
+            Ok(found) => {
+                if let Some(Some(found)) = &found {
+                    self.end_stages(of, stage..found.next);
                 }
+                found
             }
-            (Content::Objects, _) => return Some(None),
-        };
-        let open = record.left.iter().zip(&record.answers).filter(|&(_, &answer)| answer == OPEN);
-        let cost = |(&at, _)| u64::from(self.level.objects[objects[at as usize] as usize].cost);
-        let found = FoundCell {
-            sandwich: self.sandwich(&record, objects),
-            times,
-            group: group.record.clone(),
-            cost: open.map(cost).sum(),
-            record,
-            is_reused: stage == SWEEP && next == done,
-            next,
-        };
-        self.end_stages(of, stage..next);
-        Some(Some(found))
+            Err(error) => {
+                lock(&self.error).get_or_insert(error);
+                self.end_stages(of, stage..STAGES as u32);
+                Some(None)
+            }
+        }
     }
 
     fn take_in(&mut self, item: u32, found: Option<FoundCell>) -> u64 {

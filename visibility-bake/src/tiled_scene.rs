@@ -1,12 +1,12 @@
 //! A level in tiles: what is known of all objects, and the content of those that are asked for.
 
 use crate::level_error::LevelError;
-use crate::level_file::{ContentWriter, LevelFile, Reserved, facts};
+use crate::level_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
 use crate::object_facts::{ObjectFacts, bounds_fingerprint, content_fingerprint};
 use crate::part_scene::{Meshes, copy_content};
 use crate::tile_tree::TileTree;
 use std::path::PathBuf;
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, MutexGuard};
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::scene::Triangle;
@@ -46,7 +46,7 @@ pub struct TiledScene<'a> {
     pub(crate) most: u64,
     store: Store<'a>,
     /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
-    whole: OnceLock<Result<PreparedScene, LevelError>>,
+    whole: Mutex<Option<Arc<PreparedScene>>>,
 }
 
 /// Where the content of objects is.
@@ -73,7 +73,7 @@ impl<'a> TiledScene<'a> {
         let objects: Vec<ObjectFacts> = scene.ids().filter_map(facts).collect();
         let (tree, origin, index_limit) = (TileTree::new(&objects), scene.origin(), scene.index_limit());
         let store = Store::Scene(scene);
-        Self { origin, objects, tree, index_limit, first: FIRST, most: MOST, store, whole: OnceLock::new() }
+        Self { origin, objects, tree, index_limit, first: FIRST, most: MOST, store, whole: Mutex::default() }
     }
 
     /// Begins a level in a file, which is overwritten, and removed with the level.
@@ -215,9 +215,29 @@ impl<'a> TiledScene<'a> {
     }
 
     /// Returns a scene of all objects, tile by tile, with a sweep that is prepared for it.
-    pub(crate) fn whole(&self) -> Result<&PreparedScene, LevelError> {
-        let whole = self.whole.get_or_init(|| self.prepared(&self.tree.order));
-        whole.as_ref().map_err(Clone::clone)
+    pub(crate) fn whole(&self) -> Result<Arc<PreparedScene>, LevelError> {
+        let mut whole = self.lock(&self.whole);
+        if let Some(whole) = &*whole {
+            return Ok(whole.clone());
+        }
+        Ok(whole.insert(Arc::new(self.prepared(&self.tree.order)?)).clone())
+    }
+
+    /// Begins the work of a thread on a level in a file, together with others or alone: see
+    /// [`LevelFile::work`].
+    pub(crate) fn work(&self, is_alone: bool) -> Option<Working<'_>> {
+        match &self.store {
+            Store::Scene(_) => None,
+            Store::File(file) => Some(file.work(is_alone)),
+        }
+    }
+
+    /// Locks a mutex that another thread may hold while it waits for memory. Only for threads that work.
+    pub(crate) fn lock<'m, T>(&self, mutex: &'m Mutex<T>) -> MutexGuard<'m, T> {
+        match &self.store {
+            Store::Scene(_) => lock(mutex),
+            Store::File(file) => file.lock(mutex),
+        }
     }
 }
 
@@ -280,7 +300,7 @@ impl TiledSceneWriter {
             first: FIRST,
             most: MOST,
             store,
-            whole: OnceLock::new(),
+            whole: Mutex::default(),
         })
     }
 }

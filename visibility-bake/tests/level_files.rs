@@ -131,6 +131,32 @@ fn a_limit_that_is_too_low_is_an_error_that_tells_one_that_will_do() {
 }
 
 #[test]
+fn what_one_thread_can_do_with_the_memory_many_threads_can_do() {
+    // In groups of their own, so that threads hold memory of different groups.
+    let (scene, cells) = town();
+    let cells = Viewcells::new(cells.cells().iter().step_by(5).cloned());
+    let baked = |memory: u64, threads: usize| {
+        let level = Arc::new(in_file(&scene, "threads", memory).unwrap());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| Bake::new(SandwichBaker::of_level(level, &cells, settings())).run())
+    };
+    let (mut memory, mut alone) = (4 * MIB, None);
+    while alone.is_none() {
+        let outcome = baked(memory, 1);
+        match &outcome.error {
+            Some(LevelError::Memory { needed, .. }) => memory = *needed,
+            Some(error) => panic!("{error}"),
+            None => alone = Some(bytes(&outcome)),
+        }
+    }
+    for threads in [2, 4] {
+        let outcome = baked(memory, threads);
+        assert_eq!(outcome.error, None, "{memory} bytes, {threads} threads");
+        assert!(Some(bytes(&outcome)) == alone, "{threads} threads");
+    }
+}
+
+#[test]
 fn damage_is_an_error_with_what_and_where() {
     let (scene, cells) = town_from_one_place();
     let mut found = 0;
