@@ -1,5 +1,7 @@
 //! What a bake finds for one viewcell.
 
+use std::borrow::Cow;
+use std::sync::Arc;
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 
 /// The objects visible from one viewcell, from below and from above: at least those seen, at most those seen
@@ -8,8 +10,9 @@ use visibility_core::binary_format::{FormatError, Reader, Writer};
 pub struct CellSandwich {
     /// Objects that a line of sight reaches, ascending.
     pub seen: Vec<u32>,
-    /// Objects neither seen nor proven hidden, ascending. They count as visible.
-    pub open: Vec<u32>,
+    /// Objects neither seen nor proven hidden, ascending. They count as visible. Viewcells that were not
+    /// worked on share one list of all objects.
+    pub open: Arc<[u32]>,
     /// Number of objects that the sweep of extended projections found hidden.
     pub swept: u32,
     /// Number of objects that were proven hidden one by one or in groups.
@@ -20,17 +23,20 @@ pub struct CellSandwich {
 
 impl CellSandwich {
     /// Returns the objects that count as visible, ascending.
-    pub fn reported(&self) -> Vec<u32> {
+    pub fn reported(&self) -> Cow<'_, [u32]> {
+        if self.seen.is_empty() {
+            return Cow::Borrowed(&self.open);
+        }
         let mut row = [self.seen.as_slice(), &self.open].concat();
         row.sort_unstable();
-        row
+        Cow::Owned(row)
     }
 
     pub(crate) fn save(&self, to: &mut Writer) {
         to.u32(self.swept);
         to.u32(self.proven);
         to.u64(self.steps);
-        for list in [&self.seen, &self.open] {
+        for list in [&self.seen[..], &self.open] {
             to.u32(list.len() as u32);
             to.u32s(list.iter().copied());
         }
@@ -52,6 +58,6 @@ impl CellSandwich {
         if open.iter().any(|index| seen.binary_search(index).is_ok()) {
             return Err(from.content_error("an object of a viewcell is both seen and open"));
         }
-        Ok(Self { seen, open, swept, proven, steps })
+        Ok(Self { seen, open: open.into(), swept, proven, steps })
     }
 }

@@ -142,6 +142,8 @@ struct Slot {
     /// By stage, the number of viewcells of the group that are not worked on yet.
     left: [usize; STAGES],
     group: Option<Arc<Group>>,
+    /// What the sweep of the group has found, for when its content was released.
+    record: Option<Arc<GroupRecord>>,
 }
 
 /// What the viewcells of a group have in common.
@@ -255,7 +257,16 @@ impl<'a> SandwichBaker<'a> {
             slot.left[stage as usize] = slot.left[stage as usize].saturating_sub(1);
         }
         if slot.left[stages.start as usize] == 0 {
-            slot.group = None;
+            (slot.group, slot.record) = (None, None);
+        }
+    }
+
+    /// Releases the content of all groups that no thread works on, where there is a limit of memory. When a
+    /// thread comes back to one, its content is loaded again.
+    fn release_groups(&self) {
+        for slot in self.slots.iter().filter(|_| self.level.is_in_file()) {
+            let Ok(mut slot) = slot.try_lock() else { continue };
+            slot.group.take_if(|group| Arc::strong_count(group) == 1);
         }
     }
 
@@ -280,12 +291,22 @@ impl<'a> SandwichBaker<'a> {
         if let Some(group) = &slot.group {
             return Ok(group.clone());
         }
-        let group = Arc::new(self.new_group(number, stage, scratch)?);
+        self.release_groups();
+        scratch.local = None;
+        let group = Arc::new(self.new_group(number, stage, &mut slot.record, scratch)?);
         slot.group = Some(group.clone());
         Ok(group)
     }
 
-    fn new_group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Result<Group, LevelError> {
+    /// Makes what the viewcells of a group have in common, from what its sweep has found if that is known,
+    /// and notes that otherwise.
+    fn new_group(
+        &self,
+        number: u32,
+        stage: u32,
+        known: &mut Option<Arc<GroupRecord>>,
+        scratch: &mut BakeScratch,
+    ) -> Result<Group, LevelError> {
         if let Some(record) = &self.found_groups[number as usize]
             && stage != SWEEP
         {
@@ -307,15 +328,25 @@ impl<'a> SandwichBaker<'a> {
             let content = Content::Known(cells.to_vec());
             return Ok(Group { record: record.clone(), objects, content });
         }
-        let trace = sweep_near_to_far(&self.level, all, members, &mut scratch.sweep, &mut scratch.whole)?;
-        // What was opened just now is what it was.
-        let objects = trace.replay(&self.level.tree).unwrap_or_default();
-        let key = with_members(self.content_hash(objects.iter().copied()));
-        let content = match self.cache.group(key).filter(|records| is_usable(records, &objects)) {
+        let record = match known {
+            Some(record) => record.clone(),
+            None => {
+                let (sweep, whole) = (&mut scratch.sweep, &mut scratch.whole);
+                let trace = sweep_near_to_far(&self.level, all, members, sweep, whole)?;
+                // The surfaces of the last sweep are needed no more.
+                scratch.sweep = ExtendedProjectionCuller::new();
+                let objects = trace.replay(&self.level.tree).unwrap_or_default();
+                let key = with_members(self.content_hash(objects));
+                known.insert(Arc::new(GroupRecord { question, key, trace })).clone()
+            }
+        };
+        // What was opened in this bake is what it was.
+        let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
+        let content = match self.cache.group(record.key).filter(|records| is_usable(records, &objects)) {
             Some(records) => Content::Known(records.to_vec()),
             None => Content::Scene(Box::new(self.level.prepared(&objects)?)),
         };
-        Ok(Group { record: Arc::new(GroupRecord { question, key, trace }), objects, content })
+        Ok(Group { record, objects, content })
     }
 
     /// Works on an item as [`work`](Baker::work) does, with the memory that is free.
@@ -447,7 +478,7 @@ impl<'a> SandwichBaker<'a> {
         };
         CellSandwich {
             seen: with(SEEN),
-            open: with(OPEN),
+            open: with(OPEN).into(),
             swept: (self.level.objects.len() - record.left.len()) as u32,
             proven: record.answers.iter().filter(|&&answer| answer == HIDDEN).count() as u32,
             steps: record.steps,
@@ -527,7 +558,7 @@ impl Baker for SandwichBaker<'_> {
             // Other threads may have too much of the memory, and groups whose viewcells wait.
             let _working = self.level.work(true);
             *scratch = BakeScratch::default();
-            self.slots.iter().for_each(|slot| lock(slot).group = None);
+            self.release_groups();
             found = self.attempt(item, scratch, stop);
         }
         let (place, stage) = self.place(item);
@@ -559,7 +590,7 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn finish(self, waiting: &[u32]) -> SandwichOutcome {
-        let all: Vec<u32> = self.level.objects.iter().map(|object| object.index).collect();
+        let all: Arc<[u32]> = self.level.objects.iter().map(|object| object.index).collect();
         let is_done =
             |done: &Option<FoundCell>| done.as_ref().is_some_and(|found| found.next as usize == STAGES);
         let mut cache = BakeCache::default();

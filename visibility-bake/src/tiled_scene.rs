@@ -21,7 +21,10 @@ const FIRST: u64 = 8192;
 const MOST: u64 = 1 << 19;
 
 /// Bytes of memory that a scene for a sweep takes for each unit of weight, about.
-const SWEPT: u64 = 400;
+const SWEPT: u64 = 600;
+
+/// Bytes of memory that a copy of a sweep takes for each unit of weight of its scene, about.
+const COPIED: u64 = 100;
 
 /// Bytes of memory that a scene with nothing but triangles takes for each unit of weight, about.
 const TRIANGLES: u64 = 200;
@@ -200,7 +203,7 @@ impl<'a> TiledScene<'a> {
         numbers: &[u32],
         is_search: bool,
     ) -> Result<Option<Reserved>, LevelError> {
-        self.reserve(numbers, if is_search { SEARCHED } else { SWEPT })
+        self.reserve(numbers, if is_search { SEARCHED } else { COPIED })
     }
 
     /// Returns a scene of some objects, with a sweep that is prepared for it, to be cloned for threads.
@@ -221,6 +224,11 @@ impl<'a> TiledScene<'a> {
             return Ok(whole.clone());
         }
         Ok(whole.insert(Arc::new(self.prepared(&self.tree.order)?)).clone())
+    }
+
+    /// Returns whether the content of the objects is in a file.
+    pub(crate) fn is_in_file(&self) -> bool {
+        matches!(self.store, Store::File(_))
     }
 
     /// Begins the work of a thread on a level in a file, together with others or alone: see
@@ -253,7 +261,7 @@ impl<'a> TiledScene<'a> {
 /// let level = level.finish(512 << 20, 10 << 20)?;
 /// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
 /// let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, Settings::default())).run();
-/// assert_eq!((outcome.cells[0].reported(), outcome.error), (vec![0], None));
+/// assert_eq!((&*outcome.cells[0].reported(), outcome.error), (&[0][..], None));
 /// assert!(!path.exists());
 /// # Ok::<(), visibility_bake::LevelError>(())
 /// ```

@@ -81,7 +81,7 @@ fn bytes_are_the_same_for_any_limit_threads_and_shards() {
     let (scene, cells) = town();
     let whole = Bake::new(SandwichBaker::new(&scene, &cells, settings())).run();
     assert!(whole.complete && whole.cells.iter().all(|cell| cell.swept > 16_000));
-    let rows: Vec<Vec<u32>> = whole.cells.iter().map(CellSandwich::reported).collect();
+    let rows: Vec<_> = whole.cells.iter().map(CellSandwich::reported).collect();
     let set = BakedSet::new(&scene, cells.clone(), &rows).unwrap();
     for (number, memory) in [400 * MIB, 4096 * MIB].into_iter().enumerate() {
         let level = Arc::new(in_file(&scene, &format!("same{number}"), memory).unwrap());

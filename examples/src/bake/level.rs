@@ -114,7 +114,7 @@ impl Level {
     ///
     /// Returns a message if the sets are too large to be stored.
     pub fn set(&self, cells: &[CellSandwich]) -> Result<BakedSet, String> {
-        let rows: Vec<Vec<u32>> = cells.iter().map(CellSandwich::reported).collect();
+        let rows: Vec<_> = cells.iter().map(CellSandwich::reported).collect();
         let set = match &self.content {
             Content::World(world) => BakedSet::new(&world.scene, self.viewcells.clone(), &rows),
             Content::File(level) => BakedSet::of_level(level, self.viewcells.clone(), &rows),

@@ -101,9 +101,10 @@ struct LineSide {
     key: [u32; 3],
     /// Ends along the axis, ascending; for lines of other directions both 0.
     ends: [f32; 2],
-    points: [Vec3; 2],
-    /// As in [`Surfaces::sides`], for the points in their order.
+    /// As in [`Surfaces::sides`].
     side: u32,
+    /// Number of the triangle's corner at which the side begins.
+    corner: u32,
 }
 
 /// A line with so many segments for each of its sides is not divided: its sides join where they have equal
@@ -217,7 +218,7 @@ impl Surfaces {
         let mut cuts: Vec<f32> = Vec::new();
         for line in sides.chunk_by(|a, b| a.key == b.key) {
             if line[0].key[0] == 3 {
-                self.push_segment(line[0].points, line.iter().map(|side| side.side));
+                self.push_segment(self.points(&line[0]), line.iter().map(|side| side.side));
                 continue;
             }
             cuts.clear();
@@ -237,9 +238,10 @@ impl Surfaces {
             }
             pieces.sort_unstable();
             let axis = line[0].key[0] as usize;
+            let first = self.points(&line[0])[0];
             for group in pieces.chunk_by(|a, b| a.0 == b.0) {
                 let ends = group[0].0.map(|cut| {
-                    let mut point = line[0].points[0];
+                    let mut point = first;
                     point[axis] = cuts[cut as usize];
                     point
                 });
@@ -255,11 +257,19 @@ impl Surfaces {
         self.sides.extend(sides);
     }
 
+    /// Returns the ends of a side, in the order that its number tells.
+    fn points(&self, side: &LineSide) -> [Vec3; 2] {
+        let corners = self.triangles[side.side as usize / 2].corners;
+        let (a, b) = (corners[side.corner as usize], corners[(side.corner as usize + 1) % 3]);
+        if side.side % 2 == 1 { [a, b] } else { [b, a] }
+    }
+
     /// Returns the sides of all triangles with the lines that they are on.
     fn line_sides(&self) -> Vec<LineSide> {
         let bits = |p: Vec3| p.to_array().map(f32::to_bits);
         // Equal corners get equal numbers.
-        let mut points: Vec<[u32; 3]> = self.triangles.iter().flat_map(|t| t.corners).map(bits).collect();
+        let mut points: Vec<[u32; 3]> = Vec::with_capacity(3 * self.triangles.len());
+        points.extend(self.triangles.iter().flat_map(|t| t.corners).map(bits));
         points.sort_unstable();
         points.dedup();
         let number = |p: Vec3| points.partition_point(|q| *q < bits(p)) as u32;
@@ -275,8 +285,8 @@ impl Surfaces {
                     sides.push(LineSide {
                         key: [axis as u32, low[(axis + 1) % 3].to_bits(), low[(axis + 2) % 3].to_bits()],
                         ends: [low[axis], high[axis]],
-                        points: [low, high],
                         side: 2 * index + u32::from(forward),
+                        corner: corner as u32,
                     });
                 } else {
                     let (p, q) = (number(a), number(b));
@@ -284,8 +294,8 @@ impl Surfaces {
                     sides.push(LineSide {
                         key: [3, p.min(q), p.max(q)],
                         ends: [0.0; 2],
-                        points: if forward { [a, b] } else { [b, a] },
                         side: 2 * index + u32::from(forward),
+                        corner: corner as u32,
                     });
                 }
             }
