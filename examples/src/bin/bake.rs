@@ -100,6 +100,27 @@ fn part(text: &str) -> Result<[usize; 2], String> {
     numbers.filter(|[i, n]| i < n).ok_or_else(|| "a part is I/N with I from 0 to N - 1".to_owned())
 }
 
+/// Settings of the allocator of glibc for a bake within a limit of memory. By default it keeps much of what
+/// was freed, for each thread apart.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const ALLOCATOR: [(&str, &str); 3] =
+    [("MALLOC_ARENA_MAX", "1"), ("MALLOC_MMAP_THRESHOLD_", "65536"), ("MALLOC_TRIM_THRESHOLD_", "65536")];
+
+/// Begins the program anew with [`ALLOCATOR`], which glibc reads at the start alone. Returns if a user has
+/// settings of their own, or if that fails: then the bake may take more memory than the limit.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn begin_with_allocator() {
+    use std::os::unix::process::CommandExt;
+    if ALLOCATOR.iter().all(|(name, _)| std::env::var_os(name).is_none())
+        && let Ok(program) = std::env::current_exe()
+    {
+        let _ = std::process::Command::new(program).args(std::env::args_os().skip(1)).envs(ALLOCATOR).exec();
+    }
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+fn begin_with_allocator() {}
+
 fn main() -> ExitCode {
     let from_first = std::env::args_os().skip(1);
     let first = std::env::args_os().nth(1);
@@ -121,6 +142,9 @@ fn main() -> ExitCode {
 }
 
 fn bake(arguments: &Whole) -> Result<(), Failure> {
+    if arguments.job.memory.is_some() {
+        begin_with_allocator();
+    }
     let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string());
     let limit = arguments.time.map(duration).transpose()?;
     let save_every = duration(arguments.save)?;
