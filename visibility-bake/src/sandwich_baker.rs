@@ -24,7 +24,7 @@ use visibility_region::ExtendedProjectionCuller;
 
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
-const METHODS: u32 = 8;
+const METHODS: u32 = 9;
 
 /// Number of stages of a bake. All viewcells are swept; then all are looked from along rays, and boxes are
 /// proven hidden; then, where the gap is not met, triangles are.

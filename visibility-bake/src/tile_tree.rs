@@ -12,7 +12,7 @@ use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{DVec3, Vec3};
 
 /// Greatest [weight](ObjectFacts::weight) of a tile without children, but for objects in one place.
-const LEAF: u64 = 1024;
+const LEAF: u64 = 128;
 
 /// Greatest weight of a level that is one tile.
 const WHOLE: u64 = 1 << 18;
