@@ -15,20 +15,21 @@
 
 use super::direction::Direction;
 use super::hull::{Spread, draw_hull};
-use super::polygon::{Polygon, cut};
-use super::ray_map::{PixelRect, RayMap};
+use super::polygon::{Polygon, Sides, cut};
+use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::Window;
 use visibility_core::glam::DVec3;
 
 /// Pixel coordinates beyond this are not computed with: 2^30, whose rounding errors are below
 /// `SLACK / 2^10`.
-const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
+pub(super) const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
 
 /// The two maps that one piece is drawn on.
 #[derive(Clone, Debug)]
 pub(super) struct PieceMaps {
     inside: RayMap,
     contour: RayMap,
+    sides: Sides,
 }
 
 /// What the drawing of one occluder needs in every step.
@@ -43,7 +44,7 @@ pub(super) struct Target<'a> {
 
 impl PieceMaps {
     pub(super) fn new() -> Self {
-        Self { inside: RayMap::new(), contour: RayMap::new() }
+        Self { inside: RayMap::new(), contour: RayMap::new(), sides: [[0.0; SIDE]; 2] }
     }
 
     /// Adds to `map` the pixels that a piece covers. `contour` are the edges that bound it, before it is cut.
@@ -60,7 +61,7 @@ impl PieceMaps {
         for (triangle, _) in triangles.clone() {
             if triangle.iter().any(|p| p.z < window.d) && triangle.iter().any(|p| p.z > near) {
                 let polygon = Polygon::cut(triangle, near, window.d);
-                filled |= polygon.fill(&mut self.inside, map, window, rect);
+                filled |= polygon.fill(&mut self.inside, &mut self.sides, map, window, rect);
             }
         }
         if !filled {

@@ -1,13 +1,31 @@
 //! Parts of triangles between two depths, and the pixels that they fill.
 
-use super::ray_map::{PixelRect, RayMap};
+use super::coverage::FARTHEST_PIXEL;
+use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::Window;
+use core::ops::Range;
 use visibility_core::glam::DVec3;
 
 /// Returns the point at depth `z` of the segment from `a` to `b`, where `a.z < z < b.z`.
 pub(super) fn cut(a: DVec3, b: DVec3, z: f64) -> DVec3 {
     let p = a + (b - a) * ((z - a.z) / (b.z - a.z));
     DVec3::new(p.x, p.y, z)
+}
+
+/// By row of a map, the x at which an edge that runs up crosses the middle line of the row, and one that runs
+/// down.
+pub(super) type Sides = [[f64; SIDE]; 2];
+
+/// Returns the rows from `first` to `last`, both included, whose middle lines are at `low` or above it, and
+/// below `high`.
+fn rows_between([low, high]: [f64; 2], [first, last]: [usize; 2]) -> Range<usize> {
+    let from = |y: f64| {
+        // Casts round towards zero, and to zero what is negative.
+        let above = (y - 0.5).min(SIDE as f64);
+        above as usize + usize::from(above > above as usize as f64)
+    };
+    let start = from(low).max(first);
+    start..from(high).min(last + 1).max(start)
 }
 
 /// A triangle, and what two cuts leave of it.
@@ -59,8 +77,15 @@ impl Polygon {
 
     /// Sets the pixels of `rect` in which the polygon, seen from the middle of the cell's front, meets the
     /// middle line of the pixel's row. Pixels that `map` has need not be set. Returns whether any was
-    /// set.
-    pub(super) fn fill(&self, inside: &mut RayMap, map: &RayMap, window: &Window, rect: PixelRect) -> bool {
+    /// set. `sides` is scratch.
+    pub(super) fn fill(
+        &self,
+        inside: &mut RayMap,
+        sides: &mut Sides,
+        map: &RayMap,
+        window: &Window,
+        rect: PixelRect,
+    ) -> bool {
         let count = self.count;
         if count < 3 {
             return false;
@@ -74,8 +99,10 @@ impl Polygon {
             (low, high) = (low.min(p[1]), high.max(p[1]));
             (left, right) = (left.min(p[0]), right.max(p[0]));
         }
+        if !p[..count].as_flattened().iter().all(|x| x.abs() < FARTHEST_PIXEL) {
+            return false;
+        }
         let (first, last) = (low.max(rect.y[0] as f64), high.min(rect.y[1] as f64 + 1.0));
-        // NaN fills nothing, too.
         let (left, right) = (left.max(rect.x[0] as f64), right.min(rect.x[1] as f64 + 0.5));
         let meets = first <= last && left <= right;
         if !meets {
@@ -85,18 +112,22 @@ impl Polygon {
         if map.all_set(PixelRect { x: [left as usize, right as usize], y: [first, last] }) {
             return false;
         }
-        let mut any = false;
-        for row in first..=last {
-            let y = row as f64 + 0.5;
-            let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
-            for i in 0..count {
-                let (a, b) = (p[i], p[if i + 1 == count { 0 } else { i + 1 }]);
-                if (a[1] <= y) != (b[1] <= y) {
-                    let x = a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1]));
-                    (left, right) = (left.min(x), right.max(x));
-                }
+        // The rows whose middle lines are between the least and the greatest y: each is crossed by an edge
+        // that runs up and by one that runs down. Beyond `rect` there are none.
+        let rows = rows_between([low, high], [first, last]);
+        for i in 0..count {
+            let (a, b) = (p[i], p[if i + 1 == count { 0 } else { i + 1 }]);
+            let side = &mut sides[usize::from(a[1] > b[1])];
+            let slope = (b[0] - a[0]) / (b[1] - a[1]);
+            let edge = rows_between([a[1].min(b[1]), a[1].max(b[1])], [first, last]);
+            for (row, x) in edge.clone().zip(&mut side[edge]) {
+                *x = a[0] + (row as f64 + 0.5 - a[1]) * slope;
             }
-            let (left, right) = (left.max(rect.x[0] as f64), right.min(rect.x[1] as f64 + 0.5));
+        }
+        let mut any = false;
+        for row in rows {
+            let [up, down] = sides.each_ref().map(|side| side[row]);
+            let (left, right) = (up.min(down).max(rect.x[0] as f64), up.max(down).min(rect.x[1] as f64 + 0.5));
             if left <= right {
                 inside.set_span(row, left as usize, right as usize);
                 any = true;
