@@ -19,6 +19,31 @@ pub fn mend(bytes: &mut [u8]) {
     bytes[32..40].copy_from_slice(&sum.to_le_bytes());
 }
 
+/// Changes bytes as a list of changes says, each of 8 bytes. The first chooses among: other bytes in one
+/// place, one other byte, a part copied to another place, a part left out, and the end cut off. Two bytes are
+/// the offset, which is taken modulo the length.
+pub fn change(bytes: &mut Vec<u8>, changes: &[u8]) {
+    for change in changes.as_chunks::<8>().0 {
+        let &[what, low, high, a, b, c, d, length] = change;
+        let offset = |low, high, end: usize| usize::from(u16::from_le_bytes([low, high])) % (end + 1);
+        let start = offset(low, high, bytes.len());
+        let part = start..bytes.len().min(start + 1 + usize::from(length));
+        match what % 5 {
+            0 => {
+                let end = bytes.len().min(start + 4);
+                bytes[start..end].copy_from_slice(&[a, b, c, d][..end - start]);
+            }
+            1 => bytes[start..].iter_mut().take(1).for_each(|byte| *byte = a),
+            2 => {
+                let (to, part) = (offset(a, b, bytes.len()), bytes[part].to_vec());
+                bytes.splice(to..to, part);
+            }
+            3 => drop(bytes.drain(part)),
+            _ => bytes.truncate(start),
+        }
+    }
+}
+
 /// Reader of numbers from the front of a slice of bytes.
 pub struct Bytes<'a>(&'a [u8]);
 

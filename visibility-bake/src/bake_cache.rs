@@ -1,5 +1,5 @@
-//! What a bake has found, by what it was found from: with it, a bake of an edited level works on those
-//! viewcells alone whose input has changed.
+//! The cache of a bake: the results of viewcells by hashes of their input. With it, a bake of an edited level
+//! works only on viewcells whose input has changed.
 
 use crate::near_to_far::Trace;
 use std::collections::HashMap;
@@ -8,29 +8,30 @@ use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
 
 const FORMAT: Format = Format { magic: *b"VISCACHE", version: 2 };
 
-/// An object that a sweep left was seen.
+/// Answer for an object that a line of sight reaches.
 pub(crate) const SEEN: u8 = 0;
-/// An object that a sweep left was proven hidden.
+/// Answer for an object that is proven hidden.
 pub(crate) const HIDDEN: u8 = 1;
-/// An object that a sweep left is neither seen nor proven hidden.
+/// Answer for an object that is neither seen nor proven hidden.
 pub(crate) const OPEN: u8 = 2;
 
-/// The results of a viewcell, in terms of its group: objects are numbered in the order of the objects that
-/// the sweep of the group has left.
+/// The results of one viewcell. Objects are positions in the list of those that the sweep of its group has
+/// left.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct CellRecord {
-    /// Hash of all that the answers depend on, but for the objects' numbers.
+    /// Hash of the input of the answers: the viewcell, the settings, and the content of the objects of `left`
+    /// in their order, without their numbers.
     pub key: u64,
     /// Objects that the sweep of the viewcell has left, ascending.
     pub left: Vec<u32>,
-    /// By object of `left`: seen, hidden or open.
+    /// By object of `left`: [`SEEN`], [`HIDDEN`] or [`OPEN`].
     pub answers: Vec<u8>,
-    /// Work done after the sweep.
+    /// Work done after the sweep: rays, and nodes of the search for proofs.
     pub steps: u64,
 }
 
 impl CellRecord {
-    /// Returns whether the record can be of a group whose sweep has left some objects.
+    /// Returns whether all positions are within a list of objects that the sweep of a group has left.
     pub(crate) fn is_of(&self, objects: &[u32]) -> bool {
         self.left.last().is_none_or(|&last| (last as usize) < objects.len())
     }
@@ -55,14 +56,14 @@ impl CellRecord {
     }
 }
 
-/// What the viewcells of a group have in common.
+/// The sweep of a group of viewcells.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct GroupRecord {
-    /// Hash of the viewcells and the settings.
+    /// Hash of the viewcells, the settings and the origin of the level.
     pub question: u64,
-    /// Hash of the viewcells, the settings, and the objects that the sweep of the group has left.
+    /// Hash of the same, and of the content of the objects that the sweep has left.
     pub key: u64,
-    /// What the sweep of the group has opened and left.
+    /// Tiles that the sweep has opened, and objects that it has left.
     pub trace: Trace,
 }
 
@@ -108,16 +109,16 @@ impl GroupRecord {
 pub struct BakeCache {
     /// Groups in any order, with what was found for their viewcells.
     groups: Vec<(Arc<GroupRecord>, Vec<CellRecord>)>,
-    /// Index of a group by the hash of its viewcells and settings.
+    /// Index of a group by its [question](GroupRecord::question).
     by_question: HashMap<u64, usize>,
-    /// Index of a group by its key.
+    /// Index of a group by its [key](GroupRecord::key).
     by_key: HashMap<u64, usize>,
-    /// Indices of a group and of a viewcell in it, by the hash of the viewcell.
+    /// Indices of a group and of a viewcell in it, by the [key](CellRecord::key) of the viewcell.
     by_cell: HashMap<u64, (usize, usize)>,
 }
 
 impl BakeCache {
-    /// Adds a group. Of two with the same viewcells and settings, the first stays.
+    /// Adds a group with the results of its viewcells. Of two groups with the same question, the first stays.
     pub(crate) fn insert(&mut self, group: Arc<GroupRecord>, cells: Vec<CellRecord>) {
         let number = self.groups.len();
         if *self.by_question.entry(group.question).or_insert(number) == number {
@@ -129,18 +130,21 @@ impl BakeCache {
         }
     }
 
-    /// Returns what was found for some viewcells with some settings, by a hash of both.
+    /// Returns the group with a [question](GroupRecord::question), and the results of its viewcells. `None`
+    /// if there is no such group.
     pub(crate) fn answer(&self, question: u64) -> Option<(&Arc<GroupRecord>, &[CellRecord])> {
         let (group, cells) = &self.groups[*self.by_question.get(&question)?];
         Some((group, cells))
     }
 
-    /// Returns what was found for the viewcells of a group.
+    /// Returns the results of the viewcells of the group with a [key](GroupRecord::key). `None` if there is
+    /// no such group.
     pub(crate) fn group(&self, key: u64) -> Option<&[CellRecord]> {
         self.by_key.get(&key).map(|&number| &self.groups[number].1[..])
     }
 
-    /// Returns what was found for a viewcell. The numbers of its objects are those of another group.
+    /// Returns the results of the viewcell with a [key](CellRecord::key). `None` if there is no such
+    /// viewcell. Its objects are positions in the list of the group that it was in, which may be another.
     pub(crate) fn cell(&self, key: u64) -> Option<&CellRecord> {
         self.by_cell.get(&key).map(|&(group, place)| &self.groups[group].1[place])
     }

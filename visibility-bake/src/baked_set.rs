@@ -1,10 +1,8 @@
 //! The file that a game loads: viewcells, and for each the objects that count as visible.
 //!
-//! Objects that are seen from the same viewcells share a target, so that a row has as many targets as there
-//! are differences between objects: a tenth to a half of the objects in the scenes tried.
-//!
-//! Classes that are seen from nearly the same viewcells have numbers near each other, so that rows have few
-//! runs.
+//! Objects that are seen from the same viewcells form a class. The rows of viewcells list classes, a tenth to
+//! a half as many as objects in the scenes tried. Classes that are seen from nearly the same viewcells have
+//! numbers near each other, so that rows have few runs.
 //!
 //! The format of the file is described in `docs/formats.md` of the repository.
 
@@ -23,16 +21,17 @@ use visibility_core::{ObjectId, Scene};
 
 const FORMAT: Format = Format { magic: *b"VISI-SET", version: 4 };
 
-/// Most columns on either side that are compared to find one that is similar.
+/// Greatest number of columns before a column, and after it, that are compared with it to find the most
+/// similar.
 const TRIED: usize = 128;
 
-/// Most words of columns that are compared, about.
+/// Greatest number of pairs of 64-bit words that are compared for all columns, about.
 const WORK: usize = 1 << 31;
 
 /// Greatest index of an object plus 1 that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
 
-/// Most neighbours of a viewcell whose rows are tried as bases of its own.
+/// Greatest number of viewcells that touch a viewcell whose rows are tried as the base of its row.
 const BASES: usize = 12;
 
 /// Viewcells and their potentially visible sets, for a scene with the objects that it was baked from.
@@ -51,11 +50,14 @@ const BASES: usize = 12;
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct BakedSet {
+    /// Hash of the origin of the scene, and of the indices and bounds of its objects.
     fingerprint: u64,
+    /// Greatest index of an object plus 1.
     index_limit: usize,
     viewcells: Viewcells,
-    /// Objects that are seen from the same viewcells, ascending.
+    /// By class, the indices of its objects, ascending. Objects that no viewcell sees are in no class.
     classes: Vec<Vec<u32>>,
+    /// By viewcell, the numbers of the classes seen. The last target is no class, and seen from no viewcell.
     pvs: Pvs,
 }
 
@@ -104,8 +106,8 @@ impl From<PvsError> for BakedSetError {
     }
 }
 
-/// Returns a hash of the bounds of a scene's objects.
-fn scene_bounds(scene: &Scene) -> u64 {
+/// Returns a hash of the origin of a scene, and of the indices and bounds of its objects.
+fn scene_fingerprint(scene: &Scene) -> u64 {
     let bounds = |id: ObjectId| scene.bounds(id).ok().map(|bounds| (id.index() as u32, bounds));
     bounds_fingerprint(scene.origin(), scene.ids().filter_map(bounds))
 }
@@ -121,7 +123,7 @@ impl BakedSet {
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
-        Self::compress(scene.index_limit(), scene_bounds(scene), viewcells, rows)
+        Self::compress(scene.index_limit(), scene_fingerprint(scene), viewcells, rows)
     }
 
     /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level of which no scene is in
@@ -152,7 +154,7 @@ impl BakedSet {
             return Err(PvsError::TooLarge.into());
         }
         let (classes, rows) = classes(rows, index_limit);
-        // One target more, which no viewcell sees.
+        // The last target is for objects of no class: no viewcell sees it.
         let pvs = Pvs::new(PvsTargets::Objects, classes.len() + 1, &rows, |ViewcellId(number)| {
             let cell = &cells[number as usize];
             let mut bases = Vec::new();
@@ -195,7 +197,7 @@ impl BakedSet {
     /// [`BakedSetError::OtherScene`] unless the scene has just the objects of the bake, with the same indices
     /// and bounds.
     pub fn for_scene(self, scene: &Scene) -> Result<ScenePvs, BakedSetError> {
-        if self.index_limit != scene.index_limit() || self.fingerprint != scene_bounds(scene) {
+        if self.index_limit != scene.index_limit() || self.fingerprint != scene_fingerprint(scene) {
             return Err(BakedSetError::OtherScene);
         }
         // An object of no class has the target that no viewcell sees.
@@ -317,9 +319,9 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
     (classes, by_class)
 }
 
-/// Returns the columns in an order in which each is followed by the most similar of those that are near it in
-/// the given order and do not have their place yet. Time is linear in the columns and rows, times the number
-/// of columns tried, which is less where there are many.
+/// Sorts columns, each the rows of a class and the number of the class: each is followed by the most similar
+/// of those that are near it in the given order and not sorted yet. Time is linear in the numbers of columns
+/// and rows, times the number of columns tried, which is less where there are many.
 fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
     let (count, words) = (columns.len(), row_count.div_ceil(64));
     let tried = (WORK / count.saturating_mul(words).max(1)).clamp(1, TRIED);
@@ -328,7 +330,7 @@ fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)>
         column.iter().for_each(|&row| bits[row as usize / 64] |= 1 << (row % 64));
     }
     let bits = |at: usize| &bits[at * words..(at + 1) * words];
-    // The columns without a place form a list.
+    // The columns that are not sorted yet are a linked list.
     let mut next: Vec<Option<usize>> = (0..count).map(|at| Some(at + 1).filter(|&at| at < count)).collect();
     let mut before: Vec<Option<usize>> = (0..count).map(|at| at.checked_sub(1)).collect();
     let mut order = Vec::with_capacity(count);
@@ -353,6 +355,9 @@ fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)>
     order.into_iter().filter_map(|at| columns[at].take()).collect()
 }
 
+/// Encodes classes with a number for each object: the step from the object before it in the class, times 2,
+/// plus 1 if the class goes on. The first object of a class has the step from the first of the class before,
+/// by its [`signed_code`].
 fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
     let (mut bytes, mut first) = (Vec::new(), 0u32);
     for class in classes {

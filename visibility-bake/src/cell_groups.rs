@@ -1,12 +1,13 @@
-//! Groups of neighbouring viewcells, for which a first sweep is made together.
+//! Groups of neighbouring viewcells. The first sweep is one for a whole group.
 
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
-/// Most viewcells of a group.
+/// Greatest number of viewcells in a group.
 const MOST: usize = 16;
 
-/// Number of the viewcells that come first; then as many again, then twice as many, and so on.
+/// Number of viewcells in the first portion of a bake. The second has as many, and each further portion as
+/// many as all before it.
 const FIRST: usize = 64;
 
 /// Greatest volume of the box around a group, relative to that of its viewcells together.
@@ -24,7 +25,7 @@ impl CellGroups {
     pub(crate) fn new(viewcells: &Viewcells) -> Self {
         let all = viewcells.cells();
         let mut cells = Vec::new();
-        // Viewcells that come first are worked on first, so a group has none that come much later.
+        // The viewcells of a portion are worked on before those of the next, so a group is within a portion.
         let mut waiting = Vec::new();
         let (mut start, mut end) = (0, FIRST);
         while start < all.len() {
@@ -53,14 +54,15 @@ impl CellGroups {
         Self { of, cells }
     }
 
-    /// Returns how often the number of viewcells must have doubled before those of a group are worked on.
+    /// Returns the portion of the bake that a group is in, 0 for the first.
     pub(crate) fn portion(&self, group: u32) -> u32 {
         let first = self.cells[group as usize].first().map_or(0, |&cell| cell as usize);
         usize::BITS - (first / FIRST).leading_zeros()
     }
 }
 
-/// Divides viewcells at the middle of the longest side of the box around them.
+/// Divides viewcells into halves of equal number by their centres, on the longest axis of the box around
+/// them. The second half has one more if their number is odd.
 pub(crate) fn halves(all: &[Viewcell], mut part: Vec<u32>) -> [Vec<u32>; 2] {
     let bounds = bounds(all, &part);
     let extent = bounds.max - bounds.min;
@@ -71,7 +73,8 @@ pub(crate) fn halves(all: &[Viewcell], mut part: Vec<u32>) -> [Vec<u32>; 2] {
     [part, rest]
 }
 
-/// Returns the box around some viewcells. Viewcells without a point are left out.
+/// Returns the box around some viewcells, by their numbers. Viewcells without a point are left out; if none
+/// is left, the box has no point either.
 pub(crate) fn bounds(all: &[Viewcell], some: &[u32]) -> Viewcell {
     let usable = some.iter().map(|&cell| &all[cell as usize]).filter(|cell| cell.min.cmple(cell.max).all());
     let (min, max) = usable.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), cell| {

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 
-/// The objects visible from one viewcell, from below and from above: at least those seen, at most those seen
-/// and those open. Objects are given by their [indices](visibility_core::ObjectId::index).
+/// Bounds on the set of objects visible from one viewcell: at least those seen, at most those seen and those
+/// open. Objects are given by their [indices](visibility_core::ObjectId::index).
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct CellSandwich {
     /// Objects that a line of sight reaches, ascending.

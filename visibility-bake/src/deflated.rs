@@ -7,7 +7,7 @@ use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec_with_limit;
 use visibility_core::binary_format::{Format, FormatError, HEADER_LENGTH, Reader, Writer};
 
-/// Effort of compression: the greatest that is not out of proportion.
+/// Compression level of `miniz_oxide`, from 0 to 10. Level 10 takes out of proportion longer.
 const LEVEL: u8 = 9;
 
 /// Returns the bytes of a file of kind 0 with the content of `plain`, compressed.
@@ -20,8 +20,12 @@ pub(crate) fn deflated(format: Format, fingerprint: u64, plain: Writer) -> Vec<u
     to.finish()
 }
 
-/// Returns the bytes of the file that [`deflated`] was given. They take at most 1,032 times as much memory as
-/// `bytes`, the greatest ratio of DEFLATE.
+/// Returns the uncompressed bytes of a file that [`deflated`] has made, with their header. They take at most
+/// 1,032 times as much memory as `bytes`, the greatest ratio of DEFLATE.
+///
+/// # Errors
+/// [`FormatError`] if the header is not of the format, or the content cannot be decompressed or has another
+/// length than announced.
 pub(crate) fn inflated(bytes: &[u8], format: Format) -> Result<Vec<u8>, FormatError> {
     let mut from = Reader::new(bytes, format)?;
     let length = from.u64()?;

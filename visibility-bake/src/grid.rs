@@ -19,11 +19,13 @@ use visibility_core::pvs::Viewcell;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Grid {
+    /// Corner of the box at place 0, 0, 0, in metres in world space.
     pub(crate) origin: DVec3,
+    /// Size of a box in metres.
     pub(crate) size: DVec3,
 }
 
-/// A grid that cannot be made.
+/// Why a grid or its viewcells cannot be made.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum GridError {
     /// The size of a box is not positive and finite on each axis, or the origin is not finite.
@@ -136,7 +138,9 @@ impl Grid {
         Ok(found.into_iter().map(|[z, y, x]| [x, y, z]).collect())
     }
 
-    /// Returns the place in the grid of the box that contains a point.
+    /// Returns the place in the grid of the box that contains a point: the numbers of boxes from the origin
+    /// on each axis. A point on a face is in the upper box. [`GridError::TooMany`] if the point is not finite
+    /// or so far that boxes have no extent.
     pub(crate) fn place(&self, p: DVec3) -> Result<[i64; 3], GridError> {
         let at = ((p - self.origin) / self.size).floor();
         // Beyond 2^52 boxes have no extent.
@@ -144,10 +148,12 @@ impl Grid {
         if is_near { Ok(at.to_array().map(|at| at as i64)) } else { Err(GridError::TooMany) }
     }
 
+    /// Returns the coordinate in world space of the lower face of the boxes at a place on an axis.
     pub(crate) fn face(&self, axis: usize, place: i64) -> f64 {
         self.origin[axis] + place as f64 * self.size[axis]
     }
 
+    /// Returns the viewcell of the box at a place.
     pub(crate) fn cell(&self, place: [i64; 3]) -> Viewcell {
         let corner = |step: i64| DVec3::from_array([0, 1, 2].map(|axis| self.face(axis, place[axis] + step)));
         Viewcell::from_box(corner(0), corner(1))

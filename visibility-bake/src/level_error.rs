@@ -32,7 +32,7 @@ pub enum LevelError {
     },
     /// The origin of the level is not finite.
     Origin,
-    /// There are more objects than 32 bits count.
+    /// There are more objects, or more triangles of one object, than 32 bits count.
     TooMany,
 }
 

@@ -25,20 +25,21 @@ use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::{Object, OccluderMesh};
 
-/// Number of words before the triangles of an object.
-const HEAD: usize = 4;
+/// Number of words before the transform, or before the triangles of an object without a mesh.
+const HEAD_WORDS: usize = 4;
 
 /// Number of words of a transform.
-const TRANSFORM: usize = 12;
+const TRANSFORM_WORDS: usize = 12;
 
-/// Bytes of memory for each triangle of a tile that is loaded, about: itself, and its occluder mesh.
-const LOADED: u64 = 300;
+/// Bytes of memory for each unit of weight of a tile that is loaded, about: a triangle and its part of the
+/// occluder mesh.
+const BYTES_PER_WEIGHT: u64 = 300;
 
-/// Bytes of memory that an object takes while the level is open, about: what is known of it, where its
-/// content is, and its tile.
-const KNOWN: u64 = 100;
+/// Bytes of memory that an object takes while the level is open, about: its facts, the offset of its content,
+/// and its tile.
+const OBJECT_BYTES: u64 = 100;
 
-/// The content of an object.
+/// The content of an object: triangles, and occluder mesh with the transform to coordinates of the level.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Content {
     pub triangles: Box<[Triangle]>,
@@ -68,19 +69,20 @@ impl ScratchFile {
 pub(crate) struct ContentWriter {
     scratch: ScratchFile,
     to: BufWriter<File>,
-    /// Where each object begins, and the end of the last.
+    /// By number of an object, the offset in bytes of its content; then the end of the last.
     offsets: Vec<u64>,
-    words: Vec<u8>,
+    /// The content of one object, as it is written.
+    bytes: Vec<u8>,
 }
 
 impl ContentWriter {
+    /// Creates the file, or overwrites it.
     pub(crate) fn create(path: PathBuf) -> Result<Self, LevelError> {
-        let options =
-            std::fs::OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&path);
-        let file = options.map_err(|error| LevelError::File { path: path.clone(), kind: error.kind() })?;
+        let file = File::options().read(true).write(true).create(true).truncate(true).open(&path);
+        let file = file.map_err(|error| LevelError::File { path: path.clone(), kind: error.kind() })?;
         let scratch = ScratchFile { path, file };
         let to = BufWriter::new(scratch.file.try_clone().map_err(|error| scratch.error(&error))?);
-        Ok(Self { scratch, to, offsets: vec![0], words: Vec::new() })
+        Ok(Self { scratch, to, offsets: vec![0], bytes: Vec::new() })
     }
 
     /// Appends the content of an object.
@@ -89,7 +91,7 @@ impl ContentWriter {
         triangles: &[Triangle],
         mesh: Option<(&OccluderMesh, &Affine3A)>,
     ) -> Result<(), LevelError> {
-        self.words.clear();
+        self.bytes.clear();
         let (positions, faces) =
             mesh.map_or((&[][..], &[][..]), |(mesh, _)| (mesh.positions(), mesh.triangles()));
         let two_sided = mesh.is_some_and(|(mesh, _)| mesh.is_two_sided());
@@ -99,14 +101,15 @@ impl ContentWriter {
         let words = head.into_iter();
         let words = words.chain(transform.into_iter().flatten().chain(points).map(f32::to_bits));
         let words = words.chain(faces.as_flattened().iter().copied());
-        self.words.extend(words.flat_map(u32::to_le_bytes));
-        self.to.write_all(&self.words).map_err(|error| self.scratch.error(&error))?;
-        let end = self.offsets.last().copied().unwrap_or_default() + self.words.len() as u64;
+        self.bytes.extend(words.flat_map(u32::to_le_bytes));
+        self.to.write_all(&self.bytes).map_err(|error| self.scratch.error(&error))?;
+        let end = self.offsets.last().copied().unwrap_or_default() + self.bytes.len() as u64;
         self.offsets.push(end);
         Ok(())
     }
 
-    /// Ends the file. Of the memory of the whole process, `limit` bytes, some are in use already.
+    /// Ends the file. The whole process is to keep within `limit` bytes of memory, of which it has `in_use`
+    /// in use for other things.
     pub(crate) fn finish(
         mut self,
         objects: &[ObjectFacts],
@@ -119,9 +122,9 @@ impl ContentWriter {
         for tile in 0..tree.tiles.len() as u32 {
             tree.own(tile).iter().for_each(|&at| tile_of[at as usize] = tile);
         }
-        let fixed = in_use.saturating_add(KNOWN * objects.len() as u64);
+        let fixed = in_use.saturating_add(OBJECT_BYTES * objects.len() as u64);
         let memory =
-            Memory { limit, reserved: fixed, cached: 0, clock: 0, tiles: HashMap::new(), running: 0 };
+            Memory { limit, reserved: fixed, cached: 0, requests: 0, tiles: HashMap::new(), running: 0 };
         let file = LevelFile {
             scratch: Mutex::new(self.scratch),
             offsets: self.offsets,
@@ -137,55 +140,64 @@ impl ContentWriter {
 /// The content of a level, in a file.
 pub(crate) struct LevelFile {
     scratch: Mutex<ScratchFile>,
+    /// By number of an object, the offset in bytes of its content; then the end of the last.
     offsets: Vec<u64>,
     /// By number of an object, its tile.
     tile_of: Vec<u32>,
     shared: Arc<Shared>,
-    /// Held by all threads that work, together or alone.
+    /// Locked by all threads that work: for reading together, for writing alone.
     turn: RwLock<()>,
 }
 
-/// What all threads know of the memory.
+/// The account of memory that threads and their [reservations](Reserved) share.
 struct Shared {
     memory: Mutex<Memory>,
     /// Notified when memory is released, or a thread ends or suspends its work.
     changed: Condvar,
 }
 
-/// The memory of a level in a file, by estimates.
+/// The memory of a level in a file, by estimates. All sizes are in bytes.
 struct Memory {
+    /// Greatest sum of `reserved` and `cached`.
     limit: u64,
-    /// Bytes that cannot be given up now.
+    /// Memory that cannot be given up now.
     reserved: u64,
-    /// Bytes of the tiles.
+    /// Memory of the tiles.
     cached: u64,
-    /// Number of times that a tile was asked for.
-    clock: u64,
-    /// Tiles with their sizes in bytes, and the time when each was asked for last.
-    tiles: HashMap<u32, (Arc<[Content]>, u64, u64)>,
+    /// Number of times that any tile was asked for.
+    requests: u64,
+    /// Tiles that are loaded, by their numbers.
+    tiles: HashMap<u32, LoadedTile>,
     /// Number of threads that work and wait for nothing.
     running: usize,
 }
 
+/// The content of a tile in memory.
+struct LoadedTile {
+    content: Arc<[Content]>,
+    bytes: u64,
+    /// The value of [`Memory::requests`] when the tile was asked for last.
+    last_request: u64,
+}
+
 impl Memory {
-    /// Gives up tiles, least recently used first, until so many bytes are free. Returns whether they are.
+    /// Gives up tiles, least recently used first, until `bytes` are free. Returns false if they are not even
+    /// without any tile.
     fn make_room(&mut self, bytes: u64) -> bool {
         let reserved = self.reserved.saturating_add(bytes);
         if reserved > self.limit {
             return false;
         }
         while reserved.saturating_add(self.cached) > self.limit {
-            let oldest = self.tiles.iter().min_by_key(|(_, tile)| tile.2).map(|(&tile, _)| tile);
-            let Some((_, bytes, _)) = oldest.and_then(|oldest| self.tiles.remove(&oldest)) else {
-                return false;
-            };
-            self.cached -= bytes;
+            let oldest = self.tiles.iter().min_by_key(|(_, tile)| tile.last_request).map(|(&tile, _)| tile);
+            let Some(tile) = oldest.and_then(|oldest| self.tiles.remove(&oldest)) else { return false };
+            self.cached -= tile.bytes;
         }
         true
     }
 }
 
-/// Memory that is in use until this is dropped.
+/// Memory that is reserved until this is dropped.
 pub(crate) struct Reserved {
     shared: Arc<Shared>,
     bytes: u64,
@@ -204,7 +216,7 @@ pub(crate) struct Working<'a> {
     _turn: Turn<'a>,
 }
 
-/// How a thread works, which is only held.
+/// The lock that a thread holds while it works.
 enum Turn<'a> {
     Together { _guard: RwLockReadGuard<'a, ()> },
     Alone { _guard: RwLockWriteGuard<'a, ()> },
@@ -251,6 +263,7 @@ impl LevelFile {
     }
 
     /// Reserves memory. Waits for it as long as another thread runs that may release some.
+    /// [`LevelError::Memory`] if none does.
     pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
         let mut memory = lock(&self.shared.memory);
         while !memory.make_room(bytes) {
@@ -266,7 +279,8 @@ impl LevelFile {
         Ok(Reserved { shared: self.shared.clone(), bytes })
     }
 
-    /// Calls `each` with the content of some objects, in their order.
+    /// Calls `each` with the content of some objects, in the order of `numbers`, and with the position of
+    /// each in that list.
     pub(crate) fn for_each(
         &self,
         objects: &[ObjectFacts],
@@ -298,14 +312,14 @@ impl LevelFile {
         tile: u32,
     ) -> Result<Arc<[Content]>, LevelError> {
         let mut memory = lock(&self.shared.memory);
-        memory.clock += 1;
-        let now = memory.clock;
-        if let Some((content, _, last)) = memory.tiles.get_mut(&tile) {
-            *last = now;
-            return Ok(content.clone());
+        memory.requests += 1;
+        let last_request = memory.requests;
+        if let Some(loaded) = memory.tiles.get_mut(&tile) {
+            loaded.last_request = last_request;
+            return Ok(loaded.content.clone());
         }
         drop(memory);
-        let bytes = LOADED * tree.tiles[tile as usize].weight;
+        let bytes = BYTES_PER_WEIGHT * tree.tiles[tile as usize].weight;
         // While it is read it is in memory, whether it stays there or not.
         let reserved = self.reserve(bytes)?;
         let content =
@@ -313,7 +327,8 @@ impl LevelFile {
         let content: Arc<[Content]> = content?;
         drop(reserved);
         let mut memory = lock(&self.shared.memory);
-        if memory.make_room(bytes) && memory.tiles.insert(tile, (content.clone(), bytes, now)).is_none() {
+        let loaded = LoadedTile { content: content.clone(), bytes, last_request };
+        if memory.make_room(bytes) && memory.tiles.insert(tile, loaded).is_none() {
             memory.cached += bytes;
         }
         Ok(content)
@@ -336,25 +351,25 @@ impl LevelFile {
             Err(error) => return Err(lock(&self.scratch).error(&error)),
             Ok(()) => {}
         }
-        let content = content(&bytes).ok_or_else(damaged)?;
+        let content = parse(&bytes).ok_or_else(damaged)?;
         let mesh = content.mesh.as_ref().map(|(mesh, transform)| (mesh, transform));
         let found = ObjectFacts::new(facts.index, &facts.object(), &content.triangles, mesh);
         if found.hash == facts.hash { Ok(content) } else { Err(damaged()) }
     }
 }
 
-/// Reads the content of an object. `None` if there is less than it announces, or no such mesh.
-fn content(bytes: &[u8]) -> Option<Content> {
+/// Reads the content of an object. `None` if its length is not what it announces, or its mesh is invalid.
+fn parse(bytes: &[u8]) -> Option<Content> {
     let mut words = bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let mut next = || words.next();
     let [triangles, positions, faces, two_sided] = [next()?, next()?, next()?, next()?].map(|n| n as usize);
-    let head = HEAD + if faces > 0 { TRANSFORM } else { 0 };
+    let head = HEAD_WORDS + if faces > 0 { TRANSFORM_WORDS } else { 0 };
     let sizes = [(triangles, 9), (positions, 3), (faces, 3)];
     let expected = sizes.iter().try_fold(head, |sum, (n, each)| n.checked_mul(*each)?.checked_add(sum))?;
     if expected.checked_mul(4)? != bytes.len() {
         return None;
     }
-    let mut transform = [0.0; TRANSFORM];
+    let mut transform = [0.0; TRANSFORM_WORDS];
     if faces > 0 {
         for x in &mut transform {
             *x = f32::from_bits(next()?);
@@ -362,25 +377,27 @@ fn content(bytes: &[u8]) -> Option<Content> {
     }
     let mut point =
         || Some(Vec3::new(f32::from_bits(next()?), f32::from_bits(next()?), f32::from_bits(next()?)));
-    let mut list = Vec::with_capacity(triangles);
-    for _ in 0..triangles {
-        list.push([point()?, point()?, point()?]);
-    }
-    let places: Vec<Vec3> = (0..positions).map(|_| point()).collect::<Option<_>>()?;
+    let triangle = |_| Some([point()?, point()?, point()?]);
+    let triangles: Box<[Triangle]> = (0..triangles).map(triangle).collect::<Option<_>>()?;
+    let positions: Vec<Vec3> = (0..positions).map(|_| point()).collect::<Option<_>>()?;
     let mut corners = Vec::with_capacity(faces);
     for _ in 0..faces {
         corners.push([words.next()?, words.next()?, words.next()?]);
     }
     let mesh = if faces > 0 {
-        let mesh = OccluderMesh::from_indexed(&places, &corners).ok()?;
+        let mesh = OccluderMesh::from_indexed(&positions, &corners).ok()?;
         Some((mesh.with_two_sided(two_sided != 0), Affine3A::from_cols_array(&transform)))
     } else {
         None
     };
-    Some(Content { triangles: list.into(), mesh })
+    Some(Content { triangles, mesh })
 }
 
-/// Returns what is known of an object that is written.
+/// Returns the facts of an object.
+///
+/// # Errors
+/// [`LevelError::TooMany`] if the index is not below `u32::MAX`, or there are more triangles than 32 bits
+/// count.
 pub(crate) fn facts(
     index: usize,
     object: &Object,
@@ -413,8 +430,8 @@ mod tests {
         let objects: Vec<ObjectFacts> = (0..600).map(known).collect();
         (0..600).for_each(|at| writer.push(&triangles(at), None).unwrap());
         let tree = TileTree::with_leaves(&objects, 0, 100);
-        let fixed = KNOWN * 600;
-        let file = writer.finish(&objects, &tree, fixed + 300 * LOADED, 0).unwrap();
+        let fixed = OBJECT_BYTES * 600;
+        let file = writer.finish(&objects, &tree, fixed + 300 * BYTES_PER_WEIGHT, 0).unwrap();
         let in_tiles = tree.order.clone();
         let scattered: Vec<u32> = (0..600).map(|at| at * 7 % 600).collect();
         let (mut loads, mut kept) = (0, 0);
@@ -426,20 +443,20 @@ mod tests {
                 places += 1;
                 let memory = lock(&file.shared.memory);
                 assert!(memory.reserved + memory.cached <= memory.limit);
-                let sizes: u64 = memory.tiles.values().map(|tile| tile.1).sum();
+                let sizes: u64 = memory.tiles.values().map(|tile| tile.bytes).sum();
                 assert_eq!(sizes, memory.cached);
-                (loads, kept) = (memory.clock, kept.max(memory.tiles.len()));
+                (loads, kept) = (memory.requests, kept.max(memory.tiles.len()));
             })
             .unwrap();
             assert_eq!(places, 600);
         }
         assert!(loads > 600 && kept > 1, "{loads} times a tile, of which {kept} were kept at once");
         // All but what is known may be reserved, and then no tile is left; what is reserved comes back.
-        let all = file.reserve(300 * LOADED).unwrap();
+        let all = file.reserve(300 * BYTES_PER_WEIGHT).unwrap();
         assert!(lock(&file.shared.memory).tiles.is_empty());
         assert!(matches!(file.reserve(1), Err(LevelError::Memory { .. })));
         drop(all);
-        assert!(file.reserve(300 * LOADED).is_ok());
+        assert!(file.reserve(300 * BYTES_PER_WEIGHT).is_ok());
         drop(file);
         assert!(!path.exists());
     }

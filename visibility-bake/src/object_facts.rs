@@ -1,15 +1,15 @@
-//! What is known of each object of a level without its triangles, and hashes of what a bake depends on.
+//! The objects of a level without their triangles, and hashes of what a bake depends on.
 
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, Object, OccluderMesh};
 
-/// What stays in memory of each object.
+/// An object without its triangles and its occluder mesh.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct ObjectFacts {
     pub bounds: Aabb,
-    /// Hash of all that a bake depends on, but for the index.
+    /// Hash of the object with its triangles and occluder mesh, without the index.
     pub hash: u64,
     /// Index of the object in its scene.
     pub index: u32,
@@ -44,7 +44,7 @@ impl ObjectFacts {
         self.never_cull || !self.bounds.is_finite()
     }
 
-    /// Returns what the object costs a sweep, in triangles.
+    /// Returns the weight of the object, which estimates time and memory of a sweep: its triangles and 4.
     pub(crate) fn weight(&self) -> u64 {
         4 + u64::from(self.triangles)
     }

@@ -1,4 +1,4 @@
-//! Scenes of a part of the objects of another, and what identifies their content.
+//! Scenes of a part of the objects of another scene.
 //!
 //! All that is found for a viewcell after a first sweep is found in a scene of the objects that the sweep
 //! left. What a hidden object would occlude is hidden behind others anyway: the first surface on a line of
@@ -9,10 +9,12 @@ use visibility_core::occlusion::OccluderMesh;
 use visibility_core::scene::MeshId;
 use visibility_core::{ObjectId, Scene};
 
-/// Occluder meshes of a part, by their places in the whole: those that several objects share are stored once.
+/// Occluder meshes that a part has already, by their addresses in the whole scene. A mesh of several objects
+/// is stored once.
 pub(crate) type Meshes = HashMap<*const OccluderMesh, MeshId>;
 
-/// Gives an object of a part the triangles and the occluder mesh that it has in the whole.
+/// Copies the content of an object `id` of `scene` to the object `new` of `part`: its triangles if
+/// `with_triangles`, and its occluder mesh if there are `meshes`.
 pub(crate) fn copy_content(
     scene: &Scene,
     id: ObjectId,

@@ -1,4 +1,4 @@
-//! How much a bake finds out.
+//! Settings of a bake.
 
 /// Settings of a [`SandwichBaker`](crate::SandwichBaker).
 ///
@@ -10,7 +10,7 @@
 pub struct Settings {
     /// Proofs for a viewcell end when the open objects have at most this part of the
     /// [cost](visibility_core::Object::cost) of all that are reported, from 0 to 1. 0 asks for a proof of
-    /// every object that is not seen; 1 for none. NaN counts as 0.
+    /// every object that is not seen; 1 for none. NaN and numbers below 0 count as 0.
     pub gap: f64,
     /// Distance in metres that a line of sight must keep from all occluders for an object to count as
     /// visible, up to a factor of six. 0 gives a conservative bake, see

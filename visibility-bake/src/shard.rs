@@ -115,7 +115,8 @@ impl std::error::Error for AssembleError {}
 /// shards, as after a machine was given up too early, if these agree.
 ///
 /// # Errors
-/// [`AssembleError`] if a viewcell is in no shard, or shards are of different bakes.
+/// [`AssembleError`] if shards are of different bakes, have viewcells from number `count` on or contradict
+/// one another, or a viewcell is in no shard.
 pub fn assemble(
     count: usize,
     shards: impl IntoIterator<Item = Shard>,

@@ -1,4 +1,4 @@
-//! Why a bake has ended without a result.
+//! Failures of the program `bake`.
 
 use std::fmt;
 use visibility_bake::LevelError;

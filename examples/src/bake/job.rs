@@ -34,10 +34,10 @@ pub struct Job {
     #[arg(long, default_value_t = 200)]
     pub rays: u32,
 
-    /// Memory in which the bake is to do, as in 512M or 2G: triangles are in a file beside the output, and
-    /// those that are needed are read. The result is the same. The scene is made or read object by object,
-    /// but for a .glb or .gltf file, which is in memory as a whole until its objects are written. By default
-    /// all is in memory.
+    /// Limit of the program's memory, as in 512M or 2G: triangles are in a file beside the output, and those
+    /// that are needed are read. The result is the same. The scene is made or read object by object, but for
+    /// a .glb or .gltf file, which is in memory as a whole until its objects are written. By default all is
+    /// in memory.
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub memory: Option<u64>,
 }
@@ -55,7 +55,7 @@ fn bytes(text: &str) -> Result<u64, String> {
     bytes.ok_or_else(|| "a size is a number of bytes, or as in 512M or 2G".to_owned())
 }
 
-/// Reads a part from text: a number from 0 to 1, or a percentage.
+/// Reads a part from text: a number from 0 to 1, or a percentage up to 100%.
 fn share(text: &str) -> Result<f64, String> {
     let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
     match number.trim().parse::<f64>() {
@@ -64,6 +64,7 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Reads a hint and the text that names of objects contain, as in mover=Lift.
 fn hint(text: &str) -> Result<(Hint, String), String> {
     let (hint, part) = text.split_once('=').ok_or("a hint is HINT=TEXT, as in mover=Lift")?;
     Ok((hint.parse()?, part.to_owned()))

@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::job::Job;
 use super::run::clock;
-use super::viewcells::{self, Space};
+use super::viewcells::{self, Solids};
 use crate::region::world;
 use crate::source::{Bounds, Corners};
 use crate::walkthrough::World;
@@ -21,7 +21,7 @@ use visibility_core::pvs::Viewcells;
 use visibility_core::{Object, Scene};
 
 /// Bytes of memory that the program has in use beside the level, about.
-const PROGRAM: u64 = 32 << 20;
+const PROGRAM_BYTES: u64 = 32 << 20;
 
 /// The scene of a job with its viewcells.
 pub struct Level {
@@ -31,12 +31,15 @@ pub struct Level {
     pub viewcells: Viewcells,
     content: Content,
     settings: Settings,
-    /// Results of an earlier bake.
+    /// Results of an earlier bake, empty without one.
     cache: Arc<BakeCache>,
 }
 
+/// Where the triangles of a level are.
 enum Content {
+    /// In memory.
     World(Box<World>),
+    /// In a file.
     File(Arc<TiledScene<'static>>),
 }
 
@@ -55,8 +58,8 @@ impl Level {
                 let mut objects = Vec::new();
                 let (source, bounds) = read(job, &mut |object| objects.push(object))?;
                 let world = world(SceneSource { objects, ..source });
-                let space = Space::Scene(&world.scene);
-                let viewcells = viewcells::make(&job.places, &world.source, bounds, &space)?;
+                let solids = Solids::Scene(&world.scene);
+                let viewcells = viewcells::make(&job.places, &world.source, bounds, &solids)?;
                 (world.source.name.clone(), Content::World(Box::new(world)), viewcells)
             }
             Some(memory) => {
@@ -68,8 +71,8 @@ impl Level {
                     }
                 })?;
                 written?;
-                let level = writer.finish(memory, PROGRAM)?;
-                let viewcells = viewcells::make(&job.places, &source, bounds, &Space::Level(&level))?;
+                let level = writer.finish(memory, PROGRAM_BYTES)?;
+                let viewcells = viewcells::make(&job.places, &source, bounds, &Solids::Level(&level))?;
                 (source.name, Content::File(Arc::new(level)), viewcells)
             }
         };
@@ -130,7 +133,7 @@ impl Level {
         }
     }
 
-    /// Returns the number of objects. Their indices are below it.
+    /// Returns the number of objects. Their indices are those from 0 on.
     pub fn object_count(&self) -> usize {
         match &self.content {
             Content::World(world) => world.scene.len(),
@@ -138,7 +141,7 @@ impl Level {
         }
     }
 
-    /// Returns the triangles of an object.
+    /// Returns the number of triangles of the object with an index. `None` if there is none.
     pub fn cost(&self, index: u32) -> Option<u32> {
         match &self.content {
             Content::World(world) => {
@@ -150,7 +153,11 @@ impl Level {
 }
 
 /// Makes the scene of a job, and passes its objects to `each` one by one, with the job's hints. Returns the
-/// scene without objects, and the bounds of all objects.
+/// scene without objects, and the bounds of all objects, `None` if there are none.
+///
+/// # Errors
+///
+/// Returns a message if the scene cannot be made or read, or a hint is for no object.
 fn read(job: &Job, each: &mut dyn FnMut(SourceObject)) -> Result<(SceneSource, Option<Corners>), String> {
     let mut bounds = Bounds::default();
     let mut is_named = vec![false; job.hints.len()];

@@ -1,4 +1,5 @@
-//! Bakes of whole scenes: which viewcells, how far, and where the work is kept. Used by the program `bake`.
+//! Parts of the program `bake`: the job that a user states, the level with its viewcells, the run, the report
+//! and its pictures.
 
 mod failure;
 mod job;

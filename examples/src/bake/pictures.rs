@@ -35,20 +35,20 @@ pub fn draw(level: &Level, cells: &[CellSandwich], report: &Report, folder: &Pat
     let greatest = report.viewcells.iter().map(|cell| cell.gap).fold(0.0, f64::max);
     // Of viewcells above one another, the worst is on top.
     let mut order: Vec<(usize, &Cell)> = report.viewcells.iter().enumerate().collect();
-    order.sort_by(|a, b| a.1.gap.total_cmp(&b.1.gap));
+    order.sort_by(|(_, a), (_, b)| a.gap.total_cmp(&b.gap));
     let tiles: Vec<Tile<'_>> = order
         .iter()
         .map(|&(number, cell)| Tile {
             number,
             cell,
             color: color(cell.gap, greatest),
-            place: place(&map, cell),
+            bounds_px: bounds_px(&map, cell),
         })
         .collect();
 
     let mut canvas = Canvas::new(map.width, map.height + LEGEND, PAPER);
     map.paint(&mut canvas, world, |_, _| true, |_| HIDDEN).map_err(|error| error.to_string())?;
-    for Tile { color, place: [x, y, width, height], .. } in &tiles {
+    for Tile { color, bounds_px: [x, y, width, height], .. } in &tiles {
         let (width, height) = (width.ceil().max(2.0) as i64, height.ceil().max(2.0) as i64);
         canvas.rectangle(*x as i64, *y as i64, width, height, *color);
     }
@@ -59,7 +59,7 @@ pub fn draw(level: &Level, cells: &[CellSandwich], report: &Report, folder: &Pat
     super::run::write(&folder.join("gaps.svg"), svg([map.width, map.height], &title, &tiles).as_bytes())?;
 
     for &(number, cell) in order.iter().rev().take(WORST).filter(|(_, cell)| cell.gap > 0.0) {
-        let picture = worst(level, world, number, &cells[number], cell)?;
+        let picture = draw_viewcell(level, world, number, &cells[number], cell)?;
         save(&picture, &folder.join(format!("worst-{number}.png")))?;
     }
     Ok(())
@@ -71,10 +71,11 @@ struct Tile<'a> {
     cell: &'a Cell,
     color: Color,
     /// Left, top, width and height in pixels.
-    place: [f64; 4],
+    bounds_px: [f64; 4],
 }
 
-fn place(map: &Map, cell: &Cell) -> [f64; 4] {
+/// Returns left, top, width and height in pixels of a viewcell on a map.
+fn bounds_px(map: &Map, cell: &Cell) -> [f64; 4] {
     let [a, b, c, d, e, f] = cell.cell;
     let [p, q] = [map.place(DVec3::new(a, b, c)), map.place(DVec3::new(d, e, f))];
     [p[0].min(q[0]), p[1].min(q[1]), (p[0] - q[0]).abs(), (p[1] - q[1]).abs()]
@@ -91,6 +92,7 @@ fn color(gap: f64, greatest: f64) -> Color {
     [mix(0), mix(1), mix(2)]
 }
 
+/// Returns the title of the heat map.
 fn title(report: &Report) -> String {
     let (count, gap) = (report.viewcells.len(), report.gap * 100.0);
     format!("{}: triangles neither seen nor proven hidden, {gap:.2} % over {count} viewcells", report.scene)
@@ -102,7 +104,7 @@ fn svg([width, height]: [u32; 2], title: &str, tiles: &[Tile<'_>]) -> String {
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\">\n<title>{plain}</title>\n"
     );
-    for Tile { number, cell, color: [r, g, b], place: [x, y, width, height] } in tiles {
+    for Tile { number, cell, color: [r, g, b], bounds_px: [x, y, width, height] } in tiles {
         let (gap, seen, open) = (cell.gap * 100.0, cell.seen, cell.open);
         // Writing to a string cannot fail.
         let _ = writeln!(
@@ -115,8 +117,8 @@ fn svg([width, height]: [u32; 2], title: &str, tiles: &[Tile<'_>]) -> String {
     svg + "</svg>\n"
 }
 
-/// Draws what is known of the objects from one viewcell.
-fn worst(
+/// Draws all objects in the colors of seen, open and hidden ones from one viewcell, and the viewcell.
+fn draw_viewcell(
     level: &Level,
     world: &World,
     number: usize,
@@ -153,7 +155,7 @@ fn worst(
     Ok(canvas)
 }
 
-/// Writes a title and the meanings of colors below a map.
+/// Draws a title and the meanings of colors below a map.
 fn legend(canvas: &mut Canvas, map: &Map, title: &str, entries: &[(Color, &str)]) {
     canvas.rectangle(0, map.height.into(), map.width.into(), LEGEND.into(), PAPER);
     let top = i64::from(map.height) + 8;

@@ -13,11 +13,11 @@ pub struct Report {
     pub objects: usize,
     /// Seconds that the bake took, without loading the scene.
     pub seconds: f64,
-    /// Seconds that each method took, of all threads together. 0 if shards were assembled.
+    /// Seconds that each method took, summed over all threads. 0 if shards were assembled.
     pub methods: Seconds,
     /// Whether all viewcells were worked on.
     pub complete: bool,
-    /// Triangles neither seen nor proven hidden, as a part of those reported, over all viewcells.
+    /// Sum over all viewcells of the triangles neither seen nor proven hidden, as a part of those reported.
     pub gap: f64,
     /// Bytes of the file that a game loads, viewcells included.
     pub bytes: usize,
@@ -25,7 +25,7 @@ pub struct Report {
     pub memory: usize,
     /// Bytes of the sets with a bit for each viewcell and object.
     pub plain_bytes: usize,
-    /// By viewcell.
+    /// By viewcell, what was found for it.
     pub viewcells: Vec<Cell>,
 }
 
@@ -93,7 +93,7 @@ impl Report {
                 proven: found.proven,
                 steps: found.steps,
                 seconds,
-                gap: part(costs),
+                gap: gap(costs),
             }
         });
         let viewcells: Vec<Cell> = viewcells.collect();
@@ -103,7 +103,7 @@ impl Report {
             seconds,
             methods: Seconds::from(&times.iter().sum()),
             complete,
-            gap: part(sums),
+            gap: gap(sums),
             bytes: set.to_bytes().len(),
             memory: set.set_bytes(),
             plain_bytes: cells.len() * level.object_count().div_ceil(8),
@@ -147,11 +147,12 @@ impl Report {
     }
 }
 
-/// Returns the triangles of some objects.
+/// Returns the number of triangles of some objects.
 fn cost(level: &Level, objects: &[u32]) -> f64 {
     objects.iter().filter_map(|&index| level.cost(index)).map(f64::from).sum()
 }
 
-fn part([open, seen]: [f64; 2]) -> f64 {
+/// Returns the open triangles as a part of those reported, open or seen. 0 if none is open.
+fn gap([open, seen]: [f64; 2]) -> f64 {
     if open > 0.0 { open / (open + seen) } else { 0.0 }
 }

@@ -54,8 +54,8 @@ pub fn run<'a>(
         loop {
             let (begun, asked) = (Instant::now(), AtomicUsize::new(0));
             let is_over = || run.limit.is_some_and(|limit| start.elapsed() >= limit);
-            // Before a write threads wait for one another. At most a tenth of the time is lost with a
-            // process.
+            // Before a write, threads wait for one another. So writes are rarer the longer the bake runs, and
+            // a process that dies loses at most a tenth of the time.
             let every = run.save_every.max(start.elapsed() / 10);
             let is_due = || begun.elapsed() >= every;
             // Between two writes at least one item is begun, however little time there is.

@@ -22,7 +22,7 @@ pub struct Places {
     /// triangles, such as a navigation mesh, for the boxes above them. By default `grid` with --over, `free`
     /// with --from, else `walks`. An eye outside all viewcells sees everything.
     #[arg(long, value_name = "PLACES|FILE")]
-    pub cells: Option<Kind>,
+    pub cells: Option<Placement>,
 
     /// Size of a viewcell in metres along x, y and z. By default 4 m on the ground and 2 m up.
     #[arg(long, value_name = "X,Y,Z", value_parser = size)]
@@ -55,7 +55,7 @@ pub struct Places {
 
 /// How viewcells are placed.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub enum Kind {
+pub enum Placement {
     /// In the free space that the scene's walks reach, and along the walks.
     Free,
     /// Along the scene's walks.
@@ -68,7 +68,7 @@ pub enum Kind {
     Above(PathBuf),
 }
 
-impl FromStr for Kind {
+impl FromStr for Placement {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -83,35 +83,39 @@ impl FromStr for Kind {
     }
 }
 
+/// Reads the size of a viewcell in metres.
 fn size(text: &str) -> Result<[f64; 3], String> {
     cells::parse_size(text)
 }
 
+/// Reads the coordinates of a point.
 fn point(text: &str) -> Result<[f64; 3], String> {
     cells::numbers(text)
 }
 
+/// Reads the least and the greatest corner of a box.
 fn corners(text: &str) -> Result<[f64; 6], String> {
     let corners: [f64; 6] = cells::numbers(text)?;
     let is_inverted = (0..3).any(|axis| corners[axis] > corners[axis + 3]);
     if is_inverted { Err("a maximum is less than its minimum".to_owned()) } else { Ok(corners) }
 }
 
+/// Reads the least and the greatest height of a camera.
 fn heights(text: &str) -> Result<[f64; 2], String> {
     let [low, high] = cells::numbers(text)?;
     if low <= high { Ok([low, high]) } else { Err("the greatest height is less than the least".to_owned()) }
 }
 
-/// Where the solid triangles are, around which free space is sought.
-pub enum Space<'a> {
+/// Where the solid triangles of a scene are, between which free space is sought.
+pub enum Solids<'a> {
     /// In memory.
     Scene(&'a Scene),
     /// In a file.
     Level(&'a TiledScene<'a>),
 }
 
-impl Space<'_> {
-    /// Seeks viewcells in a scene of all objects, or of at least those that touch a box.
+impl Solids<'_> {
+    /// Calls `seek` with a scene of all objects, or of those that touch the box from `min` to `max`.
     fn seek(
         &self,
         (min, max): (DVec3, DVec3),
@@ -125,7 +129,7 @@ impl Space<'_> {
     }
 }
 
-/// Makes the viewcells of a scene with some bounds.
+/// Makes the viewcells of a scene. `bounds` are those of all its objects, `None` if there are none.
 ///
 /// # Errors
 ///
@@ -134,7 +138,7 @@ pub fn make(
     places: &Places,
     source: &SceneSource,
     bounds: Option<Corners>,
-    space: &Space<'_>,
+    solids: &Solids<'_>,
 ) -> Result<Vec<Viewcell>, Failure> {
     let text = |error: GridError| error.to_string();
     let double = |point: Vec3| point.as_dvec3();
@@ -143,17 +147,17 @@ pub fn make(
     let usual = DVec3::from_array([0, 1, 2].map(|axis| if axis == up { 2.0 } else { 4.0 }));
     let size = places.size.map_or(usual, DVec3::from_array);
     let over = places.over.map(|[a, b, c, d, e, f]| (DVec3::new(a, b, c), DVec3::new(d, e, f)));
-    let kind = match &places.cells {
-        Some(kind) => kind.clone(),
-        None if over.is_some() => Kind::Grid,
-        None if !places.from.is_empty() => Kind::Free,
-        None => Kind::Walks,
+    let placement = match &places.cells {
+        Some(placement) => placement.clone(),
+        None if over.is_some() => Placement::Grid,
+        None if !places.from.is_empty() => Placement::Free,
+        None => Placement::Walks,
     };
     // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it,
     // under all that stands there.
     let mut eyes = source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
-    let corner = match (&kind, over) {
-        (Kind::Grid, Some((min, _))) => min,
+    let corner = match (&placement, over) {
+        (Placement::Grid, Some((min, _))) => min,
         _ => eyes.next().map_or(low, |first| first - size * 0.5),
     };
     let grid = Grid::new(corner, size).map_err(text)?;
@@ -171,11 +175,11 @@ pub fn make(
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &eye| (a.min(eye), b.max(eye)));
         let margin = size * 2.0 + places.radius;
         let walks = eyes.iter().map(Vec::as_slice);
-        space.seek((min - margin, max + margin), |scene| grid.along_free(scene, walks, &camera))
+        solids.seek((min - margin, max + margin), |scene| grid.along_free(scene, walks, &camera))
     };
-    let found = match kind {
-        Kind::Walks => along()?,
-        Kind::Free => {
+    let found = match placement {
+        Placement::Walks => along()?,
+        Placement::Free => {
             let (from, mut all): (Vec<DVec3>, _) = if places.from.is_empty() {
                 let eyes = source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
                 (eyes.collect(), along()?)
@@ -184,7 +188,7 @@ pub fn make(
             };
             let (min, max) = over.unwrap_or((low, high));
             let margin = size * 2.0 + places.radius + places.heights[0].abs().max(places.heights[1].abs());
-            let reached = space
+            let reached = solids
                 .seek((min - margin, max + margin), |scene| grid.free(scene, &from, &camera, min, max))?;
             let known = Viewcells::new(all.iter().cloned());
             let is_new = |cell: &Viewcell| {
@@ -198,18 +202,18 @@ pub fn make(
             all.extend(reached.into_iter().filter(is_new));
             all
         }
-        Kind::Grid => {
+        Placement::Grid => {
             let (min, max) = over.unwrap_or((low, high));
             grid.over(min, max).map_err(text)?
         }
-        Kind::Graph => source
+        Placement::Graph => source
             .cells
             .as_ref()
             .ok_or_else(|| "the scene has no cells: take another value of --cells".to_owned())?
             .viewcells
             .cells()
             .to_vec(),
-        Kind::Above(file) => {
+        Placement::Above(file) => {
             let walkable = load(&file).map_err(|error| error.to_string())?;
             let triangles = walkable.objects.iter().flat_map(|object| &object.triangles);
             let triangles: Vec<[DVec3; 3]> = triangles.map(|corners| corners.map(double)).collect();

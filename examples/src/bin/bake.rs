@@ -18,7 +18,7 @@ use visibility_examples::bake::{Failure, Job, Level, Run, forget, run, write};
 /// all parts of a bake have in common, and the number of viewcells.
 #[derive(Parser)]
 #[command(version)]
-struct Whole {
+struct Arguments {
     #[command(flatten)]
     job: Job,
 
@@ -93,8 +93,9 @@ struct Identity {
 }
 
 /// Exit code if the memory is too small.
-const MEMORY: u8 = 3;
+const MEMORY_EXIT_CODE: u8 = 3;
 
+/// Reads the number of a part and the number of parts, as in 0/4.
 fn part(text: &str) -> Result<[usize; 2], String> {
     let numbers = text.split_once('/').and_then(|(i, n)| Some([i.parse().ok()?, n.parse().ok()?]));
     numbers.filter(|[i, n]| i < n).ok_or_else(|| "a part is I/N with I from 0 to N - 1".to_owned())
@@ -127,21 +128,22 @@ fn main() -> ExitCode {
     let done = match first.as_deref().and_then(OsStr::to_str) {
         Some("assemble") => put_together(&Assembly::parse_from(from_first)),
         Some("fingerprint") => identify(&Identity::parse_from(from_first)),
-        _ => bake(&Whole::parse()),
+        _ => bake(&Arguments::parse()),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
             match error {
-                Failure::Memory(_) => ExitCode::from(MEMORY),
+                Failure::Memory(_) => ExitCode::from(MEMORY_EXIT_CODE),
                 Failure::Other(_) => ExitCode::FAILURE,
             }
         }
     }
 }
 
-fn bake(arguments: &Whole) -> Result<(), Failure> {
+/// Bakes a scene, or a shard of the bake, and writes the file and what else is asked for.
+fn bake(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.job.memory.is_some() {
         begin_with_allocator();
     }
@@ -203,13 +205,14 @@ fn bake(arguments: &Whole) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Returns the path of a file beside another.
+/// Returns a path with `end` appended to the name of the file.
 fn beside(path: &Path, end: &str) -> PathBuf {
     let mut path = path.to_owned().into_os_string();
     path.push(end);
     PathBuf::from(path)
 }
 
+/// Prints the fingerprint of a bake and the number of its viewcells.
 fn identify(arguments: &Identity) -> Result<(), Failure> {
     let scratch = std::env::temp_dir().join(format!("bake-{}.tiles", std::process::id()));
     let level = Level::open(&arguments.job, &scratch)?;
@@ -217,6 +220,7 @@ fn identify(arguments: &Identity) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Assembles shards, and writes the file and the report.
 fn put_together(arguments: &Assembly) -> Result<(), Failure> {
     let level = Level::open(&arguments.job, &beside(&arguments.out, ".tiles"))?;
     let fingerprint = level.fingerprint();

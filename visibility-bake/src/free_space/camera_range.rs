@@ -1,0 +1,38 @@
+//! How a camera moves: the distance it keeps from surfaces, and its height above the ground.
+
+use visibility_core::glam::DVec3;
+
+/// How a camera moves, for [`Grid::free`](crate::Grid::free) and [`Grid::above`](crate::Grid::above).
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct CameraRange {
+    /// Least distance in metres that the camera keeps from every solid surface.
+    pub radius: f64,
+    /// Least and greatest height in metres of the camera above a surface that is less steep than 60 degrees,
+    /// on the vertical line through the camera. `None` for a camera that flies.
+    pub heights: Option<[f64; 2]>,
+    /// Direction that points up. The axis nearest to it counts.
+    pub up: DVec3,
+}
+
+impl Default for CameraRange {
+    /// A person: a quarter of a metre to every surface, 1 to 3 m above what is below, z up.
+    fn default() -> Self {
+        Self { radius: 0.25, heights: Some([1.0, 3.0]), up: DVec3::Z }
+    }
+}
+
+impl CameraRange {
+    /// Returns the axis that points up or down. Of two axes equally near to [`up`](Self::up), z comes before
+    /// x, and x before y.
+    pub(super) fn up_axis(&self) -> usize {
+        let up = self.up.abs();
+        (0..2).fold(2, |most, axis| if up[axis] > up[most] { axis } else { most })
+    }
+
+    /// Returns the least and greatest coordinate of the camera on the [up axis](Self::up_axis), in metres
+    /// relative to the surface below. `None` for a camera that flies.
+    pub(super) fn offsets(&self) -> Option<[f64; 2]> {
+        let is_downwards = self.up[self.up_axis()] < 0.0;
+        self.heights.map(|[low, high]| if is_downwards { [-high, -low] } else { [low, high] })
+    }
+}

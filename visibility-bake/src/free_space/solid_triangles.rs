@@ -1,0 +1,157 @@
+//! The solid triangles around the boxes of a grid, and the voxels of a box that they leave to a camera.
+//!
+//! The diagonal of a voxel is less than the radius that the camera keeps free around itself. A voxel that
+//! touches a solid surface therefore contains no position of the camera: each of its points is nearer to that
+//! surface than the radius.
+
+use super::camera_range::CameraRange;
+use super::triangle_columns::{Columns, extent};
+use super::voxel_set::{VoxelSet, voxel_number};
+use crate::grid::{Grid, GridError};
+use std::collections::HashMap;
+use std::convert::Infallible;
+use visibility_core::Scene;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::scene::Triangle;
+
+/// Most voxels of a box of the grid.
+const BOX_VOXELS: usize = 1 << 21;
+
+/// The triangles of a scene's occluders in some columns of a grid.
+pub(super) struct SolidTriangles<'a> {
+    pub grid: &'a Grid,
+    /// Places of the first and the last box of the grid on each axis, within which triangles are known.
+    pub limits: [[i64; 3]; 2],
+    /// Number of voxels of a box on each axis.
+    pub counts: [usize; 3],
+    /// Axis that points up or down.
+    pub up: usize,
+    /// Least and greatest coordinate of the camera on the axis `up`, in metres relative to a floor below it.
+    /// `None` for a camera that flies.
+    offsets: Option<[f64; 2]>,
+    triangles: Vec<SolidTriangle>,
+    /// By column of boxes, the indices of the triangles that touch it.
+    by_column: HashMap<[i64; 2], Vec<u32>>,
+}
+
+/// A solid triangle.
+pub(super) struct SolidTriangle {
+    /// Corners in metres relative to the grid's origin.
+    pub corners: [DVec3; 3],
+    /// Whether the camera can be above it.
+    is_floor: bool,
+}
+
+impl<'a> SolidTriangles<'a> {
+    /// Collects the triangles in the columns of boxes that together contain the box from `min` to `max`.
+    /// Triangles that are not finite are left out.
+    ///
+    /// # Errors
+    /// [`GridError::Radius`] if the radius is not positive or a box would have too many voxels,
+    /// [`GridError::TooMany`].
+    pub(super) fn new(
+        grid: &'a Grid,
+        scene: &Scene,
+        camera: &CameraRange,
+        [min, max]: [DVec3; 2],
+    ) -> Result<Self, GridError> {
+        // A voxel's diagonal is a little less than the radius.
+        let edge = camera.radius * 0.99 / 3f64.sqrt();
+        let counts = (grid.size / edge).ceil();
+        if !(camera.radius > 0.0 && counts.element_product() <= BOX_VOXELS as f64) {
+            return Err(GridError::Radius);
+        }
+        let counts = counts.to_array().map(|count| count.max(1.0) as usize);
+        let (first, mut last) = (grid.place(min)?, grid.place(max)?);
+        for axis in 0..3 {
+            // A box of the grid that only touches the box from outside is left out.
+            let is_outside = grid.face(axis, last[axis]) == max[axis];
+            last[axis] = (last[axis] - i64::from(is_outside)).max(first[axis]);
+        }
+        let (up, offsets) = (camera.up_axis(), camera.offsets());
+        let columns = Columns::new(up, grid.size);
+        let mut triangles: Vec<SolidTriangle> = Vec::new();
+        let mut by_column: HashMap<[i64; 2], Vec<u32>> = HashMap::new();
+        let mut entries = 0;
+        for id in scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder)) {
+            for triangle in scene.triangles(id).unwrap_or_default() {
+                if !triangle.iter().all(|p| p.is_finite()) {
+                    continue;
+                }
+                let corners = triangle.map(|p| p.as_dvec3() + (scene.origin() - grid.origin));
+                let before = entries;
+                columns.for_each(corners, [columns.of(first), columns.of(last)], |column, _| {
+                    by_column.entry(column).or_default().push(triangles.len() as u32);
+                    entries += 1;
+                    if entries > 16 * Grid::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
+                })?;
+                if entries > before {
+                    triangles.push(SolidTriangle { corners, is_floor: is_floor(triangle, up) });
+                }
+            }
+        }
+        Ok(Self { grid, limits: [first, last], counts, up, offsets, triangles, by_column })
+    }
+
+    /// Returns the size of a voxel in metres.
+    pub(super) fn voxel_size(&self) -> DVec3 {
+        self.grid.size / DVec3::from_array(self.counts.map(|count| count as f64))
+    }
+
+    /// Returns the triangles that touch the column of a box of the grid.
+    pub(super) fn in_column_of(&self, place: [i64; 3]) -> impl Iterator<Item = &SolidTriangle> {
+        let column = Columns::new(self.up, self.grid.size).of(place);
+        self.by_column.get(&column).into_iter().flatten().map(|&at| &self.triangles[at as usize])
+    }
+
+    /// Returns the voxels of a box where the camera can be: they touch no triangle, and the camera does not
+    /// fly too high or too low above a floor.
+    pub(super) fn free_voxels(&self, place: [i64; 3]) -> VoxelSet {
+        let (up, edge, size) = (self.up, self.voxel_size(), self.grid.size);
+        let columns = Columns::new(up, edge);
+        let slack = columns.slack;
+        let corner = DVec3::from_array(place.map(|place| place as f64)) * size;
+        let limits = [[0; 2], columns.of(self.counts).map(|count| count as i64 - 1)];
+        // Difference of the numbers of two voxels, one above the other.
+        let stride = voxel_number(columns.place([0; 2], 1), self.counts);
+        // Marks the voxels of a column between two heights above the bottom of the box.
+        let mark = |voxels: &mut VoxelSet, column: [i64; 2], low: f64, high: f64| {
+            let last_level = self.counts[up] as f64 - 1.0;
+            let [first, last] = [low - slack, high + slack].map(|height| (height / edge[up]).floor());
+            if first <= last_level && last >= 0.0 {
+                let bottom = voxel_number(columns.place(column.map(|at| at as usize), 0), self.counts);
+                for level in first.max(0.0) as usize..=last.min(last_level) as usize {
+                    voxels.insert(bottom + level * stride);
+                }
+            }
+        };
+        let mut solid = VoxelSet::empty(self.counts);
+        // Voxels at the right height above a floor.
+        let mut at_height = VoxelSet::empty(self.counts);
+        for SolidTriangle { corners, is_floor } in self.in_column_of(place) {
+            let local = corners.map(|p| p - corner);
+            let (least, most) = extent(&local);
+            let meets =
+                |[low, high]: [f64; 2]| least[up] + low <= size[up] + slack && most[up] + high >= -slack;
+            let offsets = self.offsets.filter(|&offsets| *is_floor && meets(offsets));
+            if !meets([0.0; 2]) && offsets.is_none() {
+                continue;
+            }
+            let Ok(()) = columns.for_each(local, limits, |column, [low, high]| {
+                mark(&mut solid, column, low, high);
+                if let Some(offsets) = offsets {
+                    mark(&mut at_height, column, low + offsets[0], high + offsets[1]);
+                }
+                Ok::<(), Infallible>(())
+            });
+        }
+        if self.offsets.is_some() { at_height.without(&solid) } else { solid.complement() }
+    }
+}
+
+/// Returns whether a triangle is less steep than 60 degrees. A triangle without area is not.
+fn is_floor(triangle: &Triangle, up: usize) -> bool {
+    let [a, b, c]: [DVec3; 3] = triangle.map(Vec3::as_dvec3);
+    let normal = (b - a).cross(c - a);
+    normal[up].abs() > 0.5 * normal.length()
+}

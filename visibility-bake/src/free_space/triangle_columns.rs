@@ -1,0 +1,152 @@
+//! The columns of a grid that a triangle touches, and its range of heights in each.
+
+use visibility_core::glam::DVec3;
+
+/// Part of the least side of a box of the grid by which its columns count as wider, for rounding.
+const SLACK: f64 = 1e-6;
+
+/// The columns of a grid along one of its axes. Column 0 begins at coordinate 0 on the two other axes.
+pub(super) struct Columns {
+    /// Axis along the columns.
+    pub up: usize,
+    /// The two axes across the columns.
+    across: [usize; 2],
+    /// Width in metres of a column on each axis of `across`.
+    widths: [f64; 2],
+    /// Distance in metres by which a column counts as wider on each side.
+    pub slack: f64,
+}
+
+impl Columns {
+    /// Makes the columns of a grid with boxes of a size in metres, along the axis `up`.
+    pub(super) fn new(up: usize, size: DVec3) -> Self {
+        let across = [(up + 1) % 3, (up + 2) % 3];
+        Self { up, across, widths: across.map(|axis| size[axis]), slack: SLACK * size.min_element() }
+    }
+
+    /// Returns the column of the box at a place in the grid.
+    pub(super) fn of<T: Copy>(&self, place: [T; 3]) -> [T; 2] {
+        self.across.map(|axis| place[axis])
+    }
+
+    /// Returns the place of the box in a column at a level: the box's position on the axis `up`.
+    pub(super) fn place<T: Copy>(&self, column: [T; 2], level: T) -> [T; 3] {
+        let mut place = [level; 3];
+        (place[self.across[0]], place[self.across[1]]) = (column[0], column[1]);
+        place
+    }
+
+    /// Calls `each` with the columns that a triangle touches, and with the least and greatest coordinate of
+    /// the triangle on the axis `up` in that column. Columns before `first` or after `last` on an axis are
+    /// left out.
+    ///
+    /// # Errors
+    /// The first error of `each`.
+    pub(super) fn for_each<E>(
+        &self,
+        triangle: [DVec3; 3],
+        [first, last]: [[i64; 2]; 2],
+        mut each: impl FnMut([i64; 2], [f64; 2]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let whole = ClippedTriangle::new(triangle);
+        let range = |polygon: &ClippedTriangle, side: usize| {
+            let [low, high] = polygon.range(self.across[side]);
+            let place = |x: f64| (x / self.widths[side]).floor();
+            let start = place(low - self.slack).max(first[side] as f64) as i64;
+            start..=place(high + self.slack).min(last[side] as f64) as i64
+        };
+        let within = |polygon: &ClippedTriangle, side: usize, place: i64| {
+            let width = self.widths[side];
+            let ends = [place as f64 * width - self.slack, (place + 1) as f64 * width + self.slack];
+            polygon.clipped(self.across[side], ends)
+        };
+        if range(&whole, 0).is_empty() {
+            return Ok(());
+        }
+        for row in range(&whole, 1) {
+            let strip = within(&whole, 1, row);
+            if strip.is_empty() {
+                continue;
+            }
+            for column in range(&strip, 0) {
+                let part = within(&strip, 0, column);
+                if !part.is_empty() {
+                    each([column, row], part.range(self.up))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns the least and greatest coordinates of a triangle.
+pub(super) fn extent([a, b, c]: &[DVec3; 3]) -> (DVec3, DVec3) {
+    (a.min(*b).min(*c), a.max(*b).max(*c))
+}
+
+/// Most corners of a [`ClippedTriangle`]: three, and half as many again for each of the six sides of a box,
+/// which is more than rounding can add.
+const CORNERS: usize = 28;
+
+/// The part of a triangle between sides of a box: a convex polygon, without corners if it is empty.
+pub(super) struct ClippedTriangle {
+    corners: [DVec3; CORNERS],
+    count: usize,
+}
+
+impl ClippedTriangle {
+    pub(super) fn new(triangle: [DVec3; 3]) -> Self {
+        let mut polygon = Self::empty();
+        triangle.into_iter().for_each(|corner| polygon.push(corner));
+        polygon
+    }
+
+    fn empty() -> Self {
+        Self { corners: [DVec3::ZERO; CORNERS], count: 0 }
+    }
+
+    fn push(&mut self, corner: DVec3) {
+        if let Some(place) = self.corners.get_mut(self.count) {
+            *place = corner;
+            self.count += 1;
+        }
+    }
+
+    fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Returns the least and greatest coordinate on an axis: infinity and -infinity if the polygon is empty.
+    pub(super) fn range(&self, axis: usize) -> [f64; 2] {
+        let start = [f64::INFINITY, f64::NEG_INFINITY];
+        self.corners().iter().fold(start, |[low, high], p| [low.min(p[axis]), high.max(p[axis])])
+    }
+
+    /// Returns the part between two coordinates on an axis.
+    pub(super) fn clipped(&self, axis: usize, [low, high]: [f64; 2]) -> Self {
+        self.clipped_by(axis, 1.0, low).clipped_by(axis, -1.0, -high)
+    }
+
+    /// Returns the part where the coordinate on an axis, times `sign`, is at least `limit`.
+    fn clipped_by(&self, axis: usize, sign: f64, limit: f64) -> Self {
+        let inside = |p: DVec3| p[axis] * sign - limit;
+        let mut part = Self::empty();
+        let Some(&last) = self.corners().last() else { return part };
+        let (mut p, mut a) = (last, inside(last));
+        for &q in self.corners() {
+            let b = inside(q);
+            if (a < 0.0) != (b < 0.0) {
+                part.push(p + (q - p) * (a / (a - b)));
+            }
+            if b >= 0.0 {
+                part.push(q);
+            }
+            (p, a) = (q, b);
+        }
+        part
+    }
+}

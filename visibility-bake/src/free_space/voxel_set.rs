@@ -1,0 +1,122 @@
+//! Sets of the voxels of a box, and the parts of a set that are connected through faces.
+//!
+//! Voxels are numbered along x, then y, then z. A part is found row by row: all voxels of a row along x that
+//! are connected are taken at once, and the search goes on in the four rows beside it.
+
+/// A set of the voxels of a box, with a bit for each.
+#[derive(Clone)]
+pub(super) struct VoxelSet {
+    /// Number of voxels of the box on each axis.
+    pub counts: [usize; 3],
+    bits: Vec<u64>,
+}
+
+/// The bounds of some voxels: the first and the last place on each axis.
+pub(super) struct VoxelBounds {
+    pub first: [usize; 3],
+    pub last: [usize; 3],
+}
+
+/// Returns the place of a voxel on each axis, from its number.
+pub(super) fn voxel_place(voxel: usize, counts: [usize; 3]) -> [usize; 3] {
+    [voxel % counts[0], voxel / counts[0] % counts[1], voxel / counts[0] / counts[1]]
+}
+
+/// Returns the number of the voxel at a place.
+pub(super) fn voxel_number(place: [usize; 3], counts: [usize; 3]) -> usize {
+    place[0] + counts[0] * (place[1] + counts[1] * place[2])
+}
+
+impl VoxelSet {
+    /// Returns the set of no voxels.
+    pub(super) fn empty(counts: [usize; 3]) -> Self {
+        Self { counts, bits: vec![0; counts.iter().product::<usize>().div_ceil(64)] }
+    }
+
+    /// Returns the numbers of all voxels of the box.
+    pub(super) fn all(&self) -> std::ops::Range<usize> {
+        0..self.counts.iter().product()
+    }
+
+    pub(super) fn contains(&self, voxel: usize) -> bool {
+        self.bits[voxel / 64] >> (voxel % 64) & 1 == 1
+    }
+
+    pub(super) fn insert(&mut self, voxel: usize) {
+        self.bits[voxel / 64] |= 1 << (voxel % 64);
+    }
+
+    /// Returns the voxels of this set that are not in another, of the same box.
+    pub(super) fn without(mut self, other: &Self) -> Self {
+        self.bits.iter_mut().zip(&other.bits).for_each(|(bits, other)| *bits &= !other);
+        self
+    }
+
+    /// Returns the voxels that are not in the set.
+    pub(super) fn complement(mut self) -> Self {
+        self.bits.iter_mut().for_each(|bits| *bits = !*bits);
+        self
+    }
+
+    /// Removes the voxels that are connected with one of the set, and returns their bounds. `None` if that
+    /// voxel is not in the set.
+    pub(super) fn take_part(&mut self, voxel: usize) -> Option<VoxelBounds> {
+        if !self.contains(voxel) {
+            return None;
+        }
+        let place = voxel_place(voxel, self.counts);
+        let mut bounds = VoxelBounds { first: place, last: place };
+        self.take_connected(vec![voxel as u32], |first, last| {
+            bounds.add(first);
+            bounds.add([last, first[1], first[2]]);
+        });
+        Some(bounds)
+    }
+
+    /// Removes the voxels that are connected with those of a list that are in the set. Calls `each` with runs
+    /// of them along x: the place of the first, and the x of the last.
+    pub(super) fn take_connected(&mut self, mut list: Vec<u32>, mut each: impl FnMut([usize; 3], usize)) {
+        let counts = self.counts;
+        let strides = [1, counts[0], counts[0] * counts[1]];
+        while let Some(voxel) = list.pop() {
+            if !self.contains(voxel as usize) {
+                continue;
+            }
+            let place = voxel_place(voxel as usize, counts);
+            let row = voxel as usize - place[0];
+            let (mut first, mut last) = (place[0], place[0]);
+            while first > 0 && self.contains(row + first - 1) {
+                first -= 1;
+            }
+            while last + 1 < counts[0] && self.contains(row + last + 1) {
+                last += 1;
+            }
+            (row + first..=row + last).for_each(|voxel| self.bits[voxel / 64] &= !(1 << (voxel % 64)));
+            each([first, place[1], place[2]], last);
+            for axis in 1..3 {
+                let lower = (place[axis] > 0).then(|| row - strides[axis]);
+                let upper = (place[axis] + 1 < counts[axis]).then(|| row + strides[axis]);
+                for row in lower.into_iter().chain(upper) {
+                    let is_start =
+                        |&x: &usize| self.contains(row + x) && (x == first || !self.contains(row + x - 1));
+                    list.extend((first..=last).filter(is_start).map(|x| (row + x) as u32));
+                }
+            }
+        }
+    }
+}
+
+impl VoxelBounds {
+    /// Encloses the voxel at a place.
+    fn add(&mut self, place: [usize; 3]) {
+        self.first = [0, 1, 2].map(|axis| self.first[axis].min(place[axis]));
+        self.last = [0, 1, 2].map(|axis| self.last[axis].max(place[axis]));
+    }
+
+    /// Encloses the voxels at most `around` voxels from a place on each axis, as far as they are in a box of
+    /// `counts` voxels.
+    pub(super) fn add_around(&mut self, place: [usize; 3], around: [usize; 3], counts: [usize; 3]) {
+        self.add([0, 1, 2].map(|axis| place[axis].saturating_sub(around[axis])));
+        self.add([0, 1, 2].map(|axis| place[axis].saturating_add(around[axis]).min(counts[axis] - 1)));
+    }
+}

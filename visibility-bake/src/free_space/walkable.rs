@@ -1,0 +1,52 @@
+//! Viewcells above walkable triangles, such as those of a navigation mesh.
+
+use super::camera_range::CameraRange;
+use super::triangle_columns::{Columns, extent};
+use crate::grid::{Grid, GridError};
+use std::collections::BTreeSet;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+
+impl Grid {
+    /// Returns the viewcells that hold positions of a camera above walkable triangles, such as those of a
+    /// navigation mesh, given in world space: at the [heights](CameraRange::heights) above a point of one of
+    /// them (0 for a camera that flies). In ascending order of z, y and x. A triangle that is not finite
+    /// counts for nothing.
+    ///
+    /// # Errors
+    /// [`GridError::TooMany`].
+    ///
+    /// ```
+    /// use visibility_bake::{CameraRange, Grid};
+    /// use visibility_core::glam::DVec3;
+    /// let grid = Grid::new(DVec3::ZERO, DVec3::new(4.0, 4.0, 2.0))?;
+    /// let floor = [[0.5, 0.5, 0.1], [7.5, 0.5, 0.1], [0.5, 1.5, 0.1]].map(DVec3::from_array);
+    /// // Two viewcells on the floor, and two above them.
+    /// assert_eq!(grid.above(&[floor], &CameraRange::default())?.len(), 4);
+    /// # Ok::<(), visibility_bake::GridError>(())
+    /// ```
+    pub fn above(&self, walkable: &[[DVec3; 3]], camera: &CameraRange) -> Result<Vec<Viewcell>, GridError> {
+        let columns = Columns::new(camera.up_axis(), self.size);
+        let (slack, height) = (columns.slack, self.size[columns.up]);
+        let [lowest, highest] = camera.offsets().unwrap_or([0.0; 2]);
+        let mut found = BTreeSet::new();
+        for triangle in walkable.iter().filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
+            let (min, max) = extent(triangle);
+            let limits = [columns.of(self.place(min - slack)?), columns.of(self.place(max + slack)?)];
+            let local = triangle.map(|p| p - self.origin);
+            columns.for_each(local, limits, |column, [low, high]| {
+                let first = ((low + lowest - slack) / height).floor();
+                let last = ((high + highest + slack) / height).floor();
+                if !(last - first < Self::LIMIT as f64 && first.abs().max(last.abs()) < 4.5e15) {
+                    return Err(GridError::TooMany);
+                }
+                for level in first as i64..=last as i64 {
+                    let [x, y, z] = columns.place(column, level);
+                    found.insert([z, y, x]);
+                }
+                if found.len() > Self::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
+            })?;
+        }
+        Ok(found.into_iter().map(|[z, y, x]| self.cell([x, y, z])).collect())
+    }
+}
