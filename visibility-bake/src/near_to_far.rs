@@ -26,8 +26,7 @@ use visibility_core::{Aabb, Object, ObjectId, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
 /// Before the first sweep, a tile with tiles below is opened if its extent is more than this part of its
-/// distance.
-/// Before each further sweep it is half of that.
+/// distance; before each further sweep, more than half of the part before.
 const COARSEST: f64 = 0.1;
 
 /// Objects of so little weight are left without asking.
@@ -139,8 +138,8 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// Sweeps until all tiles that are not hidden are opened. Returns whether it has, or has given up because
-    /// the occluders exceed a weight.
+    /// Sweeps until all tiles that are not hidden are opened. Returns false if it has given up because the
+    /// occluders exceed the weight `most`.
     fn sweep_all(&mut self, sweep: &mut ExtendedProjectionCuller, most: u64) -> Result<bool, LevelError> {
         self.open(What::Tile { tile: 0, parent: 0, child: 0 });
         let (mut portion, mut coarsest) = (self.level.first, COARSEST);
@@ -231,7 +230,7 @@ impl Around<'_> {
         });
     }
 
-    /// Drops what is hidden.
+    /// Drops the tiles and objects that a sweep with the present occluders finds hidden.
     fn sweep(&mut self, sweep: &mut ExtendedProjectionCuller) -> Result<(), LevelError> {
         let numbers: Vec<u32> = self.occluding.iter().map(|&(_, number)| number).collect();
         let boxes = self.waiting.iter().map(|waiting| match waiting.what {
@@ -287,15 +286,17 @@ impl Trace {
     /// opened are what they were. `None` if one is not.
     pub(crate) fn replay(&self, tree: &TileTree) -> Option<Vec<u32>> {
         let mut tiles: Vec<u32> = Vec::with_capacity(self.opened.len());
+        let mut is_opened = vec![false; tree.tiles.len()];
         for (at, opened) in self.opened.iter().enumerate() {
             let tile = if at == 0 {
                 0
             } else {
-                let parent = tiles.get(opened.parent as usize)?;
-                let children = tree.tiles[*parent as usize].children.clone();
-                (opened.child < children.len() as u32).then_some(children.start + opened.child)?
+                let parent = *tiles.get(opened.parent as usize)?;
+                tree.tiles[parent as usize].children.clone().nth(opened.child as usize)?
             };
-            if tree.tiles[tile as usize].hash != opened.hash {
+            // Forged bytes may open a tile twice, and would have all of its objects twice.
+            let is_again = std::mem::replace(&mut is_opened[tile as usize], true);
+            if is_again || tree.tiles[tile as usize].hash != opened.hash {
                 return None;
             }
             tiles.push(tile);
@@ -518,10 +519,12 @@ mod tests {
         let mut from = Reader::new(&bytes, format).unwrap();
         assert_eq!(Trace::load(&mut from).as_ref(), Ok(&trace));
         assert!(from.end().is_ok());
-        let forgeries: [fn(&mut Trace); 6] = [
+        let forgeries: [fn(&mut Trace); 8] = [
             |trace| trace.opened[3].hash ^= 1,
             |trace| trace.opened[3].parent = u32::MAX,
             |trace| trace.opened[3].child = 1 << 31,
+            |trace| trace.opened[3].child = u32::MAX,
+            |trace| trace.opened.push(trace.opened[3]),
             |trace| trace.left[5][0] = u32::MAX,
             |trace| trace.left[5][1] = u32::MAX,
             |trace| trace.opened.clear(),

@@ -11,11 +11,11 @@ use visibility_exact::{CellQuery, Effort, SceneTriangles, Settings as ExactSetti
 pub(crate) struct Search<'a> {
     /// `None` if the viewcell cannot be used: then all objects stay open.
     query: Option<CellQuery<'a>>,
-    /// By index of an object.
+    /// Cost of each object in triangles, at least 0.001, by its index.
     costs: Vec<f64>,
     /// Part of the cost of the reported objects that may stay open.
     gap: f64,
-    /// By index of an object.
+    /// Answer of each object, by its index.
     pub answers: Vec<u8>,
 }
 

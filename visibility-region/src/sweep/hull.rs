@@ -49,10 +49,14 @@ impl Side {
     /// Returns the least x within a band of y, which must meet the hull.
     #[inline]
     fn least(&self, [low, high]: [f64; 2]) -> f64 {
-        // At most one of these is not 0.
-        let (above, below) = ((low - self.ends[1]).max(0.0), (high - self.ends[0]).min(0.0));
-        let x = self.x + (above * self.slopes[1] + below * self.slopes[0]);
-        // Where a slope is infinite, the whole side counts.
+        let x = if low > self.ends[1] {
+            self.x + (low - self.ends[1]) * self.slopes[1]
+        } else if high < self.ends[0] {
+            self.x + (high - self.ends[0]) * self.slopes[0]
+        } else {
+            self.x
+        };
+        // Where a slope is infinite or NaN, the whole side counts.
         if x > self.x { x.min(self.other) } else { self.x }
     }
 }

@@ -127,7 +127,8 @@ impl Polygon {
         let mut any = false;
         for row in rows {
             let [up, down] = sides.each_ref().map(|side| side[row]);
-            let (left, right) = (up.min(down).max(rect.x[0] as f64), up.max(down).min(rect.x[1] as f64 + 0.5));
+            let (left, right) =
+                (up.min(down).max(rect.x[0] as f64), up.max(down).min(rect.x[1] as f64 + 0.5));
             if left <= right {
                 inside.set_span(row, left as usize, right as usize);
                 any = true;
