@@ -1,5 +1,5 @@
-//! Tests that the PVS culler leaves just the objects that a look at each object leaves, through changes of the
-//! scene, rebuilds, other viewcells, other sets and other scenes; and that its work follows what is seen.
+//! Tests that the PVS culler leaves just the objects that a look at each object leaves, through changes of
+//! the scene, rebuilds, other viewcells, other sets and other scenes; and that its work follows what is seen.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
