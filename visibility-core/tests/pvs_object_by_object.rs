@@ -294,3 +294,35 @@ fn nodes_visited_follow_what_is_seen() {
     assert!(visible == 31 && nodes <= 1 + 2 * 31, "{visible} {nodes}");
     assert_eq!(culler.viewcell(), Some(ViewcellId(0)));
 }
+
+/// Tests a set that was filled before the layout of the scene changed, and a set that shares blocks with what
+/// is seen, but no object: later stages visit nothing below the root.
+#[test]
+fn sets_of_earlier_layouts_and_of_other_objects_are_intersected() {
+    let mut scene = Scene::new();
+    let at = |i: usize| {
+        let min = Vec3::new((i % 100) as f32, (i / 100) as f32, 1.0);
+        Aabb::new(min, min + 0.5)
+    };
+    let ids = scene.insert_batch((0..6000).map(at));
+    let row: Vec<u32> = (0..6000).step_by(2).collect();
+    let pvs = Pvs::new(PvsTargets::Objects, ids.len(), &[&row], |_| []).unwrap();
+    let viewcells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::splat(SIDE))]);
+    let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+    let mut culler = PvsCuller::new(&shared);
+    let eye = DVec3::splat(SIDE / 2.0);
+    let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.5, 1.5, NEAR, 1e3).unwrap();
+
+    let mut visible = VisibleSet::new();
+    visible.fill(&scene, &view);
+    visible.retain(&scene, |id, _| id.index() % 2 == 1);
+    assert_eq!(culler.cull(&scene, &view, &mut visible).visible, 0);
+    assert_eq!(visible.retain(&scene, |_, _| true).nodes, 1);
+
+    // The scene has more nodes than the set was filled for.
+    visible.fill(&scene, &view);
+    scene.insert_batch((0..1000).map(at));
+    assert_eq!(culler.cull(&scene, &view, &mut visible).visible, 3000 + 1000);
+    assert_eq!(visible.count(&scene), 3000 + 1000);
+    assert!(!visible.contains(&scene, ids[1]) && visible.contains(&scene, ids[2]));
+}
