@@ -17,7 +17,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::{
     Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells, check_rows,
 };
-use visibility_core::{ObjectId, Scene};
+use visibility_core::{Aabb, ObjectId, Scene};
 
 const FORMAT: Format = Format { magic: *b"VISI-SET", version: 4 };
 
@@ -190,6 +190,11 @@ impl BakedSet {
         class_bytes(&self.classes).len() + self.pvs.as_bytes().len()
     }
 
+    /// Returns an exclusive upper bound on the indices of the objects that the set was baked from.
+    pub fn index_limit(&self) -> usize {
+        self.index_limit
+    }
+
     /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that were inserted
     /// since the bake count as visible.
     ///
@@ -200,13 +205,51 @@ impl BakedSet {
         if self.index_limit != scene.index_limit() || self.fingerprint != scene_fingerprint(scene) {
             return Err(BakedSetError::OtherScene);
         }
-        // An object of no class has the target that no viewcell sees.
+        let targets = self.targets();
+        let pairs: Vec<_> = scene.ids().map(|id| (id, targets[id.index()])).collect();
+        Ok(ScenePvs::new(scene, self.pvs, self.viewcells, pairs))
+    }
+
+    /// Returns the sets for a scene that has the objects of the bake under other indices, or others among
+    /// them: one that an engine fills with its entities. Each pair is an object and the index in the bake.
+    /// Objects without a pair count as visible, and so do objects with an index that is not below
+    /// [`index_limit`](Self::index_limit). An index may be that of several objects: the parts of one.
+    ///
+    /// The scene is not compared with that of the bake, as [`for_scene`](Self::for_scene) does. An object
+    /// that is elsewhere than in the bake is hidden from where it is seen; see
+    /// [`check_bounds`](Self::check_bounds).
+    pub fn for_objects(&self, scene: &Scene, objects: impl IntoIterator<Item = (ObjectId, u32)>) -> ScenePvs {
+        let targets = self.targets();
+        // No set has a target `u32::MAX`, so that its objects are never hidden.
+        let target = |index: u32| targets.get(index as usize).copied().unwrap_or(u32::MAX);
+        let pairs = objects.into_iter().map(|(id, index)| (id, target(index)));
+        ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs)
+    }
+
+    /// Checks that the set was baked from objects with these bounds: the index of each object and its bounds
+    /// relative to the scene's `origin`, by ascending index.
+    ///
+    /// # Errors
+    /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds.
+    pub fn check_bounds(
+        &self,
+        origin: DVec3,
+        bounds: impl IntoIterator<Item = (u32, Aabb)>,
+    ) -> Result<(), BakedSetError> {
+        match bounds_fingerprint(origin, bounds) == self.fingerprint {
+            true => Ok(()),
+            false => Err(BakedSetError::OtherScene),
+        }
+    }
+
+    /// Returns the target of each object, by index. An object of no class has the target that no viewcell
+    /// sees.
+    fn targets(&self) -> Vec<u32> {
         let mut targets = vec![self.classes.len() as u32; self.index_limit];
         for (class, objects) in self.classes.iter().enumerate() {
             objects.iter().for_each(|&index| targets[index as usize] = class as u32);
         }
-        let pairs: Vec<_> = scene.ids().map(|id| (id, targets[id.index()])).collect();
-        Ok(ScenePvs::new(scene, self.pvs, self.viewcells, pairs))
+        targets
     }
 
     /// Returns the bytes of the file.

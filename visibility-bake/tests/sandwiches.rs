@@ -10,9 +10,9 @@ use visibility_bake::{
 };
 use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::pvs::Viewcells;
+use visibility_core::pvs::{PvsCuller, Viewcells};
 use visibility_core::scene::Triangle;
-use visibility_core::{Aabb, Object, Scene};
+use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet};
 use visibility_testing::{Random, is_clear};
 
 /// A street: houses left and right, with small boxes between and behind them.
@@ -285,4 +285,52 @@ fn files_are_read_for_their_scene_alone_and_damage_is_found() {
     let first = scene.ids().next().unwrap();
     scene.set_bounds(first, Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
     assert!(matches!(set.for_scene(&scene), Err(BakedSetError::OtherScene)));
+}
+
+/// Tests a scene that has the objects in another order, in parts and among others.
+#[test]
+fn sets_are_taken_for_objects_of_other_indices() {
+    let (scene, cells) = street();
+    let rows: Vec<Vec<u32>> =
+        (0..cells.cells().len() as u32).map(|cell| (cell % 3..40).step_by(3).collect()).collect();
+    let count = scene.len() as u32;
+    let set = BakedSet::new(&scene, cells.clone(), &rows).unwrap();
+    assert_eq!(set.index_limit(), count as usize);
+    let mut other = Scene::new();
+    // Backwards, each twice, and one that the bake does not know between two that it does.
+    let objects: Vec<_> = (0..count)
+        .rev()
+        .map(|index| {
+            let bounds = scene.bounds(scene.id_at(index as usize).unwrap()).unwrap();
+            [Some(index), None, Some(index)].map(|index| (other.insert(bounds), index))
+        })
+        .collect();
+    let objects: Vec<_> = objects.concat();
+    let foreign = other.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    let known = objects.iter().filter_map(|&(id, index)| Some((id, index?)));
+    let sets = set.for_objects(&other, known.chain([(foreign, count)]));
+    let mut culler = PvsCuller::new(&sets);
+    for (cell, row) in cells.cells().iter().zip(&rows) {
+        let eye = (cell.min + cell.max) * 0.5;
+        let view =
+            View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.0, 1e-3, 1e3).unwrap();
+        let mut visible = VisibleSet::new();
+        visible.fill(&other, &view);
+        culler.cull(&other, &view, &mut visible);
+        for &(id, index) in &objects {
+            let is_seen = index.is_none_or(|index| row.contains(&index));
+            assert_eq!(visible.contains(&other, id), is_seen, "{index:?}");
+        }
+        assert!(visible.contains(&other, foreign), "an index of no object");
+    }
+
+    let bounds = |scene: &Scene| -> Vec<(u32, Aabb)> {
+        scene.ids().map(|id| (id.index() as u32, scene.bounds(id).unwrap())).collect()
+    };
+    let mut boxes = bounds(&scene);
+    assert_eq!(set.check_bounds(DVec3::ZERO, boxes.clone()), Ok(()));
+    assert_eq!(set.check_bounds(DVec3::X, boxes.clone()), Err(BakedSetError::OtherScene));
+    assert_eq!(set.check_bounds(DVec3::ZERO, bounds(&other)), Err(BakedSetError::OtherScene));
+    boxes[3].1.max.x += 1e-3;
+    assert_eq!(set.check_bounds(DVec3::ZERO, boxes), Err(BakedSetError::OtherScene));
 }

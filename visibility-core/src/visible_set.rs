@@ -384,6 +384,47 @@ impl VisibleSet {
         mask != 0
     }
 
+    /// Keeps the objects that are in this set and in another, which `masks` gives as a mask for each node of
+    /// the scene's present layout: bit i for lane i, an object of the other set (leaves) or a child that may
+    /// have such objects below (inner nodes). Objects that are never culled stay. Only nodes that both sets
+    /// reach are visited, in a few nanoseconds each. Returns the work counters.
+    pub(crate) fn intersect(&mut self, scene: &Scene, masks: &impl Fn(usize) -> u64) -> CullStats {
+        self.prepare(scene);
+        let mut stats = CullStats::default();
+        if scene.tree().root != NONE {
+            let is_current = self.is_current(scene);
+            self.intersect_below(is_current, scene, masks, scene.tree().root as usize, &mut stats);
+        }
+        self.use_masks();
+        stats.visible += self.unculled_count(scene);
+        stats
+    }
+
+    /// Intersects the masks of `node` and of all nodes below it with those of `masks`. Returns whether any
+    /// object is left below.
+    fn intersect_below(
+        &mut self,
+        is_current: bool,
+        scene: &Scene,
+        masks: &impl Fn(usize) -> u64,
+        node: usize,
+        stats: &mut CullStats,
+    ) -> bool {
+        let mut mask = self.mask_if(is_current, scene, node) & masks(node);
+        stats.nodes += 1;
+        if scene.tree().levels[node] == 0 {
+            stats.visible += u64::from(mask.count_ones());
+        } else {
+            for lane in lanes(mask) {
+                let any =
+                    self.intersect_below(is_current, scene, masks, scene.tree().child(node, lane), stats);
+                mask &= !(u64::from(!any) << lane);
+            }
+        }
+        self.words[node] = mask;
+        mask != 0
+    }
+
     /// Keeps only the objects of the set that are in `ids`, and gives the set the order of `ids`, which
     /// [`iter`](Self::iter) then follows. For cullers with a budget, whose order is one of importance.
     ///
@@ -506,12 +547,18 @@ impl VisibleSet {
     }
 }
 
-/// Replaces `masks`, indexed by node, by those of a set that holds the objects `ids`, which must be in the
-/// scene.
+/// Replaces `masks`, indexed by node, by those of a set that holds the objects `ids`. Ids that the scene does
+/// not know are ignored.
 fn write_masks(masks: &mut Vec<u64>, scene: &Scene, ids: &[ObjectId]) {
     masks.clear();
     masks.resize(scene.tree().node_count(), 0);
-    for (leaf, lane) in ids.iter().filter_map(|&id| scene.leaf_of(id)) {
+    ids.iter().for_each(|&id| add_to_masks(masks, scene, id));
+}
+
+/// Adds an object to the set that `masks` holds, indexed by node and [consistent](set_path_bits). Does
+/// nothing for an object that the scene does not know.
+pub(crate) fn add_to_masks(masks: &mut [u64], scene: &Scene, id: ObjectId) {
+    if let Some((leaf, lane)) = scene.leaf_of(id) {
         set_path_bits(masks, scene.tree(), leaf, lane);
     }
 }

@@ -12,7 +12,7 @@ use visibility_core::{
     geometry::Plane,
     lod::{ContributionCuller, LodSelector},
     occlusion::Occlusion,
-    pvs::{Prefetch, Pvs, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells},
+    pvs::{Prefetch, Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells},
     scene::DrawRange,
 };
 use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator, LIVE};
@@ -311,6 +311,31 @@ fn occlusion_allocates_nothing_once_warm() {
         }
     }
     assert_eq!(ALLOCATIONS.get() - before, 0);
+}
+
+/// Tests a culler by a PVS that enters other viewcells, and leaves them all, while objects move.
+#[test]
+fn a_pvs_allocates_nothing_once_warm() {
+    let mut world = World::new(20_000, 100, false);
+    let rows: Vec<Vec<u32>> = (1..5).map(|row| (0..20_000).step_by(row * 7).collect()).collect();
+    let pvs = Pvs::new(PvsTargets::Objects, 20_000, &rows, |_| []).unwrap();
+    // The eye goes round a circle of 30 m: through four viewcells, and a gap.
+    let viewcells = Viewcells::new([-40.0, -15.0, 0.0, 15.0].map(|x| {
+        let min = DVec3::new(x, -50.0, -50.0);
+        Viewcell::from_box(min, DVec3::new(x + if x == 15.0 { 10.0 } else { 15.0 }, 50.0, 50.0))
+    }));
+    let shared = ScenePvs::new(&world.scene, pvs, viewcells, world.scene.ids().zip(0..));
+    let mut pipeline =
+        Pipeline::new().with(FrustumCuller::new()).with(PvsCuller::new(std::sync::Arc::new(shared)));
+    let (mut visible, mut before) = (VisibleSet::new(), 0);
+    for frame in 0..600 {
+        if frame == 300 {
+            before = ALLOCATIONS.get();
+        }
+        world.frame(&mut pipeline, &mut visible, false);
+    }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert!(world.drawn > 0);
 }
 
 #[test]

@@ -47,6 +47,7 @@
 //! An entity with an [`Occluder`] must be drawn opaque and cover at least what its occluder covers. See
 //! [`Occluder`].
 
+mod baked;
 mod camera_view;
 mod cameras;
 mod changes;
@@ -58,10 +59,12 @@ mod mirror;
 mod occluder;
 mod shared;
 
+pub use baked::{BakedCuller, BakedLevel, BakedObject};
 pub use cameras::CullingPipeline;
 pub use mirror::VisibilityScene;
 pub use occluder::Occluder;
 pub use shared::Shared;
+pub use visibility_bake::BakedSetError;
 
 use bevy_app::{App, Plugin, PostUpdate};
 use bevy_camera::visibility::{VisibilitySystems, check_visibility_cpu_culling, check_visibility_ranges};
@@ -81,7 +84,7 @@ pub struct VisibilityCullingPlugin;
 /// [`CheckVisibility`](VisibilitySystems::CheckVisibility).
 #[derive(SystemSet, Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub enum CullingSystems {
-    /// Brings the [`VisibilityScene`] up to date with the entities.
+    /// Brings the [`VisibilityScene`], and what a [`BakedLevel`] knows of it, up to date with the entities.
     Sync,
     /// Culls for each camera.
     Cameras,
@@ -102,7 +105,7 @@ impl Plugin for VisibilityCullingPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    changes::sync_scene.in_set(CullingSystems::Sync),
+                    (changes::sync_scene, baked::follow_level).chain().in_set(CullingSystems::Sync),
                     cameras::cull_cameras.in_set(CullingSystems::Cameras),
                 ),
             );

@@ -5,9 +5,10 @@ use crate::{
     Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
     culler::Lack,
     pvs::ViewcellId,
-    scene::{Changes, SceneCursor},
+    scene::{Changes, SceneCursor, lanes},
     stamp::Stamp,
     view::Eye,
+    visible_set::add_to_masks,
 };
 use alloc::vec::Vec;
 use core::borrow::Borrow;
@@ -24,6 +25,10 @@ pub struct ScenePvs {
     /// of the next entry. A sentinel entry ends the list.
     objects: Vec<(Option<ObjectId>, u32)>,
     targets: Vec<u32>,
+    /// Each pair of a target and an object that has it, ascending.
+    by_target: Vec<(u32, ObjectId)>,
+    /// Objects of the scene that are never hidden, by ascending index.
+    never_hidden: Vec<ObjectId>,
     /// The revision of the scene for which this value was made. Objects that change later are visible.
     cursor: SceneCursor,
     stamp: Stamp,
@@ -55,8 +60,20 @@ impl ScenePvs {
             objects.push((id, start as u32));
         }
         objects.push((None, next as u32));
-        let targets = pairs.into_iter().map(|(_, target)| target).collect();
-        Self { pvs, viewcells, objects, targets, cursor: SceneCursor::at(scene), stamp: Stamp::new() }
+        let never_hidden = scene.ids().filter(|id| objects[id.index()].0.is_none()).collect();
+        let targets = pairs.iter().map(|&(_, target)| target).collect();
+        let mut by_target: Vec<_> = pairs.into_iter().map(|(id, target)| (target, id)).collect();
+        by_target.sort_unstable();
+        Self {
+            pvs,
+            viewcells,
+            objects,
+            targets,
+            by_target,
+            never_hidden,
+            cursor: SceneCursor::at(scene),
+            stamp: Stamp::new(),
+        }
     }
 
     /// Returns the PVS.
@@ -76,6 +93,36 @@ impl ScenePvs {
             pair[0].0.map(|id| (id, targets))
         })
     }
+
+    /// Calls `each` with every object that has a target in `seen`, once for each such target; bit `t % 64` of
+    /// word `t / 64` stands for target `t`. Time is linear in the number of words and of calls, and
+    /// logarithmic in the number of pairs that are skipped from one target in `seen` to the next.
+    fn for_each_seen(&self, seen: &[u64], mut each: impl FnMut(ObjectId)) {
+        let mut rest = &self.by_target[..];
+        for (number, &word) in seen.iter().enumerate() {
+            for bit in lanes(word) {
+                let target = (number * 64 + bit) as u32;
+                rest = &rest[count_below(rest, target)..];
+                while let Some((&(of, id), later)) = rest.split_first()
+                    && of == target
+                {
+                    each(id);
+                    rest = later;
+                }
+            }
+        }
+    }
+}
+
+/// Returns how many of the pairs, which ascend, have a target below `target`. Time is logarithmic in that
+/// number.
+fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
+    let is_below = |&(of, _): &(u32, ObjectId)| of < target;
+    let mut end = 1;
+    while pairs.get(end - 1).is_some_and(is_below) {
+        end *= 2;
+    }
+    pairs[..end.min(pairs.len())].partition_point(is_below)
 }
 
 /// Hides objects that the PVS excludes for all viewcells in which lines of sight of the view begin.
@@ -88,6 +135,12 @@ impl ScenePvs {
 ///
 /// A culler holds the state of one view. The [`ScenePvs`] is shared, by reference or by `Arc`. In a scene
 /// other than the one that the [`ScenePvs`] was made for, a clone included, every object counts as visible.
+///
+/// A frame takes a few nanoseconds for each block of 64 objects that has an object both in the set and seen
+/// from the viewcells, and no time for other blocks. Where the view enters other viewcells, and where the
+/// [layout](Scene::layout) of the scene has changed, the frame first makes a mask of what is seen: a few
+/// nanoseconds for each object that is seen from the viewcells, wherever it is, that is never hidden, or that
+/// has changed, and for every thousand of the others.
 ///
 /// ```
 /// use visibility_core::{
@@ -118,7 +171,7 @@ pub struct PvsCuller<S> {
     made_from: Stamp,
     /// Viewcell that contained the eye in the last frame. `None` if no viewcell did, and for parallel views.
     viewcell: Option<ViewcellId>,
-    /// Viewcells in which the view's lines of sight began when `hidden` was last computed, ascending.
+    /// Viewcells in which the view's lines of sight began when `seen` was last computed, ascending.
     entered: Vec<ViewcellId>,
     is_entered: bool,
     /// Scratch: the viewcells in which this frame's lines of sight begin.
@@ -128,12 +181,16 @@ pub struct PvsCuller<S> {
     /// `t`.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
-    /// For each object index, true if the object cannot be seen from any viewcell of `entered`. False if the
-    /// object may be seen, or is never hidden.
-    hidden: Vec<bool>,
-    /// For each object index, true if the object has changed since the [`ScenePvs`] was made, so that the
-    /// PVS no longer says anything about the object. False if the PVS still holds for the object.
-    changed: Vec<bool>,
+    /// For each node of the scene's hierarchy, a mask of the objects that count as visible from the viewcells
+    /// in `entered`: bit i for lane i, such an object (leaves) or a child with such an object below (inner
+    /// nodes).
+    masks: Vec<u64>,
+    /// Layout of the scene that `masks` was made for. `NONE` if `masks` must be made again whatever the
+    /// layout is, since `seen` has changed.
+    masks_layout: Stamp,
+    /// One bit per object index, bit `i % 64` of word `i / 64` for index `i`: set if the object has changed
+    /// since the [`ScenePvs`] was made, or is new, so that the PVS says nothing about the object.
+    changed: Vec<u64>,
     /// True if it is unknown which objects changed since the [`ScenePvs`] was made: the scene is another
     /// one, or its change log overflowed. Every object then counts as visible. False if `changed` names
     /// exactly the changed objects.
@@ -154,7 +211,8 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             reached: Vec::new(),
             seen: Vec::new(),
             seen_from_one: Vec::new(),
-            hidden: Vec::new(),
+            masks: Vec::new(),
+            masks_layout: Stamp::NONE,
             changed: Vec::new(),
             lost: false,
             cursor: SceneCursor::START,
@@ -172,8 +230,8 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         self.viewcell
     }
 
-    /// Resets derived state if the [`ScenePvs`] was replaced, and marks the objects that have changed in the
-    /// scene since the [`ScenePvs`] was made.
+    /// Resets derived state if the [`ScenePvs`] was replaced, and takes in the objects that have changed in
+    /// the scene since the [`ScenePvs`] was made.
     fn follow(&mut self, scene: &Scene) {
         let shared = self.shared.borrow();
         if self.made_from != shared.stamp {
@@ -184,33 +242,38 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         let mut changes = self.cursor.follow(scene);
         if changes == Changes::Everything {
             // Another scene, or an overflow of the change log since the last frame. The cursor of the
-            // `ScenePvs` may still reach back far enough.
-            self.changed.clear();
-            self.changed.resize(shared.objects.len(), false);
+            // `ScenePvs` may still reach back far enough. Masks of this layout stay right: all that changed
+            // since the `ScenePvs` was made is added to them again.
             changes = shared.cursor.peek(scene);
             self.lost = changes == Changes::Everything;
+            self.changed.clear();
         }
-        if let Changes::Objects(ids) = changes {
-            for id in ids {
-                if let Some(changed) = self.changed.get_mut(id.index()) {
-                    *changed = true;
-                }
+        let Changes::Objects(ids) = changes else { return };
+        self.changed.resize(scene.index_limit().div_ceil(64), 0);
+        let has_masks = self.masks_layout == scene.layout();
+        for &id in ids {
+            if let Some(word) = self.changed.get_mut(id.index() / 64) {
+                *word |= 1 << (id.index() % 64);
+            }
+            if has_masks {
+                add_to_masks(&mut self.masks, scene, id);
             }
         }
     }
 
-    /// Computes `hidden`, the objects that cannot be seen, from the PVS rows of the viewcells in `entered`.
-    fn enter(&mut self) {
+    /// Makes `masks` of the objects that are seen from the viewcells in `entered`, are never hidden, or have
+    /// changed. Objects inserted since the [`ScenePvs`] was made are among the changed ones.
+    fn make_masks(&mut self, scene: &Scene) {
         let shared = self.shared.borrow();
-        shared.pvs.write_union(&self.entered, &mut self.seen, &mut self.seen_from_one);
-        self.hidden.clear();
-        for pair in shared.objects.windows(2) {
-            let targets = &shared.targets[pair[0].1 as usize..pair[1].1 as usize];
-            let seen = |&target: &u32| {
-                self.seen.get(target as usize / 64).is_none_or(|word| word >> (target % 64) & 1 != 0)
-            };
-            self.hidden.push(pair[0].0.is_some() && !targets.iter().any(seen));
+        self.masks.clear();
+        self.masks.resize(scene.leaf_limit(), 0);
+        let mut add = |id| add_to_masks(&mut self.masks, scene, id);
+        shared.for_each_seen(&self.seen, &mut add);
+        shared.never_hidden.iter().copied().for_each(&mut add);
+        for (&word, first) in self.changed.iter().zip((0..).step_by(64)) {
+            lanes(word).filter_map(|bit| scene.id_at(first + bit)).for_each(&mut add);
         }
+        self.masks_layout = scene.layout();
     }
 }
 
@@ -246,18 +309,20 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         self.entering.dedup();
         let idle = !known || !covered || self.lost;
         let is_new = !self.is_entered || self.entering != self.entered;
-        if is_new && !idle {
+        if idle {
+            return visible.intersect(scene, &|_| u64::MAX);
+        }
+        if is_new {
             core::mem::swap(&mut self.entering, &mut self.entered);
             self.is_entered = true;
-            self.enter();
+            let pvs = &self.shared.borrow().pvs;
+            pvs.write_union(&self.entered, &mut self.seen, &mut self.seen_from_one);
+            self.masks_layout = Stamp::NONE;
         }
-        let objects = &self.shared.borrow().objects;
-        visible.retain(scene, |id, _| {
-            let index = id.index();
-            let listed = objects.get(index).is_some_and(|&(listed, _)| listed == Some(id));
-            let [changed, hidden] = [&self.changed, &self.hidden].map(|of| of.get(index) == Some(&true));
-            idle || !listed || changed || !hidden
-        })
+        if self.masks_layout != scene.layout() {
+            self.make_masks(scene);
+        }
+        visible.intersect(scene, &|node| self.masks[node])
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {

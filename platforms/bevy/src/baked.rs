@@ -1,0 +1,236 @@
+//! Culling by a baked set: the file of the program `bake`, whose objects are entities.
+
+use crate::mirror::VisibilityScene;
+use bevy_camera::primitives::Aabb as BevyAabb;
+use bevy_ecs::lifecycle::RemovedComponents;
+use bevy_ecs::prelude::*;
+use bevy_mesh::Mesh3d;
+use bevy_transform::components::GlobalTransform;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use visibility_bake::{BakedSet, BakedSetError};
+use visibility_core::culler::Lack;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{PvsCuller, ScenePvs};
+use visibility_core::scene::{Changes, SceneCursor};
+use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
+
+/// Tolerance for the place of an entity, in units of the greatest absolute coordinate: 4 mm at a kilometre.
+/// The box of an entity is rounded by its centre, its half extents and the transforms of its parents.
+const PLACE_TOLERANCE: f32 = 1.0 / (1 << 18) as f32;
+
+/// The index of an entity among the objects of a [`BakedLevel`], from 0 on. The objects of a glTF file are
+/// the primitives of its meshes, node by node, each node before its children. An index may be given to
+/// several entities that are parts of the object.
+///
+/// The entity must be where the object was baked. It counts as visible from everywhere until its `Aabb` is
+/// known, and again once its transform, `Aabb` or `Mesh3d` has changed. Insert the component anew when the
+/// entity is back in its place.
+#[derive(Component, Clone, Copy, PartialEq, Eq, Debug)]
+pub struct BakedObject(pub u32);
+
+/// A baked set of the level, as a resource. Cameras cull by it that have its [culler](Self::culler) in their
+/// [`CullingPipeline`](crate::CullingPipeline). Entities with a [`BakedObject`] are hidden where the set says
+/// so; all others are visible. An eye outside of the set's viewcells sees everything.
+///
+/// What hid others in the bake must stay as it was: the set does not know of a wall that is taken away.
+///
+/// ```
+/// use bevy_camera::Camera3d;
+/// use visibility_bevy::{BakedLevel, BakedObject, CullingPipeline};
+/// # use visibility_core::{glam::DVec3, pvs::{Viewcell, Viewcells}, Aabb, Scene};
+/// # let mut scene = Scene::new();
+/// # scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
+/// # let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+/// # let file = visibility_bake::BakedSet::new(&scene, cells, &[vec![]])?.to_bytes();
+/// # let mut world = bevy_ecs::world::World::new();
+/// // The file that `bake` has written, and the boxes of the level's objects.
+/// let level = BakedLevel::read(&file, [[[5.0; 3], [6.0; 3]]])?;
+/// world.spawn((Camera3d::default(), CullingPipeline::frustum().with(level.culler())));
+/// world.insert_resource(level);
+/// world.spawn(BakedObject(0)); // with a mesh, in its place
+/// # Ok::<(), visibility_bevy::BakedSetError>(())
+/// ```
+#[derive(Resource)]
+pub struct BakedLevel {
+    set: BakedSet,
+    /// World box of each object in the bake, by index. `None` if places are not checked.
+    boxes: Option<Vec<Aabb>>,
+    shared: Arc<Mutex<Option<Arc<ScenePvs>>>>,
+    entities: HashMap<Entity, Place>,
+    /// Whether no frame has followed the entities yet.
+    is_new: bool,
+    cursor: SceneCursor,
+}
+
+/// Where an entity with a [`BakedObject`] is. Entities whose place is not known yet have none.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Place {
+    /// Where it was baked: the entity's object in the scene, and its index in the bake.
+    AsBaked(ObjectId, u32),
+    /// It was there, and has changed since.
+    Changed,
+}
+
+impl BakedLevel {
+    /// Reads the bytes of a file that `bake` has written for objects with these boxes: the least and the
+    /// greatest corner of each, in world space, by index. An entity counts as its [`BakedObject`] only if its
+    /// own box contains that of the object.
+    ///
+    /// # Errors
+    /// [`BakedSetError::OtherScene`] if the boxes are not, to the bit, those that the set was baked from.
+    /// Others if the bytes are damaged or something else.
+    pub fn read(file: &[u8], boxes: impl IntoIterator<Item = [[f32; 3]; 2]>) -> Result<Self, BakedSetError> {
+        let boxes: Vec<Aabb> = boxes.into_iter().map(|[min, max]| Aabb::from_arrays(min, max)).collect();
+        let mut level = Self::read_unchecked(file)?;
+        level.set.check_bounds(DVec3::ZERO, (0..).zip(boxes.iter().copied()))?;
+        level.boxes = Some(boxes);
+        Ok(level)
+    }
+
+    /// Reads the bytes of a file that `bake` has written, and takes the game's word that each entity with a
+    /// [`BakedObject`] is where that object was baked when its `Aabb` becomes known. Entities that are
+    /// elsewhere vanish from where they are seen.
+    ///
+    /// # Errors
+    /// [`BakedSetError`] if the bytes are damaged or something else.
+    pub fn read_unchecked(file: &[u8]) -> Result<Self, BakedSetError> {
+        Ok(Self {
+            set: BakedSet::from_bytes(file)?,
+            boxes: None,
+            shared: Arc::default(),
+            entities: HashMap::new(),
+            is_new: true,
+            cursor: SceneCursor::START,
+        })
+    }
+
+    /// Makes a culler for the [`CullingPipeline`](crate::CullingPipeline) of one camera. It hides nothing
+    /// until the level is a resource.
+    pub fn culler(&self) -> BakedCuller {
+        BakedCuller { shared: self.shared.clone(), culler: None }
+    }
+
+    /// Returns the set: its viewcells, and what is seen from each.
+    pub fn set(&self) -> &BakedSet {
+        &self.set
+    }
+
+    /// Returns the number of entities that were where they were baked in the last frame, so that the set may
+    /// hide them.
+    pub fn placed_count(&self) -> usize {
+        self.entities.values().filter(|place| **place != Place::Changed).count()
+    }
+
+    /// Returns the place of an entity that is where the object of this index was baked.
+    fn place(&self, mirror: &VisibilityScene, entity: Entity, index: u32) -> Option<Place> {
+        let id = mirror.object(entity)?;
+        // Not finite as long as the entity has no `Aabb`, and for entities that are never culled.
+        let bounds = mirror.scene().bounds(id).ok().filter(Aabb::is_finite)?;
+        let is_there = |boxes: &Vec<Aabb>| boxes.get(index as usize).is_some_and(|of| contains(&bounds, of));
+        let is_known = (index as usize) < self.set.index_limit();
+        (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index))
+    }
+}
+
+/// Returns whether a box contains another, up to [`PLACE_TOLERANCE`].
+fn contains(outer: &Aabb, inner: &Aabb) -> bool {
+    let greatest = [outer.min, outer.max].map(|corner| corner.abs().max_element());
+    let margin = greatest[0].max(greatest[1]) * PLACE_TOLERANCE;
+    (outer.min - margin).cmple(inner.min).all() && (outer.max + margin).cmpge(inner.max).all()
+}
+
+/// The culler of a [`BakedLevel`] for one camera.
+#[derive(Clone, Debug)]
+pub struct BakedCuller {
+    /// What the level knows of the scene, from the first frame on.
+    shared: Arc<Mutex<Option<Arc<ScenePvs>>>>,
+    culler: Option<PvsCuller<Arc<ScenePvs>>>,
+}
+
+impl Culler for BakedCuller {
+    fn name(&self) -> &str {
+        "baked"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let sets = self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some(sets) = sets else {
+            return CullStats { visible: visible.count(scene) as u64, ..CullStats::default() };
+        };
+        let culler = self.culler.get_or_insert_with(|| PvsCuller::new(sets.clone()));
+        *culler.shared_mut() = sets;
+        culler.cull(scene, view, visible)
+    }
+
+    fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        if let Some(culler) = &self.culler {
+            culler.for_each_lack(scene, each);
+        }
+    }
+}
+
+type Candidate<'a> = (Entity, Ref<'a, BakedObject>, Option<Ref<'a, Mesh3d>>);
+
+type Touched = Or<(Changed<BakedObject>, Changed<GlobalTransform>, Changed<BevyAabb>, Changed<Mesh3d>)>;
+
+/// Finds the entities that are where they were baked, and prepares the set for the scene if there are more,
+/// or if the scene no longer tells what changed. `last` is the level of the last frame, by the address of
+/// what it shares.
+pub(crate) fn follow_level(
+    level: Option<ResMut<BakedLevel>>,
+    mut last: Local<Option<usize>>,
+    mirror: Res<VisibilityScene>,
+    touched: Query<Candidate, Touched>,
+    all: Query<Candidate>,
+    mut removed: RemovedComponents<BakedObject>,
+) {
+    let Some(mut level) = level else {
+        removed.clear();
+        *last = None;
+        return;
+    };
+    let level = level.bypass_change_detection();
+    let mut is_stale = level.cursor.follow(mirror.scene()) == Changes::Everything;
+    for entity in removed.read() {
+        is_stale |= level.entities.remove(&entity).is_some();
+    }
+    let is_new = std::mem::take(&mut level.is_new);
+    let address = Some(Arc::as_ptr(&level.shared) as usize);
+    if *last != address && !is_new {
+        // Nobody has followed the entities while the level was no resource.
+        level.entities.values_mut().for_each(|place| *place = Place::Changed);
+        is_stale = true;
+    }
+    *last = address;
+    let mut follow = |(entity, object, mesh): (Entity, Ref<BakedObject>, Option<Ref<Mesh3d>>)| {
+        if object.is_changed() {
+            is_stale |= level.entities.remove(&entity).is_some();
+        }
+        if let Some(place) = level.entities.get_mut(&entity) {
+            // The scene tells of a change of the box, but not of the mesh inside.
+            is_stale |= mesh.is_some_and(|mesh| mesh.is_changed());
+            *place = Place::Changed;
+        } else if let Some(place) = level.place(&mirror, entity, object.0) {
+            level.entities.insert(entity, place);
+            is_stale = true;
+        }
+    };
+    if is_new {
+        all.iter().for_each(&mut follow);
+    } else {
+        touched.iter().for_each(&mut follow);
+    }
+    if is_stale {
+        let placed = level.entities.values().filter_map(|place| match *place {
+            Place::AsBaked(id, index) => Some((id, index)),
+            Place::Changed => None,
+        });
+        let sets = Arc::new(level.set.for_objects(mirror.scene(), placed));
+        *level.shared.lock().unwrap_or_else(PoisonError::into_inner) = Some(sets);
+    }
+}

@@ -1,0 +1,280 @@
+//! A camera culls by a baked set: an entity is hidden if and only if it is where it was baked and the row of
+//! the camera's viewcell does not have it.
+
+mod common;
+
+use bevy_app::App;
+use bevy_camera::prelude::*;
+use bevy_camera::primitives::Aabb;
+use bevy_ecs::prelude::*;
+use bevy_math::{Vec3, Vec3A};
+use bevy_mesh::Mesh3d;
+use bevy_transform::prelude::*;
+use common::*;
+use std::collections::{BTreeSet, HashSet};
+use visibility_bake::BakedSet;
+use visibility_bevy::{BakedLevel, BakedObject, BakedSetError, CullingPipeline};
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::{Aabb as Bounds, Scene};
+use visibility_testing::Random;
+
+/// Culls by the frustum and the baked set.
+const BAKED: Number = Number(1_000_000);
+/// Culls by the frustum alone, from the same place.
+const PLAIN: Number = Number(1_000_001);
+/// Objects of the bake. Entities with these numbers are them; others have greater numbers.
+const OBJECTS: u32 = 600;
+/// Viewcells: cubes of 10 m in a row along x.
+const CELLS: usize = 4;
+
+struct Level {
+    boxes: Vec<[[f32; 3]; 2]>,
+    rows: Vec<Vec<u32>>,
+    file: Vec<u8>,
+}
+
+/// Makes a level of random boxes, and a file as `bake` writes it, with random rows.
+fn level(random: &mut Random) -> Level {
+    let mut scene = Scene::new();
+    let boxes: Vec<[[f32; 3]; 2]> = (0..OBJECTS)
+        .map(|_| {
+            let min = random.vec3(0.0, 60.0) + Vec3::new(20.0, -30.0, -30.0);
+            [min.to_array(), (min + random.vec3(0.1, 2.0)).to_array()]
+        })
+        .collect();
+    scene.insert_batch(boxes.iter().map(|&[min, max]| Bounds::from_arrays(min, max)));
+    let rows: Vec<Vec<u32>> =
+        (0..CELLS).map(|_| (0..OBJECTS).filter(|_| random.one_in(4)).collect()).collect();
+    let viewcells = Viewcells::new((0..CELLS).map(|i| {
+        let min = DVec3::new(10.0 * i as f64, -5.0, -5.0);
+        Viewcell::from_box(min, min + 10.0)
+    }));
+    let file = BakedSet::new(&scene, viewcells, &rows).unwrap().to_bytes();
+    Level { boxes, rows, file }
+}
+
+/// Returns a box of an entity, and its transform, for a world box.
+fn placed([min, max]: [[f32; 3]; 2]) -> (Aabb, Transform) {
+    let [min, max] = [min, max].map(Vec3::from_array);
+    let half_extents = Vec3A::from((max - min) * 0.5);
+    (Aabb { center: Vec3A::ZERO, half_extents }, Transform::from_translation((min + max) * 0.5))
+}
+
+/// A world with a level's entities, spawned in another order and among others.
+struct World {
+    app: App,
+    level: Level,
+    /// Numbers of entities that are not where they were baked, and of those the bake does not know.
+    free: HashSet<u32>,
+    hidden: usize,
+}
+
+impl World {
+    /// Makes the world. Entities and cameras are there before the level is, or after.
+    fn new(level: Level, random: &mut Random, baked: BakedLevel, level_first: bool) -> Self {
+        let mut app = app(true);
+        let lens = || Projection::Perspective(PerspectiveProjection { fov: 1.5, ..Default::default() });
+        let culling = CullingPipeline::frustum().with(baked.culler());
+        let mut late = Some(baked);
+        if level_first {
+            app.world_mut().insert_resource(late.take().unwrap());
+        }
+        app.world_mut().spawn((BAKED, Camera3d::default(), lens(), culling));
+        app.world_mut().spawn((PLAIN, Camera3d::default(), lens(), CullingPipeline::frustum()));
+        let mut free = HashSet::new();
+        let mut order: Vec<u32> = (0..OBJECTS).collect();
+        for last in (1..order.len()).rev() {
+            order.swap(last, random.below(last + 1));
+        }
+        for number in order {
+            let (aabb, at) = placed(level.boxes[number as usize]);
+            let mut entity = app.world_mut().spawn((drawn(number, at), aabb));
+            // Some of the bake's objects are not told to be these.
+            if random.one_in(20) {
+                free.insert(number);
+            } else {
+                entity.insert(BakedObject(number));
+            }
+            if random.one_in(5) {
+                let other = number + OBJECTS;
+                free.insert(other);
+                app.world_mut().spawn((drawn(other, at), aabb));
+            }
+        }
+        if let Some(baked) = late {
+            app.update();
+            app.world_mut().insert_resource(baked);
+        }
+        Self { app, level, free, hidden: 0 }
+    }
+
+    /// Renders a frame with both cameras at `x` and asserts what the camera that culls by the set sees. The
+    /// viewcell is `None` if that is outside of all.
+    fn check(&mut self, x: f32, cell: Option<usize>) {
+        for camera in [BAKED, PLAIN] {
+            let camera = entity(&mut self.app, camera).unwrap();
+            let at = Transform::from_xyz(x, 0.0, 0.0).looking_at(Vec3::X * 100.0, Vec3::Y);
+            self.app.world_mut().entity_mut(camera).insert(at);
+        }
+        self.app.update();
+        let [seen, all] = [BAKED, PLAIN].map(|camera| seen_by(&mut self.app, camera));
+        let row = cell.map(|cell| &self.level.rows[cell]);
+        let is_shown = |&Number(number): &Number| {
+            self.free.contains(&number) || row.is_none_or(|row| row.contains(&number))
+        };
+        let expected: BTreeSet<Number> = all.iter().copied().filter(is_shown).collect();
+        assert_eq!(seen, expected, "from x = {x}");
+        self.hidden += all.len() - seen.len();
+    }
+
+    fn change(&mut self, number: u32, change: impl FnOnce(EntityWorldMut)) {
+        let entity = entity(&mut self.app, Number(number)).unwrap();
+        change(self.app.world_mut().entity_mut(entity));
+    }
+
+    fn placed_count(&self) -> usize {
+        self.app.world().resource::<BakedLevel>().placed_count()
+    }
+}
+
+fn walk(world: &mut World) {
+    for (x, cell) in [(5.0, Some(0)), (5.5, Some(0)), (15.0, Some(1)), (-9.0, None), (35.0, Some(3))] {
+        world.check(x, cell);
+    }
+    let known = OBJECTS as usize - world.free.iter().filter(|&&number| number < OBJECTS).count();
+    assert_eq!(world.placed_count(), known);
+}
+
+#[test]
+fn entities_are_hidden_as_the_rows_say() {
+    for (seed, level_first) in [(1, true), (2, false)] {
+        let random = &mut Random(seed);
+        let level = level(random);
+        let checked = BakedLevel::read(&level.file, level.boxes.iter().copied()).unwrap();
+        let mut world = World::new(level, random, checked, level_first);
+        walk(&mut world);
+        assert!(world.hidden > 500, "{}", world.hidden);
+    }
+}
+
+#[test]
+fn without_boxes_the_game_is_taken_at_its_word() {
+    let random = &mut Random(3);
+    let level = level(random);
+    let unchecked = BakedLevel::read_unchecked(&level.file).unwrap();
+    walk(&mut World::new(level, random, unchecked, true));
+}
+
+#[test]
+fn what_changes_is_visible_from_then_on() {
+    let random = &mut Random(4);
+    let level = level(random);
+    let baked = BakedLevel::read(&level.file, level.boxes.iter().copied()).unwrap();
+    let mut world = World::new(level, random, baked, true);
+    world.check(5.0, Some(0));
+    let known: Vec<u32> = (0..OBJECTS).filter(|number| !world.free.contains(number)).collect();
+    for (change, &number) in known.iter().step_by(7).enumerate().take(60) {
+        world.free.insert(number);
+        let (aabb, at) = placed(world.level.boxes[number as usize]);
+        match change % 6 {
+            // Moved by a hair, and not back in place for the set though it is in fact.
+            0 => {
+                let moved = at.with_translation(at.translation + Vec3::Y * 1e-3);
+                world.change(number, |mut entity| {
+                    entity.insert(moved);
+                });
+                world.check(5.0, Some(0));
+                world.change(number, |mut entity| {
+                    entity.insert(at);
+                });
+            }
+            1 => world.change(number, |mut entity| {
+                let wider = Aabb { half_extents: aabb.half_extents * 1.5, ..aabb };
+                entity.insert(wider);
+            }),
+            2 => world.change(number, |mut entity| {
+                entity.insert(Mesh3d::default());
+            }),
+            3 => world.change(number, |mut entity| {
+                entity.remove::<BakedObject>();
+            }),
+            4 => {
+                // Another entity takes its place, and does not say what it is.
+                world.change(number, |entity| entity.despawn());
+                world.app.world_mut().spawn((drawn(number, at), aabb));
+            }
+            _ => {
+                // Back in its place, as the new component says.
+                world.change(number, |mut entity| {
+                    entity.insert((at, BakedObject(number)));
+                });
+                world.free.remove(&number);
+            }
+        }
+        world.check(5.0 + (change % 3) as f32, Some(0));
+        world.check(15.0, Some(1));
+    }
+    // So many more that the scene's log of changes ends: what has moved stays visible, what has not, hidden.
+    for number in 10 * OBJECTS..13 * OBJECTS {
+        world.free.insert(number);
+        let (aabb, at) = placed(world.level.boxes[number as usize % 100]);
+        world.app.world_mut().spawn((drawn(number, at), aabb));
+    }
+    let hidden = world.hidden;
+    world.check(5.0, Some(0));
+    world.check(25.0, Some(2));
+    assert!(world.hidden > hidden + 50);
+    // A level that was taken away for a while does not know what moved meanwhile.
+    let baked = world.app.world_mut().remove_resource::<BakedLevel>().unwrap();
+    world.app.update();
+    world.app.world_mut().insert_resource(baked);
+    world.free.extend(0..OBJECTS);
+    world.check(5.0, Some(0));
+    assert_eq!(world.placed_count(), 0);
+}
+
+#[test]
+fn entities_elsewhere_than_in_the_bake_are_visible() {
+    let random = &mut Random(5);
+    let level = level(random);
+    let baked = BakedLevel::read(&level.file, level.boxes.iter().copied()).unwrap();
+    let mut world = World::new(level, random, baked, true);
+    let known: Vec<u32> = (0..OBJECTS).filter(|number| !world.free.contains(number)).collect();
+    // Numbers of other objects, and of none.
+    for (&number, wrong) in known.iter().zip([known[50], known[51], OBJECTS, u32::MAX]) {
+        world.free.insert(number);
+        world.change(number, |mut entity| {
+            entity.insert(BakedObject(wrong));
+        });
+    }
+    // A box that is not known yet, and known later.
+    let (aabb, _) = placed(world.level.boxes[known[9] as usize]);
+    world.change(known[9], |mut entity| {
+        entity.remove::<Aabb>();
+    });
+    world.free.insert(known[9]);
+    world.check(5.0, Some(0));
+    world.change(known[9], |mut entity| {
+        entity.insert(aabb);
+    });
+    world.free.remove(&known[9]);
+    world.check(5.0, Some(0));
+    walk(&mut world);
+}
+
+#[test]
+fn files_of_other_levels_are_refused() {
+    let random = &mut Random(6);
+    let (one, mut other) = (level(random), level(random));
+    let read = |level: &Level| BakedLevel::read(&one.file, level.boxes.iter().copied()).err();
+    assert_eq!(read(&one), None);
+    assert_eq!(read(&other), Some(BakedSetError::OtherScene));
+    other.boxes.clone_from(&one.boxes);
+    other.boxes[7][1][2] += 0.001;
+    assert_eq!(read(&other), Some(BakedSetError::OtherScene));
+    other.boxes.clone_from(&one.boxes);
+    other.boxes.pop();
+    assert_eq!(read(&other), Some(BakedSetError::OtherScene));
+    assert!(BakedLevel::read_unchecked(&one.file[1..]).is_err());
+}
