@@ -31,6 +31,13 @@ const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
 const ALL_TRIANGLES: u32 = 8000;
 /// A first look at each triangle of an object, if there are other objects to try.
 const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
+/// A box around a part of an object, from twice this number of triangles on, and all boxes of parts of an
+/// object, in a quick look and in a long one. A large mesh behind a wall is hidden with few boxes, where the
+/// nodes for all its triangles would be used up.
+const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
+const PART_TRIANGLES: usize = 16;
+const QUICK_PARTS: u32 = 1000;
+const ALL_PARTS: u32 = 4000;
 /// A second look at each triangle of an object whose others are all hidden. Where occluders meet in a corner
 /// and overlap by little more than the clearance, a node holds no line, but only small parts of it show that.
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
@@ -466,13 +473,17 @@ impl<'a> CellQuery<'a> {
 
     fn object_by_triangles(&mut self, object: u32, is_quick: bool) {
         let entry = &self.search.triangles.objects[object as usize];
-        let triangles = self.search.triangles;
-        let mut order: Vec<u32> = (entry.first..entry.end).collect();
-        order.sort_unstable_by(|&a, &b| triangles.area(b).total_cmp(&triangles.area(a)).then(a.cmp(&b)));
-        if order.is_empty() {
+        if entry.first == entry.end {
             return;
         }
+        let triangles = self.search.triangles;
+        let mut order: Vec<u32> = (entry.first..entry.end).collect();
         let mut proofs = Vec::new();
+        self.hide_parts(&mut order, &mut proofs, if is_quick { QUICK_PARTS } else { ALL_PARTS });
+        if !self.is_open(object) {
+            return;
+        }
+        order.sort_unstable_by(|&a, &b| triangles.area(b).total_cmp(&triangles.area(a)).then(a.cmp(&b)));
         let (cell, c) = (self.search.cell, self.search.clearance);
         let pad = 4.0 * triangles.position_error(cell.magnitude() + 3.0 * c) + 2.0 * c;
         let first = if is_quick { QUICK } else { TRIANGLE };
@@ -511,6 +522,49 @@ impl<'a> CellQuery<'a> {
             }
             order = left;
         }
+    }
+
+    /// Proves parts of an object with many triangles hidden by boxes around them, halving those that it
+    /// cannot prove, with at most about `most` nodes. Removes their triangles from `order`, and adds the
+    /// proofs.
+    fn hide_parts(&mut self, order: &mut Vec<u32>, proofs: &mut Vec<Proof>, most: u32) {
+        let triangles = self.search.triangles;
+        let (mut stack, mut spent, mut left) = (vec![(0, order.len(), false)], 0, Vec::new());
+        while let Some((start, end, is_part)) = stack.pop() {
+            let part = &mut order[start..end];
+            let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            for corner in part.iter().flat_map(|&t| triangles.corners(t)) {
+                (min, max) = (min.min(corner), max.max(corner));
+            }
+            let is_asked = is_part && spent <= most && !self.search.is_stopped && !self.meets_cell(min, max);
+            if is_asked {
+                let target = Target::Box { min, max };
+                let (answer, used) = self.search.solve_target(target, PART);
+                spent += used;
+                match answer {
+                    Answer::Hidden => {
+                        if self.settings.keep_proofs {
+                            proofs.push(self.proof(target));
+                        }
+                        continue;
+                    }
+                    Answer::Visible(line) => {
+                        self.see_first(line.p, line.q - line.p);
+                    }
+                    Answer::Undecided => {}
+                }
+            }
+            if part.len() < 2 * PART_TRIANGLES || spent > most {
+                left.extend_from_slice(part);
+                continue;
+            }
+            let axis = (max - min).max_position();
+            let key = |t: u32| triangles.corners(t).iter().map(|p| p[axis]).sum::<f64>();
+            part.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+            let middle = start + part.len() / 2;
+            stack.extend([(start, middle, true), (middle, end, true)]);
+        }
+        *order = left;
     }
 }
 
