@@ -172,7 +172,7 @@ fn frames(c: &mut Criterion) {
     }
     // An object leaves its block in each frame, so that the layout of the scene changes.
     let moved = |frame: usize| {
-        let min = Vec3::new(if frame % 2 == 0 { 0.0 } else { 3000.0 }, 0.0, 0.0);
+        let min = Vec3::new(if frame.is_multiple_of(2) { 0.0 } else { 3000.0 }, 0.0, 0.0);
         Aabb::new(min, min + 5.0)
     };
     // A set of a fresh copy, whose log of changes the culler follows from the start.

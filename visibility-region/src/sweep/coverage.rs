@@ -17,12 +17,8 @@ use super::direction::Direction;
 use super::hull::{Spread, draw_hull};
 use super::polygon::{Polygon, Sides, cut};
 use super::ray_map::{PixelRect, RayMap, SIDE};
-use super::window::Window;
+use super::window::{FARTHEST_PIXEL, Window};
 use visibility_core::glam::DVec3;
-
-/// Pixel coordinates beyond this are not computed with: 2^30, whose rounding errors are below
-/// `SLACK / 2^10`.
-pub(super) const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
 
 /// The two maps that one piece is drawn on.
 #[derive(Clone, Debug)]

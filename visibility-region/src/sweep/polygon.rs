@@ -1,8 +1,7 @@
 //! Parts of triangles between two depths, and the pixels that they fill.
 
-use super::coverage::FARTHEST_PIXEL;
 use super::ray_map::{PixelRect, RayMap, SIDE};
-use super::window::Window;
+use super::window::{FARTHEST_PIXEL, Window};
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 

@@ -12,6 +12,10 @@ use visibility_core::glam::Vec3;
 /// for projected vertices.
 pub(crate) const SLACK: f64 = 1.0 / 1024.0;
 
+/// Pixel coordinates beyond this are not computed with: 2^30, whose rounding errors are below
+/// `SLACK / 2^10`.
+pub(crate) const FARTHEST_PIXEL: f64 = 1_073_741_824.0;
+
 /// Least width of a window, in units of the rounding error of positions on it: 2^26.
 const WIDTH: f64 = 67_108_864.0;
 
