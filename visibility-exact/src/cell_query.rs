@@ -31,13 +31,14 @@ const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
 const ALL_TRIANGLES: u32 = 8000;
 /// A first look at each triangle of an object, if there are other objects to try.
 const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
-/// A box around a part of an object, from twice this number of triangles on, and all boxes of parts of an
-/// object, in a quick look and in a long one. A large mesh behind a wall is hidden with few boxes, where the
-/// nodes for all its triangles would be used up.
+/// A box around a part of an object, and all such boxes of an object in a quick look and in a long one. A
+/// large mesh behind several walls is hidden with few boxes, where its triangles would take more nodes than
+/// there are.
 const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
-const PART_TRIANGLES: usize = 16;
 const QUICK_PARTS: u32 = 1000;
 const ALL_PARTS: u32 = 4000;
+/// Least number of triangles in a part.
+const PART_TRIANGLES: usize = 16;
 /// A second look at each triangle of an object whose others are all hidden. Where occluders meet in a corner
 /// and overlap by little more than the clearance, a node holds no line, but only small parts of it show that.
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
@@ -180,8 +181,9 @@ impl<'a> CellQuery<'a> {
         self.groups(open);
     }
 
-    /// Decides objects by their triangles, largest first. Some hundred times the work of a proof for a box,
-    /// which should have failed before.
+    /// Decides objects by their triangles: those of objects with many by boxes around parts first, then each
+    /// by itself, largest first. Some hundred times the work of a proof for a box, which should have failed
+    /// before.
     pub fn prove_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.triangles(&open, false);

@@ -2,10 +2,11 @@
 
 mod common;
 
-use common::{Triangle, check, cuboid, prepared, quad};
+use common::{Triangle, check, clearance, cuboid, prepared, quad};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
+use visibility_testing::Random;
 
 /// Crumpled sheets of a thousand triangles each behind both wings of a wall, which are one object, and a
 /// viewcell that looks through the gap between the wings: at no sheet, but at the box around both.
@@ -53,4 +54,39 @@ fn a_mesh_in_two_hidden_parts_takes_fewer_nodes_than_it_has_triangles() {
 fn one_triangle_of_a_large_mesh_that_is_seen_is_found() {
     let (verdict, ..) = verdict(&world(true));
     assert!(matches!(verdict, Verdict::Seen(witness) if witness.triangle == 2000), "{verdict:?}");
+}
+
+/// Meshes of several clusters of triangles behind walls with a gap each, some of which a cluster fills.
+#[test]
+fn no_segment_reaches_a_large_mesh_that_is_proven_hidden() {
+    let mut random = Random(23);
+    let (mut hidden, mut seen) = (0, 0);
+    for world in 0..60 {
+        let mut number = |low: f64, high: f64| low + (high - low) * random.unit();
+        let mut mesh = Vec::new();
+        for _ in 0..3 {
+            let center = DVec3::new(number(10.0, 16.0), number(-6.0, 6.0), number(-2.0, 2.0));
+            for _ in 0..24 {
+                let mut corner = || center + DVec3::from_array([0; 3].map(|_| number(-0.7, 0.7)));
+                mesh.push([corner(), corner(), corner()].map(|p| p.as_vec3()));
+            }
+        }
+        let (gap, width) = (number(-3.0, 3.0), number(0.2, 1.5));
+        let wing = |from: f64, to: f64| cuboid(DVec3::new(6.0, from, -30.0), DVec3::new(6.5, to, 30.0));
+        let objects = [mesh, wing(-40.0, gap), wing(gap + width, 40.0)];
+        let found = verdict(&objects).0;
+        match found {
+            Verdict::Hidden => hidden += 1,
+            _ => seen += usize::from(matches!(found, Verdict::Seen(_))),
+        }
+        for _ in 0..if found == Verdict::Hidden { 20_000 } else { 0 } {
+            let from = DVec3::from_array([0; 3].map(|_| number(-0.2, 0.2)));
+            let triangle = objects[0][(number(0.0, 72.0) as usize).min(71)].map(|p| p.as_dvec3());
+            let (a, b) = (number(0.0, 1.0), number(0.0, 1.0));
+            let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
+            let to = triangle[0] + (triangle[1] - triangle[0]) * a + (triangle[2] - triangle[0]) * b;
+            assert!(clearance(&objects, 0, from, to) <= 1e-3, "world {world}: {from} to {to}");
+        }
+    }
+    assert!(hidden >= 10 && seen >= 10, "{hidden} hidden, {seen} seen");
 }
