@@ -5,7 +5,7 @@ mod common;
 use common::{Triangle, check, clearance, cuboid, prepared, quad};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
+use visibility_exact::{CellQuery, Effort, ExactCuller, Settings, Verdict};
 use visibility_testing::Random;
 
 /// Crumpled sheets of a thousand triangles each behind both wings of a wall, which are one object, and a
@@ -89,4 +89,29 @@ fn no_segment_reaches_a_large_mesh_that_is_proven_hidden() {
         }
     }
     assert!(hidden >= 10 && seen >= 10, "{hidden} hidden, {seen} seen");
+}
+
+/// A wall of 1,600 overlapping plates that lacks one, and a sheet of triangles behind it: boxes around large
+/// parts of the sheet cannot be decided.
+#[test]
+fn a_mesh_seen_through_a_missing_plate_is_not_hidden() {
+    let square = |x: f64, y: f64, z: f64, size: f64| {
+        let at = |y: f64, z: f64| DVec3::new(x, y, z);
+        quad(at(y, z), at(y + size, z), at(y + size, z + size), at(y, z + size))
+    };
+    let sheet = (0..361)
+        .flat_map(|k| square(0.5, f64::from(k % 19) * 2.0 - 19.0, f64::from(k / 19) * 2.0 - 19.0, 2.0));
+    let plates = (0..1600).filter(|&k| k != 933).map(|k| {
+        let x = f64::from((k / 40 + k % 40) % 2) * 0.05;
+        square(x, f64::from(k % 40) - 20.05, f64::from(k / 40) - 20.05, 1.1)
+    });
+    let objects: Vec<Vec<Triangle>> = [sheet.collect()].into_iter().chain(plates).collect();
+    let triangles = prepared(&objects);
+    let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(1e-4)) };
+    let cell = Viewcell::from_box(DVec3::new(-40.0, -0.1, -0.1), DVec3::new(-39.9, 0.1, 0.1));
+    let mut query = CellQuery::new(&triangles, &cell, settings).unwrap();
+    query.prove_triangles(&|id| id.index() == 0);
+    let (_, verdict) = query.verdicts().next().unwrap();
+    assert!(!matches!(verdict, Verdict::Hidden), "{verdict:?}");
+    assert!(query.steps() > 100, "{} nodes decide the first part", query.steps());
 }
