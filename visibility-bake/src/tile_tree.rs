@@ -12,7 +12,8 @@ use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{DVec3, Vec3};
 
 /// Greatest [weight](ObjectFacts::weight) of a tile without children, but for objects in one place.
-/// With 1024, a sixth more time went into sweeps of a city, and an edit concerned up to thirty times as many.
+/// With 1024, a sixth more time went into sweeps of a city, and up to thirty times as many groups were swept
+/// again after an edit.
 const LEAF: u64 = 128;
 
 /// Greatest weight of a level that is one tile.

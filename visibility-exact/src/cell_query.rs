@@ -531,13 +531,16 @@ impl<'a> CellQuery<'a> {
     /// proofs.
     fn hide_parts(&mut self, order: &mut Vec<u32>, proofs: &mut Vec<Proof>, most: u32) {
         let triangles = self.search.triangles;
-        let (mut stack, mut spent, mut left) = (vec![(0, order.len(), false)], 0, Vec::new());
-        while let Some((start, end, is_part)) = stack.pop() {
+        let count = order.len();
+        let (mut stack, mut spent, mut left) = (vec![(0, count)], 0, Vec::new());
+        while let Some((start, end)) = stack.pop() {
             let part = &mut order[start..end];
             let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
             for corner in part.iter().flat_map(|&t| triangles.corners(t)) {
                 (min, max) = (min.min(corner), max.max(corner));
             }
+            // The box around all has failed before.
+            let is_part = part.len() < count;
             let is_asked = is_part && spent <= most && !self.search.is_stopped && !self.meets_cell(min, max);
             if is_asked {
                 let target = Target::Box { min, max };
@@ -564,7 +567,7 @@ impl<'a> CellQuery<'a> {
             let key = |t: u32| triangles.corners(t).iter().map(|p| p[axis]).sum::<f64>();
             part.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
             let middle = start + part.len() / 2;
-            stack.extend([(start, middle, true), (middle, end, true)]);
+            stack.extend([(start, middle), (middle, end)]);
         }
         *order = left;
     }

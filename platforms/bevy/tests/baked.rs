@@ -215,7 +215,8 @@ fn what_changes_is_visible_from_then_on() {
         world.check(5.0 + (change % 3) as f32, Some(0));
         world.check(15.0, Some(1));
     }
-    // So many more that the scene's log of changes ends: what has moved stays visible, what has not, hidden.
+    // The scene's log of changes ends after so many moves: objects that have moved stay visible, and the
+    // others stay hidden.
     for number in 10 * OBJECTS..13 * OBJECTS {
         world.free.insert(number);
         let (aabb, at) = placed(world.level.boxes[number as usize % 100]);
