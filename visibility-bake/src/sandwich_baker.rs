@@ -550,32 +550,33 @@ impl Baker for SandwichBaker<'_> {
         scratch: &mut BakeScratch,
         stop: &dyn Fn() -> bool,
     ) -> Option<Option<FoundCell>> {
-        let mut found = {
-            let _working = self.level.work(false);
-            self.attempt(item, scratch, stop)
-        };
-        if matches!(found, Err(LevelError::Memory { .. })) {
-            // Other threads may have too much of the memory, and groups whose viewcells wait.
-            let _working = self.level.work(true);
-            *scratch = BakeScratch::default();
-            self.release_groups();
-            found = self.attempt(item, scratch, stop);
-        }
         let (place, stage) = self.place(item);
         let of = self.groups.of[self.range.start + place];
-        match found {
-            Ok(found) => {
-                if let Some(Some(found)) = &found {
-                    self.end_stages(of, stage..found.next);
-                }
-                found
+        let mut attempt = |is_alone| {
+            // Content of groups is released before the work ends: a thread that works alone counts on it.
+            let _working = self.level.work(is_alone);
+            if is_alone {
+                *scratch = BakeScratch::default();
+                self.release_groups();
             }
-            Err(error) => {
-                lock(&self.error).get_or_insert(error);
-                self.end_stages(of, stage..STAGES as u32);
-                Some(None)
+            let found = self.attempt(item, scratch, stop);
+            match &found {
+                Ok(Some(Some(found))) => self.end_stages(of, stage..found.next),
+                Err(LevelError::Memory { .. }) if !is_alone => {}
+                Err(_) => self.end_stages(of, stage..STAGES as u32),
+                Ok(_) => {}
             }
+            found
+        };
+        let mut found = attempt(false);
+        if matches!(found, Err(LevelError::Memory { .. })) {
+            // Other threads may have too much of the memory, and groups whose viewcells wait.
+            found = attempt(true);
         }
+        found.unwrap_or_else(|error| {
+            lock(&self.error).get_or_insert(error);
+            Some(None)
+        })
     }
 
     fn take_in(&mut self, item: u32, found: Option<FoundCell>) -> u64 {
