@@ -4,11 +4,11 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
 /// Greatest number of viewcells in a group.
-const MOST: usize = 16;
+const MOST_CELLS: usize = 16;
 
 /// Number of viewcells in the first portion of a bake. The second has as many, and each further portion as
 /// many as all before it.
-const FIRST: usize = 64;
+const FIRST_CELLS: usize = 64;
 
 /// Greatest volume of the box around a group, relative to that of its viewcells together.
 const SPREAD: f64 = 2.5;
@@ -27,7 +27,7 @@ impl CellGroups {
         let mut cells = Vec::new();
         // The viewcells of a portion are worked on before those of the next, so a group is within a portion.
         let mut waiting = Vec::new();
-        let (mut start, mut end) = (0, FIRST);
+        let (mut start, mut end) = (0, FIRST_CELLS);
         while start < all.len() {
             waiting.push((start as u32..end.min(all.len()) as u32).collect::<Vec<u32>>());
             (start, end) = (end, end.saturating_mul(2));
@@ -39,7 +39,7 @@ impl CellGroups {
             let bounds = bounds(all, &part);
             let volume = |cell: &Viewcell| (cell.max - cell.min).max(DVec3::ZERO).element_product();
             let sum: f64 = part.iter().map(|&cell| volume(&all[cell as usize])).sum();
-            if part.len() == 1 || part.len() <= MOST && volume(&bounds) <= SPREAD * sum {
+            if part.len() == 1 || part.len() <= MOST_CELLS && volume(&bounds) <= SPREAD * sum {
                 part.sort_unstable();
                 cells.push(part);
                 continue;
@@ -57,7 +57,7 @@ impl CellGroups {
     /// Returns the portion of the bake that a group is in, 0 for the first.
     pub(crate) fn portion(&self, group: u32) -> u32 {
         let first = self.cells[group as usize].first().map_or(0, |&cell| cell as usize);
-        usize::BITS - (first / FIRST).leading_zeros()
+        usize::BITS - (first / FIRST_CELLS).leading_zeros()
     }
 }
 
@@ -101,7 +101,7 @@ mod tests {
         all.sort_unstable();
         assert!(all.into_iter().eq(0..802), "each viewcell is in one group");
         for (number, members) in (0..).zip(&groups.cells) {
-            assert!(members.is_sorted() && members.len() <= MOST);
+            assert!(members.is_sorted() && members.len() <= MOST_CELLS);
             assert!(members.iter().all(|&cell| groups.of[cell as usize] == number));
             let bounds = bounds(viewcells.cells(), members);
             let volume = (bounds.max - bounds.min).max(DVec3::ZERO).element_product();

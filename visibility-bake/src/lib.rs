@@ -30,7 +30,6 @@ mod level_file;
 mod method_times;
 mod near_to_far;
 mod object_facts;
-mod part_scene;
 mod sandwich_baker;
 mod search;
 mod settings;

@@ -108,7 +108,7 @@ pub(crate) fn sweep_near_to_far(
     let mut parts = vec![members.to_vec()];
     while let Some(part) = parts.pop() {
         let cell = &cell_groups::bounds(all, &part);
-        let most = if part.len() > 1 { level.most } else { u64::MAX };
+        let most = if part.len() > 1 { level.most_weight } else { u64::MAX };
         let (occluding, waiting) = Default::default();
         let mut around = Around { level, cell, trace: &mut trace, places: &mut places, occluding, waiting };
         if around.sweep_all(sweep, most)? {
@@ -142,8 +142,8 @@ impl Around<'_> {
     /// occluders exceed the weight `most`.
     fn sweep_all(&mut self, sweep: &mut ExtendedProjectionCuller, most: u64) -> Result<bool, LevelError> {
         self.open(What::Tile { tile: 0, parent: 0, child: 0 });
-        let (mut portion, mut coarsest) = (self.level.first, COARSEST);
-        self.divide(coarsest);
+        let (mut portion, mut coarsest) = (self.level.first_weight, COARSEST);
+        self.open_large(coarsest);
         self.open_nearest(portion, |tile| tile.weight);
         loop {
             self.load(portion);
@@ -153,7 +153,7 @@ impl Around<'_> {
             self.sweep(sweep)?;
             (portion, coarsest) = (portion.saturating_mul(2), coarsest / 2.0);
             self.open_nearest(portion, |tile| tile.own.len() as u64);
-            self.divide(coarsest);
+            self.open_large(coarsest);
             if self.waiting_weight().is_some_and(|weight| weight <= FEW) {
                 return Ok(true);
             }
@@ -195,7 +195,7 @@ impl Around<'_> {
     }
 
     /// Opens all tiles with tiles below whose extents are more than a part of their distances.
-    fn divide(&mut self, coarsest: f64) {
+    fn open_large(&mut self, coarsest: f64) {
         let mut at = 0;
         while let Some(&waiting) = self.waiting.get(at) {
             let extent = (waiting.bounds.max.as_dvec3() - waiting.bounds.min.as_dvec3()).max_element();
@@ -377,7 +377,7 @@ mod tests {
     /// Returns a level in small tiles of which few occlude at first.
     fn in_small_tiles(scene: &Scene) -> TiledScene<'_> {
         let mut level = TiledScene::new(scene);
-        (level.tree, level.first) = (TileTree::with_leaves(&level.objects, 0, 200), 400);
+        (level.tree, level.first_weight) = (TileTree::with_leaves(&level.objects, 0, 200), 400);
         level
     }
 
@@ -450,7 +450,7 @@ mod tests {
         // The middle viewcell is far from the others: all of the town is around them.
         let weight: u64 = level.objects.iter().map(|object| object.weight()).sum();
         for (most, expected) in [(weight, &objects(&whole)), (weight / 4, &apart)] {
-            level.most = most;
+            level.most_weight = most;
             assert!(objects(&sweep_of_all(&level, &cells)) == *expected, "{most}");
         }
         // What was opened before the group was divided counts as opened, and each tile once.
@@ -475,7 +475,7 @@ mod tests {
         let cells = [vec![a.clone()], vec![b], vec![c], vec![near(&a), a]];
         fn level_of(scene: &Scene) -> TiledScene<'_> {
             let mut level = in_small_tiles(scene);
-            level.most = 600;
+            level.most_weight = 600;
             level
         }
         let traces = cells.each_ref().map(|cells| sweep_of_all(&level_of(&scene), cells));

@@ -90,3 +90,57 @@ fn with_origin(origin: DVec3) -> Fingerprint {
 fn point(hash: Fingerprint, p: Vec3) -> Fingerprint {
     p.to_array().iter().fold(hash, |hash, x| hash.with(x.to_bits()))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::tiled_scene::TiledScene;
+    use visibility_core::glam::{Affine3A, Vec3};
+    use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
+
+    fn hashes(scene: &Scene) -> Vec<u64> {
+        TiledScene::new(scene).objects.iter().map(|object| object.hash).collect()
+    }
+
+    /// Makes a scene of one object, which `change` may change, and returns the hash of the object.
+    fn hash(change: impl Fn(&mut Scene, ObjectId)) -> u64 {
+        let mut scene = Scene::new();
+        let id =
+            scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([1.0; 3], [2.0; 3])) });
+        scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Y]]).unwrap();
+        change(&mut scene, id);
+        hashes(&scene)[0]
+    }
+
+    #[test]
+    fn every_change_of_an_object_changes_its_hash() {
+        let mesh = |scene: &mut Scene, high: f32, two_sided: bool, transform: Affine3A| {
+            let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([1.0; 3], [1.5, 1.5, high])).unwrap();
+            let mesh = scene.add_mesh(mesh.with_two_sided(two_sided));
+            let id = scene.id_at(0).unwrap();
+            scene.set_mesh(id, mesh, transform).unwrap();
+        };
+        let moved = Affine3A::from_translation(Vec3::X * 0.1);
+        let bounds = |scene: &mut Scene, id, min: f32, max: f32| {
+            scene.set_bounds(id, Aabb::from_arrays([min; 3], [max; 3])).unwrap();
+            scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Y]]).unwrap();
+        };
+        let hashes = [
+            hash(|_, _| {}),
+            hash(|scene, id| bounds(scene, id, 0.5, 2.0)),
+            hash(|scene, id| bounds(scene, id, 1.0, 2.5)),
+            hash(|scene, id| scene.set_layers(id, 2).unwrap()),
+            hash(|scene, id| scene.set_cost(id, 7).unwrap()),
+            hash(|scene, id| scene.set_occluder(id, false).unwrap()),
+            hash(|scene, id| scene.set_never_cull(id, true).unwrap()),
+            hash(|scene, id| scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Z]]).unwrap()),
+            hash(|scene, id| scene.set_triangles(id, []).unwrap()),
+            hash(|scene, _| mesh(scene, 1.5, false, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.6, false, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.5, true, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.5, false, moved)),
+        ];
+        for (number, hash) in hashes.iter().enumerate() {
+            assert!(!hashes[..number].contains(hash), "change {number}");
+        }
+    }
+}

@@ -156,7 +156,7 @@ struct Group {
 
 enum Content {
     /// What the cache has for the viewcells of the group.
-    Known(Vec<CellRecord>),
+    Cached(Vec<CellRecord>),
     /// For sweeps of the viewcells: the objects left with occluder meshes, and a sweep that is prepared.
     Scene(Box<PreparedScene>),
     /// For later stages: each viewcell loads what its sweep has left.
@@ -271,7 +271,7 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Returns the place of an item's viewcell in the range, and its stage.
-    fn place(&self, item: u32) -> (usize, u32) {
+    fn place_and_stage(&self, item: u32) -> (usize, u32) {
         let (item, count) = (item as usize, self.range.len().max(1));
         (item % count, (item / count) as u32)
     }
@@ -325,7 +325,7 @@ impl<'a> SandwichBaker<'a> {
             && let Some(objects) = record.trace.replay(&self.level.tree)
             && is_usable(cells, &objects)
         {
-            let content = Content::Known(cells.to_vec());
+            let content = Content::Cached(cells.to_vec());
             return Ok(Group { record: record.clone(), objects, content });
         }
         let record = match known {
@@ -343,7 +343,7 @@ impl<'a> SandwichBaker<'a> {
         // What was opened in this bake is what it was.
         let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
         let content = match self.cache.group(record.key).filter(|records| is_usable(records, &objects)) {
-            Some(records) => Content::Known(records.to_vec()),
+            Some(records) => Content::Cached(records.to_vec()),
             None => Content::Scene(Box::new(self.level.prepared(&objects)?)),
         };
         Ok(Group { record, objects, content })
@@ -361,7 +361,7 @@ impl<'a> SandwichBaker<'a> {
             let now = (self.clock)();
             now.saturating_sub(std::mem::replace(&mut last, now))
         };
-        let (place, stage) = self.place(item);
+        let (place, stage) = self.place_and_stage(item);
         let before = self.done[place].as_ref();
         if before.map_or(SWEEP, |before| before.next) != stage {
             return Ok(Some(None));
@@ -375,7 +375,7 @@ impl<'a> SandwichBaker<'a> {
         let objects = &group.objects;
         let done = STAGES as u32;
         let (record, times, next) = match (&group.content, before) {
-            (Content::Known(records), _) => {
+            (Content::Cached(records), _) => {
                 let member = self.groups.cells[of as usize].binary_search(&(number as u32));
                 (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
             }
@@ -443,7 +443,7 @@ impl<'a> SandwichBaker<'a> {
         let record = &before.record;
         let left: Vec<u32> = record.left.iter().map(|&at| objects[at as usize]).collect();
         let _memory = self.level.reserve_cell(&left, true)?;
-        let scene = self.level.scene_of(&left, [], true)?;
+        let scene = self.level.scene_with_triangles(&left)?;
         let triangles = SceneTriangles::new(&scene);
         let cell = &self.viewcells.cells()[viewcell];
         let answers = record.answers.clone();
@@ -530,7 +530,7 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn rank(&self, item: u32) -> u64 {
-        let (place, stage) = self.place(item);
+        let (place, stage) = self.place_and_stage(item);
         let of = self.groups.of[self.range.start + place];
         if stage == SWEEP {
             // The viewcells of a group follow one another.
@@ -541,7 +541,7 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn stage(&self, item: u32) -> u32 {
-        self.place(item).1
+        self.place_and_stage(item).1
     }
 
     fn work(
@@ -550,7 +550,7 @@ impl Baker for SandwichBaker<'_> {
         scratch: &mut BakeScratch,
         stop: &dyn Fn() -> bool,
     ) -> Option<Option<FoundCell>> {
-        let (place, stage) = self.place(item);
+        let (place, stage) = self.place_and_stage(item);
         let of = self.groups.of[self.range.start + place];
         let mut attempt = |is_alone| {
             // Content of groups is released before the work ends: a thread that works alone counts on it.
@@ -581,7 +581,7 @@ impl Baker for SandwichBaker<'_> {
 
     fn take_in(&mut self, item: u32, found: Option<FoundCell>) -> u64 {
         let Some(found) = found else { return 0 };
-        let (place, _) = self.place(item);
+        let (place, _) = self.place_and_stage(item);
         let of = self.groups.of[self.range.start + place] as usize;
         add_cost(&mut self.costs[of], &found);
         self.found_groups[of].get_or_insert_with(|| found.group.clone());

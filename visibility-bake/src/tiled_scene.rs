@@ -3,34 +3,34 @@
 use crate::level_error::LevelError;
 use crate::level_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
 use crate::object_facts::{ObjectFacts, bounds_fingerprint, content_fingerprint};
-use crate::part_scene::{Meshes, copy_content};
 use crate::tile_tree::TileTree;
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
-use visibility_core::scene::Triangle;
+use visibility_core::scene::{MeshId, Triangle};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
 /// Weight of the objects that occlude in the first sweep from near to far. Each further sweep has twice as
 /// much.
-const FIRST: u64 = 8192;
+const FIRST_WEIGHT: u64 = 8192;
 
 /// Greatest weight of the objects that occlude in a sweep of several viewcells.
-const MOST: u64 = 1 << 19;
+const MOST_WEIGHT: u64 = 1 << 19;
 
 /// Bytes of memory that a scene for a sweep takes for each unit of weight, about.
-const SWEPT: u64 = 600;
+const SWEEP_BYTES: u64 = 600;
 
 /// Bytes of memory that a copy of a sweep takes for each unit of weight of its scene, about.
-const COPIED: u64 = 100;
+const COPY_BYTES: u64 = 100;
 
 /// Bytes of memory that a scene with nothing but triangles takes for each unit of weight, about.
-const TRIANGLES: u64 = 200;
+const TRIANGLE_BYTES: u64 = 200;
 
 /// Bytes of memory that a search takes for each unit of weight, about.
-const SEARCHED: u64 = 600;
+const SEARCH_BYTES: u64 = 600;
 
 /// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
 ///
@@ -44,9 +44,9 @@ pub struct TiledScene<'a> {
     /// Greatest index of an object plus 1.
     pub(crate) index_limit: usize,
     /// Weight of the objects that occlude in the first sweep from near to far.
-    pub(crate) first: u64,
+    pub(crate) first_weight: u64,
     /// Greatest weight of the objects that occlude in a sweep of several viewcells.
-    pub(crate) most: u64,
+    pub(crate) most_weight: u64,
     store: Store<'a>,
     /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
     whole: Mutex<Option<Arc<PreparedScene>>>,
@@ -75,8 +75,18 @@ impl<'a> TiledScene<'a> {
         };
         let objects: Vec<ObjectFacts> = scene.ids().filter_map(facts).collect();
         let (tree, origin, index_limit) = (TileTree::new(&objects), scene.origin(), scene.index_limit());
-        let store = Store::Scene(scene);
-        Self { origin, objects, tree, index_limit, first: FIRST, most: MOST, store, whole: Mutex::default() }
+        Self::with_store(origin, objects, tree, index_limit, Store::Scene(scene))
+    }
+
+    fn with_store(
+        origin: DVec3,
+        objects: Vec<ObjectFacts>,
+        tree: TileTree,
+        index_limit: usize,
+        store: Store<'a>,
+    ) -> Self {
+        let (first_weight, most_weight) = (FIRST_WEIGHT, MOST_WEIGHT);
+        Self { origin, objects, tree, index_limit, first_weight, most_weight, store, whole: Mutex::default() }
     }
 
     /// Begins a level in a file, which is overwritten, and removed with the level.
@@ -125,8 +135,8 @@ impl<'a> TiledScene<'a> {
         };
         let order = self.tree.order.iter().copied();
         let numbers: Vec<u32> = order.filter(|&at| touches(&self.objects[at as usize].bounds)).collect();
-        let _memory = self.reserve(&numbers, TRIANGLES)?;
-        Ok(look(&self.scene_of(&numbers, [], true)?))
+        let _memory = self.reserve(&numbers, TRIANGLE_BYTES)?;
+        Ok(look(&self.scene_with_triangles(&numbers)?))
     }
 
     /// Returns a hash of all that a bake depends on: the origin, and for each object its index, bounds,
@@ -140,39 +150,69 @@ impl<'a> TiledScene<'a> {
         bounds_fingerprint(self.origin, self.objects.iter().map(|object| (object.index, object.bounds)))
     }
 
-    /// Makes a scene of some objects, by their numbers, in the given order: the first gets index 0. After
-    /// them follow others that have nothing but bounds. Objects have triangles, for searches, or occluder
-    /// meshes, for sweeps.
-    pub(crate) fn scene_of(
-        &self,
-        numbers: &[u32],
-        boxes: impl IntoIterator<Item = Object>,
-        with_triangles: bool,
-    ) -> Result<Scene, LevelError> {
-        let mut part = Scene::new();
-        // The origin of a scene is finite, and that of an empty scene may be set.
-        let _ = part.set_origin(self.origin);
-        let objects = numbers.iter().map(|&at| self.objects[at as usize].object());
-        let ids = part.insert_batch(objects.chain(boxes));
+    /// Makes a scene of some objects with their triangles, by their numbers, in the given order: the first
+    /// gets index 0.
+    pub(crate) fn scene_with_triangles(&self, numbers: &[u32]) -> Result<Scene, LevelError> {
+        let (mut part, ids) = self.scene_of(numbers, []);
         match &self.store {
             Store::Scene(scene) => {
-                let mut meshes = (!with_triangles).then(Meshes::new);
-                for (&at, new) in numbers.iter().zip(ids) {
-                    if let Some(id) = scene.id_at(self.objects[at as usize].index as usize) {
-                        copy_content(scene, id, &mut part, new, with_triangles, meshes.as_mut());
+                for (id, new) in self.ids_in(scene, numbers).zip(ids) {
+                    let triangles = id.and_then(|id| scene.triangles(id).ok()).unwrap_or_default();
+                    if !triangles.is_empty() {
+                        let _ = part.set_triangles(new, triangles);
                     }
                 }
             }
             Store::File(file) => file.for_each(&self.objects, &self.tree, numbers, |place, content| {
-                if with_triangles {
-                    let _ = part.set_triangles(ids[place], &content.triangles[..]);
-                } else if let Some((mesh, transform)) = &content.mesh {
+                let _ = part.set_triangles(ids[place], &content.triangles[..]);
+            })?,
+        }
+        Ok(part)
+    }
+
+    /// Makes a scene of some objects with their occluder meshes, as
+    /// [`scene_with_triangles`](Self::scene_with_triangles) does, and after them of others that have nothing
+    /// but bounds.
+    pub(crate) fn scene_with_meshes(
+        &self,
+        numbers: &[u32],
+        boxes: impl IntoIterator<Item = Object>,
+    ) -> Result<Scene, LevelError> {
+        let (mut part, ids) = self.scene_of(numbers, boxes);
+        match &self.store {
+            Store::Scene(scene) => {
+                // A mesh of several objects is stored once.
+                let mut meshes: HashMap<*const OccluderMesh, MeshId> = HashMap::new();
+                for (id, new) in self.ids_in(scene, numbers).zip(ids) {
+                    if let Some((mesh, transform)) = id.and_then(|id| scene.occluder(id)) {
+                        let shared = *meshes.entry(mesh).or_insert_with(|| part.add_mesh(mesh.clone()));
+                        let _ = part.set_mesh(new, shared, *transform);
+                    }
+                }
+            }
+            Store::File(file) => file.for_each(&self.objects, &self.tree, numbers, |place, content| {
+                if let Some((mesh, transform)) = &content.mesh {
                     let mesh = part.add_mesh(mesh.clone());
                     let _ = part.set_mesh(ids[place], mesh, *transform);
                 }
             })?,
         }
         Ok(part)
+    }
+
+    /// Makes a scene of some objects without content, by their numbers, and after them of others.
+    fn scene_of(&self, numbers: &[u32], boxes: impl IntoIterator<Item = Object>) -> (Scene, Vec<ObjectId>) {
+        let mut part = Scene::new();
+        // The origin of a scene is finite, and that of an empty scene may be set.
+        let _ = part.set_origin(self.origin);
+        let objects = numbers.iter().map(|&at| self.objects[at as usize].object());
+        let ids = part.insert_batch(objects.chain(boxes));
+        (part, ids)
+    }
+
+    /// Returns the ids that objects have in the scene of the level, by their numbers.
+    fn ids_in(&self, scene: &Scene, numbers: &[u32]) -> impl Iterator<Item = Option<ObjectId>> {
+        numbers.iter().map(|&at| scene.id_at(self.objects[at as usize].index as usize))
     }
 
     /// Reserves memory for some objects, where there is a limit.
@@ -193,8 +233,8 @@ impl<'a> TiledScene<'a> {
         boxes: impl IntoIterator<Item = Object>,
         sweep: impl FnOnce(&Scene) -> T,
     ) -> Result<T, LevelError> {
-        let _memory = self.reserve(numbers, SWEPT)?;
-        Ok(sweep(&self.scene_of(numbers, boxes, false)?))
+        let _memory = self.reserve(numbers, SWEEP_BYTES)?;
+        Ok(sweep(&self.scene_with_meshes(numbers, boxes)?))
     }
 
     /// Reserves the memory of a viewcell that is swept, for a copy of what is prepared, or searched.
@@ -203,13 +243,13 @@ impl<'a> TiledScene<'a> {
         numbers: &[u32],
         is_search: bool,
     ) -> Result<Option<Reserved>, LevelError> {
-        self.reserve(numbers, if is_search { SEARCHED } else { COPIED })
+        self.reserve(numbers, if is_search { SEARCH_BYTES } else { COPY_BYTES })
     }
 
     /// Returns a scene of some objects, with a sweep that is prepared for it, to be cloned for threads.
     pub(crate) fn prepared(&self, numbers: &[u32]) -> Result<PreparedScene, LevelError> {
-        let _memory = self.reserve(numbers, SWEPT)?;
-        let scene = self.scene_of(numbers, [], false)?;
+        let _memory = self.reserve(numbers, SWEEP_BYTES)?;
+        let scene = self.scene_with_meshes(numbers, [])?;
         let mut sweep = ExtendedProjectionCuller::new();
         // From an empty viewcell nothing is visible: the culler only prepares what all threads share.
         let nowhere = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
@@ -300,15 +340,44 @@ impl TiledSceneWriter {
         objects.shrink_to_fit();
         let (tree, index_limit) = (TileTree::new(&objects), objects.len());
         let store = Store::File(content.finish(&objects, &tree, memory, in_use)?);
-        Ok(TiledScene {
-            origin,
-            objects,
-            tree,
-            index_limit,
-            first: FIRST,
-            most: MOST,
-            store,
-            whole: Mutex::default(),
-        })
+        Ok(TiledScene::with_store(origin, objects, tree, index_limit, store))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+
+    #[test]
+    fn parts_have_the_content_of_the_whole() {
+        let mut scene = Scene::new();
+        scene.set_origin(visibility_core::glam::DVec3::splat(1e6)).unwrap();
+        let boxes = (0..9).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 1.0; 3]));
+        let ids =
+            scene.insert_batch(boxes.map(|bounds| Object { occluder: true, cost: 3, ..Object::new(bounds) }));
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.2; 3], [0.8; 3])).unwrap());
+        for (i, &id) in ids.iter().enumerate() {
+            let at = Vec3::splat(i as f32);
+            scene.set_triangles(id, [[at, at + Vec3::X, at + Vec3::Y]]).unwrap();
+            if i % 3 > 0 {
+                scene.set_mesh(id, mesh, Affine3A::from_translation(at)).unwrap();
+            }
+        }
+        let level = TiledScene::new(&scene);
+        let other = Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+        let with_triangles = level.scene_with_triangles(&[7, 3, 4]).unwrap();
+        let with_meshes = level.scene_with_meshes(&[7, 3, 4], [other]).unwrap();
+        assert_eq!([&with_triangles, &with_meshes].map(|part| part.len()), [3, 4]);
+        for part in [&with_triangles, &with_meshes] {
+            assert_eq!(part.origin(), scene.origin());
+            for (id, new) in [ids[7], ids[3], ids[4]].into_iter().zip(part.ids()) {
+                assert_eq!(part.object(new), scene.object(id));
+                let (has_triangles, no_triangles) = (part.len() == 3, [].as_slice());
+                let triangles = if has_triangles { scene.triangles(id).unwrap() } else { no_triangles };
+                assert_eq!(part.triangles(new).unwrap(), triangles);
+                assert_eq!(part.occluder(new), scene.occluder(id).filter(|_| !has_triangles));
+            }
+        }
     }
 }
