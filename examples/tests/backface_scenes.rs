@@ -4,7 +4,7 @@
 //! `BACKFACE_EYES=1000000 cargo test --release -p visibility-examples --test backface_scenes` tries a million
 //! eyes per scene.
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;

@@ -1,6 +1,5 @@
 //! Tests that the program `bake` is killed at random moments, goes on each time, and in the end writes the
 //! same bytes as if it had never been killed.
-#![allow(missing_docs)]
 
 use std::fs;
 use std::path::Path;

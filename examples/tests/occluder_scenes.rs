@@ -1,8 +1,7 @@
 //! Tests of the large-occluder cullers on every scene: no object that an item buffer of 2560 x 1440 sees is
 //! hidden, and enough of the other objects are.
-#![allow(missing_docs)]
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use shared_scenes::{assert_none_hidden, scene};
 use std::sync::Arc;

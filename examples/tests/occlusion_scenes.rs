@@ -1,8 +1,7 @@
 //! Tests of the occlusion driver with a plain occlusion map on every scene: no visible object is hidden,
 //! whatever hierarchy the driver walks.
-#![allow(missing_docs)]
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use shared_scenes::scene;
 use visibility_core::{

@@ -1,6 +1,5 @@
 //! Cells that `Plan::cells` makes from the floor plan of an office, against the office's own cells: a portal
 //! culler has the same answer by both.
-#![allow(missing_docs)]
 
 use visibility_2d::cdt::{Opacity, Plan, Wall};
 use visibility_core::cells::{CellGraph, CellId};

@@ -1,8 +1,7 @@
 //! Tests of the cullers of `visibility-2d` on every scene: no object that an item buffer of 2560 x 1440 sees
 //! is hidden, with any setting.
-#![allow(missing_docs)]
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use shared_scenes::{assert_none_hidden_by, scene};
 use visibility_examples::built_in;

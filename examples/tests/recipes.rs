@@ -1,6 +1,6 @@
 //! Tests of the recipes: pinned counts and positions, and walks that follow the stored ones.
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use glam::{DVec3, Vec3};
 use shared_scenes::stored;

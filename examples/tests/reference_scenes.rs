@@ -1,7 +1,7 @@
 //! Tests of the exact answer and the frustum culler on the reference scenes, where these lie beside the
 //! checkout.
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use shared_scenes::{scene, stored};
 use visibility_examples::description::Description;

@@ -4,10 +4,7 @@ use visibility_core::{RegionCuller, VisibleSet};
 use visibility_examples::built_in;
 use visibility_examples::region::{cells, world};
 use visibility_region::ExtendedProjectionCuller;
-use visibility_testing::allocations::{CountingAllocator, LIVE, PEAK};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::{LIVE, PEAK};
 
 #[test]
 fn a_worker_beside_the_scene_has_a_few_mebibytes() {

@@ -4,7 +4,7 @@
 //! `cargo test --release --test region_scenes -- --ignored` makes 100,000 trials over all scenes, the stored
 //! ones too if they are there.
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use visibility_core::Accuracy;
 use visibility_examples::region::judge::{Effort, Judge};

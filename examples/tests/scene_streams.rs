@@ -4,10 +4,7 @@ use glam::Vec3;
 use std::path::Path;
 use visibility_examples::source::{Bounds, SourceObject};
 use visibility_examples::{SceneSource, open, open_by_object, vscn};
-use visibility_testing::allocations::{CountingAllocator, LIVE, PEAK};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::{LIVE, PEAK};
 
 /// Writes a scene as a VSCN file with names and glass, and an object with coordinates that are not finite.
 /// Returns its path.

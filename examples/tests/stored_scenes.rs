@@ -1,6 +1,6 @@
 //! Tests that the stored scenes load with the right facts, where the scenes lie beside the checkout.
 
-mod shared_scenes;
+use crate::shared_scenes;
 
 use glam::{DVec3, Vec3};
 use shared_scenes::{scene, stored};

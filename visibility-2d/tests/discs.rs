@@ -1,14 +1,10 @@
 //! Zones among discs against rays: an oracle with arithmetic of its own finds every disc that any ray between
 //! two neighbouring tangents meets first.
-#![allow(missing_docs)]
 
 use std::collections::BTreeSet;
 use visibility_2d::discs::{BeamScratch, Disc, DiscBeams, DiscError, DiscView, DiscZone, Discs, KineticZone};
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 /// Returns the first disc that a ray meets and the distance, by trying all.
 fn first(discs: &[Disc], eye: [f64; 2], angle: f64) -> Option<(usize, f64)> {

@@ -1,5 +1,4 @@
 //! Crowns hide what is behind so many of them, and lower, and nothing else.
-#![allow(missing_docs)]
 
 use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_core::glam::DVec3;

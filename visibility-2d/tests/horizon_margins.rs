@@ -1,6 +1,5 @@
 //! Margins of the horizon: boxes that reach beyond an outline by less than rounding are visible, and boxes
 //! that are clear of it by some roundings are hidden, at all scales. Exact arithmetic judges.
-#![allow(missing_docs)]
 
 use visibility_2d::horizon::{Horizon, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3};

@@ -1,6 +1,5 @@
 //! A box that a horizon hides is met by no unobstructed line of sight: rays to points of hidden boxes, cast
 //! triangle by triangle, which shares nothing with the columns of the picture.
-#![allow(missing_docs)]
 
 use visibility_2d::horizon::{Horizon, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};

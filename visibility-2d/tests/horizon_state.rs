@@ -1,17 +1,13 @@
 //! Contracts 4 and 5 for the horizon: scenes are swapped, mixed, cloned, reverted and dropped under a live
 //! culler, whose answers are those of one that has seen no other scene; and a warm frame allocates nothing.
-#![allow(missing_docs)]
 
 use std::sync::Arc;
 use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{Aabb, Culler, Object, OccluderMesh, OcclusionCuller, Pose, Scene, View, VisibleSet};
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::swapped::{Swapped, hold_against_fresh, scene};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// The culler with occluders of its own.
 struct Prepared;

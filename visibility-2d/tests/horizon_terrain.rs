@@ -1,6 +1,5 @@
 //! Ground as an occluder: what hills hide, what holes, tunnels and missing tiles leave visible, and rays at
 //! what was hidden, cast triangle by triangle.
-#![allow(missing_docs)]
 
 use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};

@@ -1,6 +1,5 @@
 //! Walls of meshes that are no convex solids: what they hide, and what a wall with a gap, a wall above the
 //! ground and a wall that leans leave visible.
-#![allow(missing_docs)]
 
 use visibility_2d::horizon::{Horizon, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};

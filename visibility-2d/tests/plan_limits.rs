@@ -2,10 +2,7 @@
 
 use visibility_2d::cdt::{Opacity, Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 type Point = [f64; 2];
 

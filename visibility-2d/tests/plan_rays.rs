@@ -1,6 +1,5 @@
 //! Rays against visibility polygons: each ray ends on the polygon's edge at the nearest wall, and that wall
 //! is seen. The nearest wall is found wall by wall, which shares nothing with a triangulation.
-#![allow(missing_docs)]
 
 use visibility_2d::cdt::{Plan, PlanView, Visibility, Wall};
 use visibility_testing::Random;

@@ -1,17 +1,13 @@
 //! Margins of the triangulated image: boxes that touch an occluder, or show beside it by some last bits, are
 //! visible; boxes that are clear of it are hidden; at all scales. No allocation when warm.
-#![allow(missing_docs)]
 
 use visibility_2d::view_cdt::{DepthOrder, PartlyHidden, ViewCdt};
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::view::Window;
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::{Random, sign_of_sum};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 const SCALES: [f32; 7] = [1e-12, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e12];
 

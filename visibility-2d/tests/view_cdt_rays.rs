@@ -1,6 +1,5 @@
 //! A box that the triangulated image hides is met by no line of sight: rays to points of hidden boxes, cast
 //! triangle by triangle, which shares nothing with the image.
-#![allow(missing_docs)]
 
 use visibility_2d::view_cdt::{DepthOrder, PartlyHidden, ViewCdt};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};

@@ -1,7 +1,6 @@
 //! What virtual occluders hide from a viewcell is met by no line of sight from it: lines aimed past corners
 //! of houses and over their roofs, against prisms cut by half-spaces. That shares nothing with chains of
 //! solids.
-#![allow(missing_docs)]
 
 use visibility_2d::horizon::UpAxis;
 use visibility_2d::virtual_occluders::{VirtualOccluder, VirtualOccluderCuller};

@@ -1,6 +1,5 @@
 //! Tests that a bake of an edited level with the results of the bake before has the bytes of a bake without,
 //! and works on fewer viewcells.
-#![allow(missing_docs)]
 
 use std::sync::Arc;
 use visibility_bake::{BakeCache, Grid, SandwichBaker, SandwichOutcome, Settings, Shard};

@@ -1,6 +1,5 @@
 //! Tests that bytes of sets, shards, states and caches that were changed, before or after compression and
 //! with repaired checksums, are refused or can be used to the last row.
-#![allow(missing_docs)]
 
 use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec;

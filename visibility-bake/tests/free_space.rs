@@ -1,6 +1,5 @@
 //! Tests of viewcells in free space: cameras that walk at random through houses never leave them, and closed
 //! rooms have none. The oracle measures distances to boxes and knows nothing of voxels.
-#![allow(missing_docs)]
 
 use std::collections::HashSet;
 use visibility_bake::{CameraRange, Grid, GridError};

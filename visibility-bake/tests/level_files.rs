@@ -1,6 +1,5 @@
 //! Tests of levels in files: the same bytes as from a scene in memory for any limit of memory, on threads and
 //! in shards; damage is an error with what and where; and so is a limit that is too low.
-#![allow(missing_docs)]
 
 use std::fs;
 use std::path::PathBuf;

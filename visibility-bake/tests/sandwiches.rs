@@ -1,6 +1,5 @@
 //! Tests of the bake: its answers against rays of their own, the same bytes in shards, on threads, and after
 //! stops; gaps that are met; damaged files.
-#![allow(missing_docs)]
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;

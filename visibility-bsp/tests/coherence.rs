@@ -1,8 +1,7 @@
 //! Tests of temporal coherence: cached answers change no result, no answer outlives a change of the scene,
 //! and warm frames allocate nothing.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::{Soup, triangles_of};
 use std::sync::Arc;
@@ -15,10 +14,7 @@ use visibility_core::{
     View, VisibleSet, occlusion::Preparation,
 };
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 /// Returns the objects that remain after the frustum culler and then `culler`.
 fn reported(scene: &Scene, view: &View, culler: &mut dyn Culler) -> Vec<ObjectId> {

@@ -1,8 +1,7 @@
 //! Naylor's exact culling against an item buffer: no object with a pixel is hidden, and an object reported
 //! without a pixel is found in a close-up of its witness.
-#![allow(missing_docs)]
 
-mod shapes;
+use crate::shapes;
 
 use std::collections::HashSet;
 use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, Witness};

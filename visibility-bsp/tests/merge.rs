@@ -1,7 +1,6 @@
 //! Tests of set operations on solids: set laws, and membership of points in the results.
-#![allow(missing_docs)]
 
-mod shapes;
+use crate::shapes;
 
 use shapes::box_faces;
 use visibility_bsp::Solid;

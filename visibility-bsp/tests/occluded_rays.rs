@@ -1,8 +1,7 @@
 //! No visible point is hidden: segments from the eye to points of hidden boxes must all be blocked, in random
 //! scenes with eyes at degenerate positions.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::{Soup, meets};
 use std::sync::Arc;

@@ -1,7 +1,6 @@
 //! Depth order from random eyes, checked by rays against the fragments.
-#![allow(missing_docs)]
 
-mod shapes;
+use crate::shapes;
 
 use shapes::{hit, polygons};
 use visibility_bsp::{BspTree, TraversalStack};

@@ -1,9 +1,8 @@
 //! Tests at the boundaries of shadows, where rounding could decide: a point that lies outside every shadow by
 //! a few units of round-off must not be hidden. The oracle decides sides in exact arithmetic on the elements
 //! of the view's matrix.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::exact::{Cone, Exact, clip};
 use std::sync::Arc;

@@ -1,8 +1,7 @@
 //! Sections of solids as occluders: what they hide, and that they hide nothing from an eye inside a solid, or
 //! where a clip plane has cut away the face in front of the section.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::{meets, triangles_of};
 use std::sync::Arc;

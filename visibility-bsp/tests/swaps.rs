@@ -1,8 +1,7 @@
 //! A culler must answer as a new one does, after its scene, occluders or trees have been swapped, cloned,
 //! reverted or dropped.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::triangles_of;
 use std::sync::Arc;

@@ -1,8 +1,7 @@
 //! Contents of trees: fragments that add up to their polygons, shared nodes, solid and empty leaves, and
 //! adversarial input.
-#![allow(missing_docs)]
 
-mod shapes;
+use crate::shapes;
 
 use shapes::{box_faces, polygons};
 use std::collections::HashSet;

@@ -1,17 +1,13 @@
 //! Once warm, the cullers' frames and objects that move through a tree allocate no memory, as a counting
 //! allocator shows.
-#![allow(missing_docs)]
 
-mod shapes;
+use crate::shapes;
 
 use visibility_bsp::{BspOrderCuller, BspTree, NaylorCuller, SceneTree};
 use visibility_core::glam::DVec3;
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet, scene::Triangle};
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 /// Returns a scene of 300 random occluder triangles, one per object.
 fn scene(random: &mut Random) -> Scene {

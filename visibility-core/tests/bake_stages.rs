@@ -1,6 +1,5 @@
 //! Tests of bakes in stages: an item is worked on when all items of lower stages are done, also where a bake
 //! is paused, stopped or resumed.
-#![allow(missing_docs)]
 
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use visibility_core::bake::{Bake, Baker};

@@ -1,6 +1,5 @@
 //! Tests of a pipeline's diagnostics: which stage removed an object, and culling for one view while drawing
 //! another.
-#![allow(missing_docs)]
 
 use visibility_core::glam::DVec3;
 use visibility_core::{

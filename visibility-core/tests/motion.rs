@@ -7,10 +7,7 @@ use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
 };
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 /// A wall in the plane x = 20 from y = -15 to 15, seen from an eye at the origin: hides boxes entirely behind
 /// the wall.

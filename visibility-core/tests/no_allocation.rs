@@ -15,11 +15,8 @@ use visibility_core::{
     pvs::{Prefetch, Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells},
     scene::DrawRange,
 };
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator, LIVE};
+use visibility_testing::allocations::{ALLOCATIONS, LIVE};
 use visibility_testing::{Octree, Random};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn random_box(rng: &mut Random) -> Aabb {
     let min = rng.vector(200.0).as_vec3();

@@ -1,5 +1,4 @@
 //! Tests of the prefetch against small steps along the path, each of which looks at all viewcells.
-#![allow(missing_docs)]
 
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;

@@ -9,11 +9,8 @@ use visibility_core::queries::{Ray, SceneQuery};
 use visibility_core::simd::Simd;
 use visibility_core::view::ViewPlane;
 use visibility_core::{Aabb, Object, ObjectId, Pose, Scene, View};
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
+use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::{Random, sign_of_sum};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn random_box(rng: &mut Random, reach: f64) -> Aabb {
     // Whole numbers, so that shapes often touch exactly.

@@ -1,6 +1,6 @@
 //! Bakes: rows of a PVS, the same however often a bake is interrupted; damaged state is refused.
 
-mod common;
+use crate::common;
 
 use common::{cuboid, scene};
 use std::cell::Cell;

@@ -1,7 +1,7 @@
 //! What lies in the plane of a target hides nothing of it, at coordinates where points of the plane round off
 //! it.
 
-mod common;
+use crate::common;
 
 use common::{Triangle, check, clearance, cuboid, few_rays, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};

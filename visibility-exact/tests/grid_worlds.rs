@@ -1,7 +1,7 @@
 //! Worlds on an integer grid, where everything touches, lies in one plane or meets in a corner. Hidden
 //! targets are shot at past edges; proofs and lines of sight are checked.
 
-mod common;
+use crate::common;
 
 use common::grid::{FINE, misses_triangle, on_grid, rounded, triangle_on_grid};
 use common::{Triangle, check, clearance, cuboid, faces, few_rays, prepared};

@@ -1,6 +1,6 @@
 //! Objects that the same occluders hide are proven hidden together.
 
-mod common;
+use crate::common;
 
 use common::{cuboid, prepared};
 use visibility_core::glam::DVec3;

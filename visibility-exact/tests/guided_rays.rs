@@ -1,6 +1,6 @@
 //! Rays go on from what they have found.
 
-mod common;
+use crate::common;
 
 use common::{cuboid, prepared};
 use visibility_core::glam::DVec3;

@@ -1,6 +1,6 @@
 //! Random and hostile input never panics, and what cannot be decided stays visible.
 
-mod common;
+use crate::common;
 
 use common::{cuboid, few_rays, prepared, quad, scene};
 use std::sync::Arc;

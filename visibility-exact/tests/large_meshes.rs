@@ -1,6 +1,6 @@
 //! Parts of a mesh of many triangles are proven hidden by boxes around them.
 
-mod common;
+use crate::common;
 
 use common::{Triangle, check, clearance, cuboid, prepared, quad};
 use visibility_core::glam::DVec3;

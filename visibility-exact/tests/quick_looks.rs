@@ -1,6 +1,6 @@
 //! A quick look at triangles decides what is easy, and leaves the rest for a long one.
 
-mod common;
+use crate::common;
 
 use common::{prepared, quad};
 use visibility_core::ObjectId;

@@ -2,7 +2,7 @@
 //! edges of the viewcell to corners and edges of a triangle, just inside. An exact oracle in integers tells
 //! that the segment is clear.
 
-mod common;
+use crate::common;
 
 use common::grid::{FINE, misses_box, misses_triangle, on_grid, rounded, triangle_on_grid};
 use common::{Triangle, check, cuboid, prepared, quad};

@@ -1,6 +1,6 @@
 //! Certified bounds on visible shares hold against samples, and are near them.
 
-mod common;
+use crate::common;
 
 use common::{clearance, cuboid, few_rays, prepared, quad};
 use visibility_core::glam::DVec3;

@@ -2,7 +2,7 @@
 //! reaches is hidden, by any depth estimate, and a hole of one pixel is enough to keep a box visible. Answers
 //! are equal on all instruction sets and pinned by a hash.
 
-mod common;
+use crate::common;
 
 use common::boxes::{Checked, assert_hidden, extreme, random_box};
 use common::{Occluder, draw, faces, occluder, view};

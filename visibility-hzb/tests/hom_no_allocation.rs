@@ -1,16 +1,13 @@
 //! Contract 5 for hierarchical occlusion maps: no allocation per frame once warm, in the driver with each
 //! selection of occluders.
 
-mod common;
+use crate::common;
 
 use common::{scene, view};
 use visibility_core::{Culler, VisibleSet};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 #[test]
 fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {

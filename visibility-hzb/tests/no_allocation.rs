@@ -1,6 +1,6 @@
 //! Contract 5: no allocation per frame once warm. A global allocator counts the allocations.
 
-mod common;
+use crate::common;
 
 use common::{occluder, scene, view};
 use visibility_core::glam::DVec3;
@@ -9,10 +9,7 @@ use visibility_core::{
 };
 use visibility_hzb::{Hom, Hzb};
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 #[test]
 fn a_warm_frame_allocates_nothing_and_gives_the_same_answer() {

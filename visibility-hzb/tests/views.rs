@@ -1,7 +1,7 @@
 //! Random views of random occluders: no box that a ray reaches is hidden, nothing panics, and pixels and
 //! answers are equal on all instruction sets.
 
-mod common;
+use crate::common;
 
 use common::boxes::{Checked, assert_hidden, extreme, random_box};
 use common::{draw, faces, occluder, view};

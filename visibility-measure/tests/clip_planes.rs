@@ -1,5 +1,4 @@
 //! Clip planes of a view cut the triangles that are drawn.
-#![allow(missing_docs)]
 
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Pose, View, geometry::Plane};

@@ -1,7 +1,6 @@
 //! The item buffer on known pictures, watertight meshes and hostile input.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::pixels;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};

@@ -1,7 +1,6 @@
 //! The item buffer compared with rays through all pixel centres (Möller and Trumbore, "Fast, Minimum Storage
 //! Ray-Triangle Intersection", 1997). Rays are made from the pose and the window, without a matrix, and are
 //! limited by distance along the viewing direction, so no code under test is used in its own test.
-#![allow(missing_docs)]
 
 use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
 use visibility_core::{

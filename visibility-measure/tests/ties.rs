@@ -1,7 +1,6 @@
 //! Pixels for which two objects tie are no error of a culler that reports one of them.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::pixels;
 use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};

@@ -1,8 +1,7 @@
 //! Contracts of both cullers: budgets and order, and for the conservative culler that no visible object is
 //! lost.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::{Blank, Walls, looking_along_x, rooms, run, triangles, views};
 use std::collections::BTreeSet;

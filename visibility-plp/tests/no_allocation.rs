@@ -1,7 +1,6 @@
 //! No allocation per frame once warm, as counted by a global allocator.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::{Blank, triangles, views};
 use std::sync::Arc;
@@ -9,10 +8,7 @@ use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
 };
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 /// One frame warms a culler for all views, even a first frame that sees almost nothing.
 #[test]

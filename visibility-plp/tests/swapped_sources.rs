@@ -1,8 +1,7 @@
 //! Scenes and tessellations that are swapped, mixed, cloned, changed, reverted and dropped under live
 //! cullers: each frame's answer equals that of a fresh culler, and no object in view is lost.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::{Blank, Random, run, triangles, views};
 use std::collections::BTreeSet;

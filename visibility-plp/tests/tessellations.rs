@@ -1,8 +1,7 @@
 //! Contracts of both tessellations: cells fill space, neighbours are mutual, and cells list all objects that
 //! meet them.
-#![allow(missing_docs)]
 
-mod common;
+use crate::common;
 
 use common::{Random, rooms, triangles, views};
 use visibility_core::binary_format::FormatError;

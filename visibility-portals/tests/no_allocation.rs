@@ -1,7 +1,7 @@
 //! No heap allocation once warm: frames through portals and mirrors, doors that open and close, objects that
 //! move, linear programs and stabbing lines. A counting global allocator checks this.
 
-mod maze;
+use crate::maze;
 
 use maze::{Camera, Maze, Style};
 use visibility_core::glam::{DVec2, DVec3};
@@ -10,10 +10,7 @@ use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};
 use visibility_portals::stabbing::{Rectangle, Stab, Stabber};
 use visibility_portals::{Narrowing, PortalEye};
 use visibility_testing::Random;
-use visibility_testing::allocations::{ALLOCATIONS, CountingAllocator};
-
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+use visibility_testing::allocations::ALLOCATIONS;
 
 #[test]
 fn frames_doors_and_moving_objects_allocate_nothing_once_warm() {

@@ -1,8 +1,8 @@
 //! Portal culling frame by frame: doors, one-way portals, objects that move, limits, queries of the last
 //! frame, and hostile input.
 
-mod maze;
-mod room_row;
+use crate::maze;
+use crate::room_row;
 
 use maze::{Camera, Maze, Style};
 use room_row::{along, boxes, row_of_rooms, seen};

@@ -1,6 +1,6 @@
 //! A ray reflected by mirrors never reaches an object that the reflection hides.
 
-mod maze;
+use crate::maze;
 
 use maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;

@@ -1,7 +1,7 @@
 //! No ray that passes open portals reaches a hidden object, in random mazes: axis-aligned and rotated, with
 //! doors that open and close, eyes anywhere, and cameras of all depth conventions.
 
-mod maze;
+use crate::maze;
 
 use maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;

@@ -1,8 +1,8 @@
 //! Scene, cells, PVS, doors and mirrors are swapped, mixed, cloned, reverted and dropped between frames of
 //! one eye. Each frame gives the same result as a new eye with new cells.
 
-mod maze;
-mod room_row;
+use crate::maze;
+use crate::room_row;
 
 use maze::{Camera, Maze, Style};
 use room_row::{along, boxes, indices, row_of_rooms, seen};

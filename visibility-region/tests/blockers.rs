@@ -3,7 +3,7 @@
 //!
 //! `cargo test --release -p visibility-region --test blockers -- --ignored` runs 100 times as many worlds.
 
-mod common;
+use crate::common;
 
 use common::PointShadows;
 use visibility_core::geometry::Containment;

@@ -1,7 +1,7 @@
 //! Only candidates occlude: an object that an earlier stage has dropped, or that no camera draws, hides
 //! nothing.
 
-mod common;
+use crate::common;
 
 use common::{PointShadows, World};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};

@@ -1,7 +1,7 @@
 //! Viewcells that stand exactly on the ground that most objects stand on: nothing that is seen past the lower
 //! edges of occluders is hidden.
 
-mod common;
+use crate::common;
 
 use common::World;
 use visibility_core::Aabb;

@@ -1,6 +1,6 @@
 //! One object of any size or distance changes neither what is hidden of the others nor the work by much.
 
-mod common;
+use crate::common;
 
 use common::{PointShadows, World, cuboid};
 use std::collections::BTreeSet;

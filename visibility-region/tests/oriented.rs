@@ -1,6 +1,6 @@
 //! Viewcells that planes make oriented boxes.
 
-mod common;
+use crate::common;
 
 use common::{World, cuboid, random_world};
 use visibility_core::geometry::Plane;

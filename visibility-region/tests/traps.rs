@@ -1,6 +1,6 @@
 //! Mistakes that are easily made with extended projections, each as a small scene.
 
-mod common;
+use crate::common;
 
 use common::{World, cuboid};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};

@@ -1,6 +1,6 @@
 //! What a virtual occluder hides is not reached by any ray from the viewcell, wherever it moves.
 
-mod common;
+use crate::common;
 
 use common::{World, random_world};
 use std::collections::BTreeSet;

@@ -1,7 +1,7 @@
 //! Objects that an exact culler must hide: objects of which each triangle is occluded by a single triangle of
 //! another object.
 
-use crate::oracle::{NARROWEST, sight_line};
+use super::oracle::{NARROWEST, sight_line};
 use visibility_bsp::BspTree;
 use visibility_core::View;
 use visibility_core::glam::{DMat4, DVec2, DVec3};

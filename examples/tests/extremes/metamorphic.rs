@@ -3,8 +3,8 @@
 //! element is exact, so the picture does not change by a bit. Answers may differ only where sums are rounded
 //! in another order, or where a culler's choices depend on the order of the objects.
 
-use crate::strategies::{Case, World, random, world};
-use crate::{cases, entries, parse, shown};
+use super::strategies::{Case, World, random, world};
+use super::{cases, entries, parse, shown};
 use glam::{DMat3, DMat4, DVec3};
 use std::collections::BTreeMap;
 use visibility_core::{

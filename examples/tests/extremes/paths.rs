@@ -1,8 +1,8 @@
 //! Tests that all instruction sets give equal answers at the extremes. Only bounds tests and the two
 //! occlusion maps have more than one implementation.
 
-use crate::shown;
-use crate::strategies::{World, random};
+use super::shown;
+use super::strategies::{World, random};
 use visibility_core::{Culler, FrustumCuller, Pipeline, VisibleSet, simd::Simd};
 use visibility_hzb::{Hom, HomCuller, Hzb, HzbCuller};
 use visibility_testing::Random;

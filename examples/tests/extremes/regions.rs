@@ -1,8 +1,8 @@
 //! Tests of every method for viewcells at the extremes: on the random worlds of the other cullers, from
 //! viewcells that are points, slabs, huge, inverted, cut by planes, infinite or NaN.
 
-use crate::strategies::{self, Case};
-use crate::{cases, oracle};
+use super::strategies::{self, Case};
+use super::{cases, oracle};
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{DQuat, DVec3};
 use visibility_core::{pvs::Viewcell, view::Eye};

@@ -1,6 +1,6 @@
 //! Random worlds at the extremes of coordinates, cameras and counts, on which every culler is tried.
 
-use crate::maze::Maze;
+use super::maze::Maze;
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use visibility_core::{Pose, View, view::Window};
 use visibility_examples::source::SourceCells;

@@ -1,0 +1,33 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod all_occluders;
+mod backface_scenes;
+mod bake_kills;
+mod bsp_scenes;
+mod cell_scenes;
+mod cut_occluders;
+mod engine;
+mod extremes;
+mod gltf_files;
+mod hom_scenes;
+mod hzb_scenes;
+mod occluder_scenes;
+mod occlusion_scenes;
+mod pinned_answers;
+mod plan_cells_scenes;
+mod plan_scenes;
+mod plp_scenes;
+mod pvs_lines;
+mod recipes;
+mod reference_scenes;
+mod region_memory;
+mod region_scenes;
+mod scene_streams;
+mod shared_scenes;
+mod stored_scenes;
+mod vscn_files;
+
+#[global_allocator]
+static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
+    visibility_testing::allocations::CountingAllocator;

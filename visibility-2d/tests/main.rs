@@ -1,0 +1,22 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod discs;
+mod exact_plan;
+mod horizon_crowns;
+mod horizon_margins;
+mod horizon_rays;
+mod horizon_state;
+mod horizon_terrain;
+mod horizon_walls;
+mod plan_cells;
+mod plan_limits;
+mod plan_objects;
+mod plan_rays;
+mod view_cdt_margins;
+mod view_cdt_rays;
+mod virtual_occluders;
+
+#[global_allocator]
+static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
+    visibility_testing::allocations::CountingAllocator;

@@ -1,0 +1,38 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod backface;
+mod backface_culler;
+mod bake_stages;
+mod casters;
+mod clip_plane_test;
+mod clusters;
+mod contribution;
+mod explain_and_freeze;
+mod frustum_contract;
+mod hostile_input;
+mod lod;
+mod many_views;
+mod motion;
+mod moving;
+mod no_allocation;
+mod occlusion;
+mod prefetch;
+mod projection;
+mod pvs_culler;
+mod pvs_object_by_object;
+mod queries;
+mod results;
+mod same_answers;
+mod scene_model;
+mod shadow_occlusion;
+mod sight_start;
+mod skinned_bounds;
+mod swapped_sources;
+mod transforms;
+mod visible_set;
+mod walk;
+
+#[global_allocator]
+static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
+    visibility_testing::allocations::CountingAllocator;

@@ -1,0 +1,15 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod bakes;
+mod common;
+mod coplanar;
+mod grid_worlds;
+mod groups;
+mod guided_rays;
+mod hostile_input;
+mod large_meshes;
+mod planted_gaps;
+mod quick_looks;
+mod rims;
+mod shares;

@@ -1,0 +1,18 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod clipping;
+mod common;
+mod hom;
+mod hom_no_allocation;
+mod hom_occluders;
+mod magnitudes;
+mod no_allocation;
+mod pyramid;
+mod rays;
+mod swapped_sources;
+mod views;
+
+#[global_allocator]
+static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
+    visibility_testing::allocations::CountingAllocator;

@@ -1,0 +1,8 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod clip_planes;
+mod common;
+mod pictures;
+mod rays;
+mod ties;

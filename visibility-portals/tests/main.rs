@@ -1,0 +1,22 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod certificates;
+mod from_geometry;
+mod hostile_maps;
+mod linear_programs;
+mod maze;
+mod no_allocation;
+mod object_rows;
+mod portal_frames;
+mod portal_margins;
+mod portal_mirrors;
+mod portal_rays;
+mod resumed_bakes;
+mod room_row;
+mod stabbing;
+mod swapped_sources;
+
+#[global_allocator]
+static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
+    visibility_testing::allocations::CountingAllocator;

@@ -1,0 +1,14 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod blockers;
+mod candidates;
+mod common;
+mod ground;
+mod huge_bounds;
+mod oriented;
+mod sampling;
+mod soundness;
+mod swapped_sources;
+mod traps;
+mod virtual_occluders;
