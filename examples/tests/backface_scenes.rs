@@ -1,7 +1,7 @@
 //! Tests of backface culling on the stored scenes: no triangle whose front is visible is in a culled cluster,
 //! and enough of the car is culled.
 //!
-//! `BACKFACE_EYES=1000000 cargo test --release -p visibility-examples --test backface_scenes` tries a million
+//! `BACKFACE_EYES=1000000 cargo test --release -p visibility-examples backface_scenes` tries a million
 //! eyes per scene.
 
 use crate::shared_scenes;

@@ -1,7 +1,7 @@
 //! Tests that potentially visible sets of cells never miss an object that an item buffer sees from random
 //! eyes in the cells.
 //!
-//! `cargo test --release --test cell_scenes -- --ignored --nocapture` repeats the test with 1,000 eyes in the
+//! `cargo test --release cell_scenes -- --ignored --nocapture` repeats the test with 1,000 eyes in the
 //! largest office.
 
 use crate::shared_scenes;

@@ -1,6 +1,6 @@
 //! Test that pins the answers of every culler at every setting of its dial on every built-in scene to a
 //! table: refactoring must not change an answer. `PINNED_ANSWERS=write cargo test -p visibility-examples
-//! --test pinned_answers` rewrites the table.
+//! pinned_answers` rewrites the table.
 
 use std::fmt::Write;
 use std::path::Path;

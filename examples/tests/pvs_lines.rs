@@ -2,7 +2,7 @@
 //! hidden from each other, on random maps and along lines planted through chains of portals with minimal
 //! clearance.
 //!
-//! `cargo test --release --test pvs_lines -- --ignored` repeats the tests on the maps in `../shared/portals`
+//! `cargo test --release pvs_lines -- --ignored` repeats the tests on the maps in `../shared/portals`
 //! (or in the directory in the environment variable `VISIBILITY_MAPS`), with the number of lines in
 //! `VISIBILITY_LINES`, and takes minutes.
 

@@ -1,7 +1,7 @@
 //! Trials of the methods for viewcells on whole scenes: no object that a guided ray or an item buffer sees
 //! from a viewcell is hidden by a conservative method.
 //!
-//! `cargo test --release --test region_scenes -- --ignored` makes 100,000 trials over all scenes, the stored
+//! `cargo test --release region_scenes -- --ignored` makes 100,000 trials over all scenes, the stored
 //! ones too if they are there.
 
 use crate::shared_scenes;

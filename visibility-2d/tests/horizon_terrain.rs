@@ -366,7 +366,7 @@ fn what_the_ground_hides_no_ray_reaches() {
     assert!(hidden > 400 && rays > 5_000, "{hidden} boxes, {rays} rays are no test");
 }
 
-/// `cargo test --release -p visibility-2d --test horizon_terrain -- --ignored`
+/// `cargo test --release -p visibility-2d horizon_terrain -- --ignored`
 #[test]
 #[ignore = "long: a million rounds"]
 fn what_the_ground_hides_no_ray_reaches_long() {

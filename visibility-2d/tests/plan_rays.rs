@@ -125,7 +125,7 @@ fn rays_end_where_the_polygon_does() {
     assert!(compared > 40_000 && unsure < compared / 100, "{compared} rays, {unsure} unsure");
 }
 
-/// `cargo test --release -p visibility-2d --test plan_rays -- --ignored --nocapture`
+/// `cargo test --release -p visibility-2d plan_rays -- --ignored --nocapture`
 #[test]
 #[ignore = "long: ten million rays"]
 fn ten_million_rays_end_where_the_polygon_does() {

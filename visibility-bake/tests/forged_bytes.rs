@@ -159,7 +159,7 @@ fn forged_bytes_are_refused_or_can_be_used() {
     assert!(accepted.iter().all(|&accepted| accepted > 100 && accepted < 4900), "{accepted:?}");
 }
 
-/// The same at length: `cargo test --release -p visibility-bake --test forged_bytes -- --ignored`.
+/// The same at length: `cargo test --release -p visibility-bake forged_bytes -- --ignored`.
 #[test]
 #[ignore = "minutes"]
 fn many_forged_bytes_are_refused_or_can_be_used() {

@@ -19,6 +19,13 @@ const DIRECTIONS: usize = 16;
 /// Maximum number of parallel lines along each side of the square grid of lines of one direction.
 const MAX_LINES_PER_SIDE: u32 = 2048;
 
+/// Number of parallel lines along a side of that grid that any scene may have.
+const FREE_LINES_PER_SIDE: u32 = 256;
+
+/// Maximum number of lines of one direction for each triangle, where they are more than the free ones: time
+/// is in proportion to the triangles, however small they are in an empty scene.
+const MAX_LINES_PER_TRIANGLE: f64 = 64.0;
+
 /// Target number of lines of one direction that intersect a triangle, on average over all triangles.
 const LINES_PER_TRIANGLE: f64 = 3.0;
 
@@ -68,8 +75,13 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     let area: f64 =
         triangles.iter().map(|(_, [a, b, c])| wide(b - a).cross(wide(c - a)).length() * 0.5).sum();
     // A triangle of random orientation shows half its area along a line, on average.
-    let wanted = DVec2::splat(area * 0.5 / (LINES_PER_TRIANGLE * triangles.len() as f64)).sqrt().x;
-    let spacing = (radius * 2.0 / f64::from(MAX_LINES_PER_SIDE)).max(wanted);
+    let count = triangles.len() as f64;
+    let [wanted, most] =
+        DVec2::new(area * 0.5 / (LINES_PER_TRIANGLE * count), MAX_LINES_PER_TRIANGLE * count)
+            .sqrt()
+            .to_array();
+    let most = most.clamp(f64::from(FREE_LINES_PER_SIDE), f64::from(MAX_LINES_PER_SIDE));
+    let spacing = (radius * 2.0 / most).max(wanted);
     let side = (radius * 2.0 / spacing) as u32;
     let (radius, spacing) = (radius as f32, spacing as f32);
     if !(radius.is_normal() && spacing.is_normal()) {

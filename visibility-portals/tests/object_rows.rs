@@ -1,7 +1,7 @@
 //! The objects that a cell sees: whatever a segment from the cell reaches through doors is in the cell's row,
 //! with any limit of steps, and longer searches and tighter stages leave out more.
 //!
-//! `cargo test --release -p visibility-portals --test object_rows -- --ignored` shoots a hundred times as
+//! `cargo test --release -p visibility-portals object_rows -- --ignored` shoots a hundred times as
 //! many segments.
 
 use visibility_core::bake::Bake;

@@ -1,7 +1,7 @@
 //! Tests of the cullers by blockers against rays: no object that a ray sees is hidden, in worlds of boxes
 //! that touch, overlap, share planes and stand askew.
 //!
-//! `cargo test --release -p visibility-region --test blockers -- --ignored` runs 100 times as many worlds.
+//! `cargo test --release -p visibility-region blockers -- --ignored` runs 100 times as many worlds.
 
 use crate::common;
 

@@ -1,6 +1,6 @@
 //! Nothing that a ray from the viewcell reaches is hidden.
 //!
-//! `cargo test --release -p visibility-region --test soundness -- --ignored` makes 100,000 trials. A trial is
+//! `cargo test --release -p visibility-region soundness -- --ignored` makes 100,000 trials. A trial is
 //! an object that a culler hides from a viewcell, and that rays look for: rays past edges of occluders, which
 //! are intersected with all triangles, and the rays of the sampling culler, which are guided to gaps.
 

@@ -166,11 +166,11 @@ impl Bake<'_> {
             let gain = |set: &[u64; WORDS]| -> u32 {
                 set.iter().zip(&hidden).map(|(a, b)| (a & !b).count_ones()).sum()
             };
-            let best = (0..sets.len()).max_by(|&a, &b| {
-                let by_gain = gain(&sets[a].2).cmp(&gain(&sets[b].2));
-                by_gain.then(sets[a].1.total_cmp(&sets[b].1)).then(sets[b].0.cmp(&sets[a].0))
+            let gains = sets.iter().enumerate().map(|(at, set)| (gain(&set.2), at));
+            let best = gains.max_by(|&(gain_a, a), &(gain_b, b)| {
+                gain_a.cmp(&gain_b).then(sets[a].1.total_cmp(&sets[b].1)).then(sets[b].0.cmp(&sets[a].0))
             });
-            let Some(best) = best else { break };
+            let Some((_, best)) = best else { break };
             let (polygon, _, set) = sets.swap_remove(best);
             if set.iter().zip(&hidden).all(|(a, b)| a & !b == 0) && !sets.is_empty() && hidden != [0; WORDS] {
                 break;
@@ -187,6 +187,8 @@ impl Bake<'_> {
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
         let occluder_polygon = self.occluders.occluder_polygon(polygon);
         let mut set = [0u64; WORDS];
+        // Normals of the planes through the eye and each edge.
+        let mut sides = Vec::new();
         let Some((normal, extent_along_normal, _)) = plane_of(occluder_polygon.vertices) else { return set };
         for (sample, eye) in eyes.iter().enumerate() {
             let height = normal.dot(*eye) - extent_along_normal[1];
@@ -197,18 +199,13 @@ impl Bake<'_> {
             } else {
                 continue;
             };
+            let corners = occluder_polygon.vertices;
+            let next = corners.iter().cycle().skip(1);
+            sides.clear();
+            sides.extend(corners.iter().zip(next).map(|(a, b)| (*a - *eye).cross(*b - *eye)));
             for (object, p) in self.objects.iter().enumerate() {
                 let behind = (normal.dot(*p) - extent_along_normal[0]) * side < 0.0;
-                let count = occluder_polygon.vertices.len();
-                let inside = behind
-                    && (0..count).all(|i| {
-                        let (a, b) = (
-                            occluder_polygon.vertices[i] - *eye,
-                            occluder_polygon.vertices[(i + 1) % count] - *eye,
-                        );
-                        a.cross(b).dot(*p - *eye) * side < 0.0
-                    });
-                if inside {
+                if behind && sides.iter().all(|normal| normal.dot(*p - *eye) * side < 0.0) {
                     let bit = sample * OBJECTS + object;
                     set[bit / 64] |= 1 << (bit % 64);
                 }

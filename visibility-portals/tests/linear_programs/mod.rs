@@ -1,7 +1,7 @@
 //! The linear-programming solver agrees with exact arithmetic and with `microlp`, on random and on degenerate
 //! programs.
 //!
-//! `cargo test --release -p visibility-portals --test linear_programs -- --ignored --nocapture` tests a
+//! `cargo test --release -p visibility-portals linear_programs -- --ignored --nocapture` tests a
 //! million programs.
 
 mod exact;
