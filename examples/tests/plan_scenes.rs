@@ -12,7 +12,7 @@ const CULLERS: &str = "frustum,horizon:32,horizon,horizon:4096,horizon-map,horiz
 #[test]
 fn nothing_visible_is_hidden_in_built_in_scenes() {
     for name in ["plpcity", "london", "town", "forest", "office"] {
-        assert_none_hidden_by(CULLERS, built_in(name).unwrap(), 9);
+        assert_none_hidden_by(CULLERS, built_in(name).unwrap(), 6);
     }
 }
 
