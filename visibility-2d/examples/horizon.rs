@@ -1,6 +1,6 @@
 //! A street of houses with towers behind: what a person sees of the town, by the horizon.
 //!
-//! `cargo run -p visibility-2d --example street`
+//! `cargo run -p visibility-2d --example horizon`
 
 use std::error::Error;
 use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
