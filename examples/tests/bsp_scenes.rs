@@ -2,10 +2,8 @@
 //! reports every object that an item buffer of 2560 x 1440 sees, and otherwise only objects that are visible
 //! at their witness.
 
-use crate::shared_scenes;
-
+use crate::shared_scenes::scene;
 use glam::{DMat4, DQuat, DVec3};
-use shared_scenes::scene;
 use std::collections::HashSet;
 use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, Witness};
 use visibility_core::{Culler, ObjectId, View, VisibleSet};

@@ -4,9 +4,7 @@
 //! `cargo test --release cell_scenes -- --ignored --nocapture` repeats the test with 1,000 eyes in the
 //! largest office.
 
-use crate::shared_scenes;
-
-use shared_scenes::{assert_none_hidden, scene};
+use crate::shared_scenes::{assert_none_hidden, scene};
 use visibility_core::glam::DVec3;
 use visibility_core::{Pose, View, cells::CellId, pvs::Viewcells};
 use visibility_examples::pvs::built::Origin;

@@ -1,11 +1,8 @@
 //! Tests of hierarchical occlusion maps on every scene: with a threshold of 1, no object that an item buffer
 //! of 2560 x 1440 sees is hidden, at any depth estimate and resolution. Lower thresholds hide only more.
 
-use crate::all_occluders;
-use crate::shared_scenes;
-
-use all_occluders::all_occluders;
-use shared_scenes::scene;
+use crate::all_occluders::all_occluders;
+use crate::shared_scenes::scene;
 use visibility_core::{FrustumCuller, OcclusionMap, Pipeline, VisibleSet};
 use visibility_examples::walkthrough::{Trial, World, judge};
 use visibility_examples::{SceneSource, built_in};

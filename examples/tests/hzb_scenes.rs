@@ -1,11 +1,8 @@
 //! Tests of the hierarchical z-buffer on every scene: no object that an item buffer of 2560 x 1440 sees is
 //! hidden, at any resolution of the z-buffer.
 
-use crate::all_occluders;
-use crate::shared_scenes;
-
-use all_occluders::all_occluders;
-use shared_scenes::{assert_none_hidden, scene};
+use crate::all_occluders::all_occluders;
+use crate::shared_scenes::{assert_none_hidden, scene};
 use visibility_core::{FrustumCuller, Pipeline, occlusion::Preparation};
 use visibility_examples::walkthrough::{Trial, World, run};
 use visibility_examples::{SceneSource, built_in};

@@ -1,9 +1,7 @@
 //! Tests of the large-occluder cullers on every scene: no object that an item buffer of 2560 x 1440 sees is
 //! hidden, and enough of the other objects are.
 
-use crate::shared_scenes;
-
-use shared_scenes::{assert_none_hidden, scene};
+use crate::shared_scenes::{assert_none_hidden, scene};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,

@@ -1,9 +1,7 @@
 //! Tests of the occlusion driver with a plain occlusion map on every scene: no visible object is hidden,
 //! whatever hierarchy the driver walks.
 
-use crate::shared_scenes;
-
-use shared_scenes::scene;
+use crate::shared_scenes::scene;
 use visibility_core::{
     FrustumCuller, OcclusionCuller, Pipeline,
     walk::{BoxHierarchy, SceneHierarchy},

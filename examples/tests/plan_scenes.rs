@@ -1,9 +1,7 @@
 //! Tests of the cullers of `visibility-2d` on every scene: no object that an item buffer of 2560 x 1440 sees
 //! is hidden, with any setting.
 
-use crate::shared_scenes;
-
-use shared_scenes::{assert_none_hidden_by, scene};
+use crate::shared_scenes::{assert_none_hidden_by, scene};
 use visibility_examples::built_in;
 
 const CULLERS: &str = "frustum,horizon:32,horizon,horizon:4096,horizon-map,horizon-map:1024,horizon+hzb,\

@@ -1,9 +1,7 @@
 //! Tests of prioritized-layered projection on every scene: the conservative form hides no object that an item
 //! buffer of 2560 x 1440 sees, and the plain form repeats the result of its paper in small.
 
-use crate::shared_scenes;
-
-use shared_scenes::scene;
+use crate::shared_scenes::scene;
 use std::sync::Arc;
 use visibility_examples::plp::{Method, TriangleWorld, coverage};
 use visibility_examples::walkthrough::{World, cullers, judge, run};

@@ -1,9 +1,7 @@
 //! Tests of the recipes: pinned counts and positions, and walks that follow the stored ones.
 
-use crate::shared_scenes;
-
+use crate::shared_scenes::stored;
 use glam::{DVec3, Vec3};
-use shared_scenes::stored;
 use visibility_examples::recipes::office;
 use visibility_examples::{SceneSource, Walk, built_in, description::Description};
 

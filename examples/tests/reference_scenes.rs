@@ -1,9 +1,7 @@
 //! Tests of the exact answer and the frustum culler on the reference scenes, where these lie beside the
 //! checkout.
 
-use crate::shared_scenes;
-
-use shared_scenes::{scene, stored};
+use crate::shared_scenes::{scene, stored};
 use visibility_examples::description::Description;
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{SceneSource, built_in};

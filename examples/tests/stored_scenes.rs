@@ -1,9 +1,7 @@
 //! Tests that the stored scenes load with the right facts, where the scenes lie beside the checkout.
 
-use crate::shared_scenes;
-
+use crate::shared_scenes::{scene, stored};
 use glam::{DVec3, Vec3};
-use shared_scenes::{scene, stored};
 use visibility_examples::{cars5, description::Description, frames, load, load_walks, vscn};
 
 /// Expected facts: file stem, number of objects, number of triangles, up axis.

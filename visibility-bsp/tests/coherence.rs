@@ -1,9 +1,7 @@
 //! Tests of temporal coherence: cached answers change no result, no answer outlives a change of the scene,
 //! and warm frames allocate nothing.
 
-use crate::common;
-
-use common::{Soup, triangles_of};
+use crate::common::{Soup, triangles_of};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,

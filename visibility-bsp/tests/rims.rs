@@ -2,9 +2,7 @@
 //! a few units of round-off must not be hidden. The oracle decides sides in exact arithmetic on the elements
 //! of the view's matrix.
 
-use crate::common;
-
-use common::exact::{Cone, Exact, clip};
+use crate::common::exact::{Cone, Exact, clip};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,

@@ -1,9 +1,7 @@
 //! Sections of solids as occluders: what they hide, and that they hide nothing from an eye inside a solid, or
 //! where a clip plane has cut away the face in front of the section.
 
-use crate::common;
-
-use common::{meets, triangles_of};
+use crate::common::{meets, triangles_of};
 use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,

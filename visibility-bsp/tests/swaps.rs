@@ -1,9 +1,7 @@
 //! A culler must answer as a new one does, after its scene, occluders or trees have been swapped, cloned,
 //! reverted or dropped.
 
-use crate::common;
-
-use common::triangles_of;
+use crate::common::triangles_of;
 use std::sync::Arc;
 use visibility_bsp::{
     BspOrderCuller, LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTree, OcclusionTreeCuller,

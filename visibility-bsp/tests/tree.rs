@@ -1,9 +1,7 @@
 //! Contents of trees: fragments that add up to their polygons, shared nodes, solid and empty leaves, and
 //! adversarial input.
 
-use crate::shapes;
-
-use shapes::{box_faces, polygons};
+use crate::shapes::{box_faces, polygons};
 use std::collections::HashSet;
 use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Subtree, TraversalStack, Walk};
 use visibility_core::{Aabb, glam::DVec3, view::Eye};

@@ -1,8 +1,6 @@
 //! Bakes: rows of a PVS, the same however often a bake is interrupted; damaged state is refused.
 
-use crate::common;
-
-use common::{cuboid, scene};
+use crate::common::{cuboid, scene};
 use std::cell::Cell;
 use visibility_core::bake::{Bake, Baker};
 use visibility_core::glam::DVec3;

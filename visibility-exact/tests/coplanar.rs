@@ -1,9 +1,7 @@
 //! What lies in the plane of a target hides nothing of it, at coordinates where points of the plane round off
 //! it.
 
-use crate::common;
-
-use common::{Triangle, check, clearance, cuboid, few_rays, prepared, quad};
+use crate::common::{Triangle, check, clearance, cuboid, few_rays, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, Settings, Verdict};

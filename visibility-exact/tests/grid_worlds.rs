@@ -1,10 +1,8 @@
 //! Worlds on an integer grid, where everything touches, lies in one plane or meets in a corner. Hidden
 //! targets are shot at past edges; proofs and lines of sight are checked.
 
-use crate::common;
-
-use common::grid::{FINE, misses_triangle, on_grid, rounded, triangle_on_grid};
-use common::{Triangle, check, clearance, cuboid, faces, few_rays, prepared};
+use crate::common::grid::{FINE, misses_triangle, on_grid, rounded, triangle_on_grid};
+use crate::common::{Triangle, check, clearance, cuboid, faces, few_rays, prepared};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, Settings, Verdict};

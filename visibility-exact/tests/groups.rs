@@ -1,8 +1,6 @@
 //! Objects that the same occluders hide are proven hidden together.
 
-use crate::common;
-
-use common::{cuboid, prepared};
+use crate::common::{cuboid, prepared};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, Settings};

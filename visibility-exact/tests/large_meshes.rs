@@ -1,8 +1,6 @@
 //! Parts of a mesh of many triangles are proven hidden by boxes around them.
 
-use crate::common;
-
-use common::{Triangle, check, clearance, cuboid, prepared, quad};
+use crate::common::{Triangle, check, clearance, cuboid, prepared, quad};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{CellQuery, Effort, ExactCuller, Settings, Verdict};

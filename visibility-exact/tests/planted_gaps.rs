@@ -1,9 +1,7 @@
 //! Planted truth: a target behind three walls of planks, each with a hole around one secret line, and the
 //! same with the holes closed by planks that overlap by as much.
 
-use crate::common;
-
-use common::{Triangle, check, clearance, prepared, quad};
+use crate::common::{Triangle, check, clearance, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, Settings, Verdict};

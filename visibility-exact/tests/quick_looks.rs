@@ -1,8 +1,6 @@
 //! A quick look at triangles decides what is easy, and leaves the rest for a long one.
 
-use crate::common;
-
-use common::{prepared, quad};
+use crate::common::{prepared, quad};
 use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;

@@ -2,10 +2,8 @@
 //! edges of the viewcell to corners and edges of a triangle, just inside. An exact oracle in integers tells
 //! that the segment is clear.
 
-use crate::common;
-
-use common::grid::{FINE, misses_box, misses_triangle, on_grid, rounded, triangle_on_grid};
-use common::{Triangle, check, cuboid, prepared, quad};
+use crate::common::grid::{FINE, misses_box, misses_triangle, on_grid, rounded, triangle_on_grid};
+use crate::common::{Triangle, check, cuboid, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, Settings, Verdict};

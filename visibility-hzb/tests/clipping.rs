@@ -4,9 +4,7 @@
 //! The test shares no arithmetic with the rasterizer: triangles are cut in clip space, projected, and
 //! subtracted from the pixel's square as polygons.
 
-use crate::common;
-
-use common::{Face, Occluder, covered_pixels, draw, faces, occluder, view};
+use crate::common::{Face, Occluder, covered_pixels, draw, faces, occluder, view};
 use visibility_core::glam::{DVec2, DVec3, DVec4};
 use visibility_core::{View, view::Depth};
 use visibility_hzb::Hzb;

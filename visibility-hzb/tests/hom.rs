@@ -2,10 +2,8 @@
 //! reaches is hidden, by any depth estimate, and a hole of one pixel is enough to keep a box visible. Answers
 //! are equal on all instruction sets and pinned by a hash.
 
-use crate::common;
-
-use common::boxes::{Checked, assert_hidden, extreme, random_box};
-use common::{Occluder, draw, faces, occluder, view};
+use crate::common::boxes::{Checked, assert_hidden, extreme, random_box};
+use crate::common::{Occluder, draw, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{
     Aabb, Accuracy, Culler, OccluderMesh, OcclusionCuller, OcclusionMap, Pose, Scene, View, VisibleSet,

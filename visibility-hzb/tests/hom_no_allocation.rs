@@ -1,9 +1,7 @@
 //! Contract 5 for hierarchical occlusion maps: no allocation per frame once warm, in the driver with each
 //! selection of occluders.
 
-use crate::common;
-
-use common::{scene, view};
+use crate::common::{scene, view};
 use visibility_core::{Culler, VisibleSet};
 use visibility_hzb::{DepthEstimate, Hom, HomCuller};
 use visibility_testing::Random;

@@ -1,9 +1,7 @@
 //! Scenes of any scale, from 1e-15 to 1e15, with ratios of far to near plane up to 1e9: boxes that are
 //! clearly hidden or clearly visible are decided so. Clip matrices of any factor.
 
-use crate::common;
-
-use common::{occluder, view};
+use crate::common::{occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View, occlusion::Occlusion};
 use visibility_hzb::{Coverage, Hom, Hzb};

@@ -1,8 +1,6 @@
 //! Contract 5: no allocation per frame once warm. A global allocator counts the allocations.
 
-use crate::common;
-
-use common::{occluder, scene, view};
+use crate::common::{occluder, scene, view};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Culler, FrustumCuller, OcclusionCuller, OcclusionMap, VisibleSet, occlusion::Occlusion,

@@ -1,9 +1,7 @@
 //! Contract 2 by rays: the view ray through every sampled point of a covered pixel, corners included, meets
 //! an occluder no farther than the pixel's depth key.
 
-use crate::common;
-
-use common::{Occluder, Ray, covered_pixels, draw, faces, occluder, view};
+use crate::common::{Occluder, Ray, covered_pixels, draw, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, OccluderMesh, Pose, View};
 use visibility_hzb::Hzb;

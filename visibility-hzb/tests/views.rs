@@ -1,10 +1,8 @@
 //! Random views of random occluders: no box that a ray reaches is hidden, nothing panics, and pixels and
 //! answers are equal on all instruction sets.
 
-use crate::common;
-
-use common::boxes::{Checked, assert_hidden, extreme, random_box};
-use common::{draw, faces, occluder, view};
+use crate::common::boxes::{Checked, assert_hidden, extreme, random_box};
+use crate::common::{draw, faces, occluder, view};
 use visibility_core::glam::Vec3;
 use visibility_core::{
     Aabb, Culler, OcclusionCuller, OcclusionMap, Scene, VisibleSet, occlusion::Occlusion, simd::Simd,

@@ -1,8 +1,6 @@
 //! The item buffer on known pictures, watertight meshes and hostile input.
 
-use crate::common;
-
-use common::pixels;
+use crate::common::pixels;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
 use visibility_core::{
     Pose, View,

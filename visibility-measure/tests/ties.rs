@@ -1,8 +1,6 @@
 //! Pixels for which two objects tie are no error of a culler that reports one of them.
 
-use crate::common;
-
-use common::pixels;
+use crate::common::pixels;
 use visibility_core::glam::{DMat4, DVec3, DVec4, Vec3};
 use visibility_core::{Pose, View, view::Depth};
 use visibility_measure::{Comparison, ItemBuffer};

@@ -1,9 +1,7 @@
 //! Contracts of both cullers: budgets and order, and for the conservative culler that no visible object is
 //! lost.
 
-use crate::common;
-
-use common::{Blank, Walls, looking_along_x, rooms, run, triangles, views};
+use crate::common::{Blank, Walls, looking_along_x, rooms, run, triangles, views};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};

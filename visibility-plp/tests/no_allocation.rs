@@ -1,8 +1,6 @@
 //! No allocation per frame once warm, as counted by a global allocator.
 
-use crate::common;
-
-use common::{Blank, triangles, views};
+use crate::common::{Blank, triangles, views};
 use std::sync::Arc;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_plp::{

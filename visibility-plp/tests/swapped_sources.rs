@@ -1,9 +1,7 @@
 //! Scenes and tessellations that are swapped, mixed, cloned, changed, reverted and dropped under live
 //! cullers: each frame's answer equals that of a fresh culler, and no object in view is lost.
 
-use crate::common;
-
-use common::{Blank, Random, run, triangles, views};
+use crate::common::{Blank, Random, run, triangles, views};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use visibility_core::glam::DVec3;

@@ -1,9 +1,7 @@
 //! Contracts of both tessellations: cells fill space, neighbours are mutual, and cells list all objects that
 //! meet them.
 
-use crate::common;
-
-use common::{Random, rooms, triangles, views};
+use crate::common::{Random, rooms, triangles, views};
 use visibility_core::binary_format::FormatError;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet};

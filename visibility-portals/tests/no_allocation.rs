@@ -1,9 +1,7 @@
 //! No heap allocation once warm: frames through portals and mirrors, doors that open and close, objects that
 //! move, linear programs and stabbing lines. A counting global allocator checks this.
 
-use crate::maze;
-
-use maze::{Camera, Maze, Style};
+use crate::maze::{Camera, Maze, Style};
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, VisibleSet, cells::PortalId};
 use visibility_portals::lp::{Feasible, Greatest, HalfSpace, Solver};

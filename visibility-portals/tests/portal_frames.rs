@@ -1,11 +1,8 @@
 //! Portal culling frame by frame: doors, one-way portals, objects that move, limits, queries of the last
 //! frame, and hostile input.
 
-use crate::maze;
-use crate::room_row;
-
-use maze::{Camera, Maze, Style};
-use room_row::{along, boxes, row_of_rooms, seen};
+use crate::maze::{Camera, Maze, Style};
+use crate::room_row::{along, boxes, row_of_rooms, seen};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Culler, ObjectId, Pose, Scene, View, VisibleSet,

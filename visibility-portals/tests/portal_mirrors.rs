@@ -1,8 +1,6 @@
 //! A ray reflected by mirrors never reaches an object that the reflection hides.
 
-use crate::maze;
-
-use maze::{Camera, Maze, Style};
+use crate::maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_portals::{MirrorId, PortalEye};

@@ -1,9 +1,7 @@
 //! No ray that passes open portals reaches a hidden object, in random mazes: axis-aligned and rotated, with
 //! doors that open and close, eyes anywhere, and cameras of all depth conventions.
 
-use crate::maze;
-
-use maze::{Camera, Maze, Style};
+use crate::maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_portals::{Narrowing, NotCulled, PortalEye};

@@ -1,11 +1,8 @@
 //! Scene, cells, PVS, doors and mirrors are swapped, mixed, cloned, reverted and dropped between frames of
 //! one eye. Each frame gives the same result as a new eye with new cells.
 
-use crate::maze;
-use crate::room_row;
-
-use maze::{Camera, Maze, Style};
-use room_row::{along, boxes, indices, row_of_rooms, seen};
+use crate::maze::{Camera, Maze, Style};
+use crate::room_row::{along, boxes, indices, row_of_rooms, seen};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Culler, ObjectId, Scene, View, VisibleSet,

@@ -3,9 +3,7 @@
 //!
 //! `cargo test --release -p visibility-region blockers -- --ignored` runs 100 times as many worlds.
 
-use crate::common;
-
-use common::PointShadows;
+use crate::common::PointShadows;
 use visibility_core::geometry::Containment;
 use visibility_core::glam::{Affine3A, DVec3, EulerRot, Quat, Vec3};
 use visibility_core::pvs::Viewcell;

@@ -1,9 +1,7 @@
 //! Viewcells that stand exactly on the ground that most objects stand on: nothing that is seen past the lower
 //! edges of occluders is hidden.
 
-use crate::common;
-
-use common::World;
+use crate::common::World;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;

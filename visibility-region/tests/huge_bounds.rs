@@ -1,8 +1,6 @@
 //! One object of any size or distance changes neither what is hidden of the others nor the work by much.
 
-use crate::common;
-
-use common::{PointShadows, World, cuboid};
+use crate::common::{PointShadows, World, cuboid};
 use std::collections::BTreeSet;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;

@@ -1,8 +1,6 @@
 //! Viewcells that planes make oriented boxes.
 
-use crate::common;
-
-use common::{World, cuboid, random_world};
+use crate::common::{World, cuboid, random_world};
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DQuat, DVec3, Vec3};
 use visibility_core::occlusion::Occlusion;

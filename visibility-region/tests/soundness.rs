@@ -4,9 +4,7 @@
 //! an object that a culler hides from a viewcell, and that rays look for: rays past edges of occluders, which
 //! are intersected with all triangles, and the rays of the sampling culler, which are guided to gaps.
 
-use crate::common;
-
-use common::random_world;
+use crate::common::random_world;
 use visibility_core::{Accuracy, RegionCuller, VisibleSet};
 use visibility_region::{
     ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, VirtualSweepCuller, VolumetricCuller,

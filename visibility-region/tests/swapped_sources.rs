@@ -1,9 +1,7 @@
 //! Contract 4 for cullers from viewcells: scenes are swapped, mixed, cloned, changed, reverted and dropped
 //! under a live culler, whose answers are those of a culler that has seen no other scene.
 
-use crate::common;
-
-use common::PointShadows;
+use crate::common::PointShadows;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::view::Eye;

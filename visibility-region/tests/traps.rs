@@ -1,8 +1,6 @@
 //! Mistakes that are easily made with extended projections, each as a small scene.
 
-use crate::common;
-
-use common::{World, cuboid};
+use crate::common::{World, cuboid};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Accuracy, ObjectId, RegionCuller};

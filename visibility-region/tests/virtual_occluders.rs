@@ -1,8 +1,6 @@
 //! What a virtual occluder hides is not reached by any ray from the viewcell, wherever it moves.
 
-use crate::common;
-
-use common::{World, random_world};
+use crate::common::{World, random_world};
 use std::collections::BTreeSet;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::Occlusion;
