@@ -56,16 +56,23 @@ fn compare(plan: &Plan, oracle: &Oracle, eye: [i32; 2], answer: &mut Visibility)
     assert!((shoelace - area).abs() <= 1e-9 * area, "polygon {shoelace} against {area} from {point:?}");
 }
 
+/// Returns a plan of fewer than `most` walls on a grid of up to `size` steps, its oracle, and the corners of
+/// the plan's rectangle in units of the oracle.
+fn random_plan(random: &mut Random, size: i32, most: usize) -> (Plan, Oracle, [[i32; 2]; 2]) {
+    let size = random.between(2, size);
+    let count = random.below(most);
+    let walls = grid_walls(random, count, size);
+    let plan = plan_of(&walls);
+    let corners = plan.bounds().map(|corner| corner.map(|x| (x * UNIT) as i32));
+    let oracle = Oracle::new(&walls, corners);
+    (plan, oracle, corners)
+}
+
 fn compare_grids(seeds: std::ops::Range<u64>, eyes: usize) {
     let mut answer = Visibility::new();
     for seed in seeds {
         let mut random = Random(seed);
-        let size = random.between(2, 9);
-        let count = random.below(24);
-        let walls = grid_walls(&mut random, count, size);
-        let plan = plan_of(&walls);
-        let [low, high] = plan.bounds().map(|corner| corner.map(|x| (x * UNIT) as i32));
-        let oracle = Oracle::new(&walls, [low, high]);
+        let (plan, oracle, [low, high]) = random_plan(&mut random, 9, 24);
         for _ in 0..eyes {
             // On vertices, on walls, on other edges of the triangulation, and anywhere.
             let step = random.pick(&[1, 2, 4]);
@@ -88,12 +95,7 @@ fn compare_sight(seeds: std::ops::Range<u64>, pairs: usize) {
     let (mut seen, mut hidden) = (0, 0);
     for seed in seeds {
         let mut random = Random(seed);
-        let size = random.between(2, 9);
-        let count = random.below(16);
-        let walls = grid_walls(&mut random, count, size);
-        let plan = plan_of(&walls);
-        let [low, high] = plan.bounds().map(|corner| corner.map(|x| (x * UNIT) as i32));
-        let oracle = Oracle::new(&walls, [low, high]);
+        let (plan, oracle, [low, high]) = random_plan(&mut random, 9, 16);
         for _ in 0..pairs {
             // Also outside the rectangle.
             let step = random.pick(&[1, 2, 4, 4]);
@@ -141,13 +143,9 @@ fn compare_triangles(seeds: std::ops::Range<u64>) {
     let mut total = 0;
     for seed in seeds {
         let mut random = Random(seed);
-        let size = random.between(2, 7);
-        let count = random.below(14);
-        let walls = grid_walls(&mut random, count, size);
-        let plan = plan_of(&walls);
+        let (plan, oracle, _) = random_plan(&mut random, 7, 14);
+        let walls = &oracle.walls[..oracle.count];
         let integer = |p: [f64; 2]| p.map(|x| (x * UNIT) as i128);
-        let [low, high] = plan.bounds().map(|corner| corner.map(|x| (x * UNIT) as i32));
-        let oracle = Oracle::new(&walls, [low, high]);
         let mut vertices: Vec<_> = plan.pieces().flat_map(|(ends, _)| ends.map(integer)).collect();
         vertices.sort_unstable();
         vertices.dedup();
@@ -155,7 +153,7 @@ fn compare_triangles(seeds: std::ops::Range<u64>) {
             let corners = plan.triangle(random.below(plan.triangle_count()) as u32).unwrap();
             let triangle = corners.map(integer);
             let all: Vec<_> = vertices.iter().copied().chain(triangle).collect();
-            let expected = region_oracle::seen_from(triangle, &oracle.walls[..oracle.count], &all);
+            let expected = region_oracle::seen_from(triangle, walls, &all);
             plan.look_from_region(&corners, &mut answer).unwrap();
             let mut seen = answer.walls().to_vec();
             seen.sort_unstable();
