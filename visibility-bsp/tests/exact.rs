@@ -375,3 +375,42 @@ fn extreme_scenes_and_views_hide_nothing_by_mistake() {
         }
     }
 }
+
+#[test]
+fn thin_triangles_in_one_plane_do_not_hide_each_other() {
+    let mut random = Random(38);
+    let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+    let mut drawn = 0;
+    for (far, height) in
+        [0.0, 1e2, 1e4].into_iter().flat_map(|far| (0..8).map(move |n| (far, 10f64.powi(-n))))
+    {
+        for _ in 0..200 {
+            let origin = random.fine_vector(far);
+            let [a, b] = [(); 2].map(|()| random.fine_vector(10.0) + origin);
+            let thin = corners([a, b, (a + b) * 0.5 + random.direction() * height]);
+            let [p, q, r] = thin.map(|v| v.as_dvec3());
+            let normal = (q - p).cross(r - p);
+            // The nearer the eye, the wider the image of the triangle. Below 1e-7 of half the image it does
+            // not count as seen.
+            let distance = (normal.length() / (q - p).length() * 1e5).min(15.0);
+            if distance < 1e-2 {
+                continue;
+            }
+            let center = (p + q + r) / 3.0;
+            let eye = center + (normal.normalize() + random.fine_vector(0.5)).normalize() * distance;
+            let mut scene = Scene::new();
+            let twins = [orders[0], random.pick(&orders)]
+                .map(|order| add(&mut scene, &[order.map(|i: usize| thin[i])], true));
+            let pose = Pose::look_at(eye, center, DVec3::Z);
+            let view = View::perspective(pose, 1.2, 1.0, 1e-3, f64::INFINITY).unwrap();
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &view);
+            NaylorCuller::new(SceneTree::new(&scene).unwrap()).cull(&scene, &view, &mut visible);
+            for twin in twins {
+                assert!(visible.contains(&scene, twin), "{thin:?} is hidden by its twin from {eye}");
+            }
+            drawn += 1;
+        }
+    }
+    assert!(drawn > 3_000, "only {drawn} pairs of triangles were wide enough to be drawn");
+}

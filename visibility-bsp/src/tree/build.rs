@@ -60,7 +60,7 @@ impl BspTree {
     /// Tests whether a polygon can be inserted: at least three vertices, all finite, that span an area. False
     /// for any other polygon. The vertices may be in any space and unit.
     pub fn accepts(polygon: &[DVec3]) -> bool {
-        plane_of(polygon).is_some()
+        Plane::from_polygon(polygon).is_some()
     }
 
     /// Sorts polygons, given with their owner numbers and in the tree's coordinates, into the present tree.
@@ -75,7 +75,7 @@ impl BspTree {
         let mut magnitude = self.magnitude;
         for (number, (owner, polygon)) in (0..).zip(polygons) {
             let vertices = polygon.as_ref();
-            let Some(plane) = plane_of(vertices) else { continue };
+            let Some(plane) = Plane::from_polygon(vertices) else { continue };
             magnitude = vertices.iter().fold(magnitude, |most, v| most.max(v.abs()));
             builder.pieces.push(Piece {
                 source: builder.sources.len() as u32,
@@ -257,21 +257,4 @@ fn classify(tree: &BspTree, builder: &mut Builder, begin: usize, plane: &SidePla
     for piece in &builder.pieces[begin..] {
         builder.sides.push(plane.side_of_polygon(tree.store.vertices_at(piece.start, piece.len)));
     }
-}
-
-/// Returns the plane of a polygon, computed from all its vertices, in the same coordinates; the unit normal
-/// points to the side from which the vertices run counter-clockwise. `None` if there are fewer than three
-/// vertices, a vertex is not finite, or they span no area.
-fn plane_of(vertices: &[DVec3]) -> Option<Plane> {
-    if vertices.len() < 3 || !vertices.iter().all(|v| v.is_finite()) {
-        return None;
-    }
-    let normal = match vertices {
-        [a, b, c] => (b - a).cross(c - a),
-        _ => (2..vertices.len())
-            .map(|i| (vertices[i - 1] - vertices[0]).cross(vertices[i] - vertices[0]))
-            .fold(DVec3::ZERO, |sum, area| sum + area),
-    };
-    let plane = Plane::through(vertices[0], normal.try_normalize()?);
-    plane.offset.is_finite().then_some(plane)
 }

@@ -1,6 +1,9 @@
 //! Oriented planes, and the three-way classification of points and boxes against them.
 
-use crate::{Aabb, geometry::Containment};
+use crate::{
+    Aabb,
+    geometry::{Containment, DoubleDouble},
+};
 use glam::DVec3;
 
 /// Unit round-off of `f64`: half the distance from 1 to the next greater number, 2^-53.
@@ -39,10 +42,44 @@ impl Plane {
     }
 
     /// Returns the plane through three points with a unit normal. The normal points to the side from which
-    /// `a`, `b`, `c` run counter-clockwise (right-handed coordinates). `None` if the cross product of two
-    /// edges is zero or not finite: collinear or non-finite points.
+    /// `a`, `b`, `c` run counter-clockwise (right-handed coordinates). `None` if the points are exactly
+    /// collinear or not all finite. As exact as [`from_polygon`](Self::from_polygon).
     pub fn from_points(a: DVec3, b: DVec3, c: DVec3) -> Option<Self> {
-        Some(Self::through(a, (b - a).cross(c - a).try_normalize()?))
+        Self::from_polygon(&[a, b, c])
+    }
+
+    /// Returns the plane of a flat polygon with a unit normal, which points to the side from which `vertices`
+    /// run counter-clockwise (right-handed coordinates). The plane goes through the first vertex. `None` for
+    /// fewer than three vertices, an area of exactly zero, or vertices that are not all finite.
+    ///
+    /// Every point of the polygon has a [`signed_distance`](Self::signed_distance) of at most three times the
+    /// [`error_bound`](Self::error_bound), however thin the polygon is. The normal is summed in
+    /// [`DoubleDouble`] numbers: in `f64` the rounding of a cross product turns the normal of a triangle by
+    /// `u` times the ratio of length to height, with `u = 2^-53`. Here that ratio is multiplied by `2^-100`,
+    /// which is below `u / 4` for ratios up to `2^45`. Rounding a component to `f64` and dividing by the
+    /// length changes each component by `2 u` of itself, and all by a common factor that turns nothing. The
+    /// difference of two points has components of at most twice their magnitude `m`, so the turned normal
+    /// moves the plane by at most `4 u |n| . m`: less than one error bound. The roundings of the offset and
+    /// of the distance are one error bound each.
+    pub fn from_polygon(vertices: &[DVec3]) -> Option<Self> {
+        let (&first, others) = vertices.split_first()?;
+        // The products are scaled by a power of two, so that they neither overflow nor lose their low parts.
+        let reach = others.iter().fold(0.0f64, |most, v| most.max((*v - first).abs().max_element()));
+        if !(reach > 0.0 && vertices.iter().all(|v| v.is_finite())) {
+            return None;
+        }
+        let power = f64::from_bits((1.0 / reach).to_bits() & f64::INFINITY.to_bits());
+        let edge = |v: &DVec3| [0, 1, 2].map(|i| DoubleDouble::difference(v[i], first[i]).scaled(power));
+        let mut sum = [DoubleDouble::ZERO; 3];
+        for pair in others.windows(2) {
+            let (a, b) = (edge(&pair[0]), edge(&pair[1]));
+            for (total, (i, j)) in sum.iter_mut().zip([(1, 2), (2, 0), (0, 1)]) {
+                *total = total.plus(a[i].times(b[j])).plus(a[j].times(b[i]).negated());
+            }
+        }
+        let normal = DVec3::from_array(sum.map(|x| x.hi));
+        let plane = Self::through(first, Self::new(normal, 0.0).normalized()?.normal);
+        plane.offset.is_finite().then_some(plane)
     }
 
     /// Returns the opposite half-space: the same boundary with the normal and the offset negated.
@@ -123,6 +160,7 @@ impl Plane {
 mod tests {
     use super::*;
     use glam::Vec3;
+    use visibility_testing::Random;
 
     #[test]
     fn a_box_is_classified_by_its_extreme_corners() {
@@ -153,5 +191,60 @@ mod tests {
             assert!((plane.offset - 2.0).abs() < 1e-15);
         }
         assert_eq!(Plane::new(DVec3::ZERO, 1.0).normalized(), None);
+    }
+
+    #[test]
+    fn points_of_a_thin_polygon_are_within_three_error_bounds_of_its_plane() {
+        let mut random = Random(21);
+        let (mut thin, mut worst) = (0, 0.0f64);
+        for scale in [1e-140, 1e-6, 1.0, 1e6, 1e140] {
+            for _ in 0..5000 {
+                // Integers below 2^50: all differences, multiples and sums of the points are exact.
+                let whole = |random: &mut Random, size: f64| random.fine_vector(size).round();
+                let (a, u) = (whole(&mut random, 1e13), whole(&mut random, 1e10));
+                let v = u * random.between(-9, 9) as f64 + whole(&mut random, 2.0);
+                let exact = |v: DVec3| v.to_array().map(|x| x as i128);
+                let ([x, y, z], [p, q, r]) = (exact(u), exact(v));
+                let area = [y * r - z * q, z * p - x * r, x * q - y * p];
+                // The scale is rounded to a power of two, which changes no digit of a coordinate.
+                let power = f64::from_bits(f64::to_bits(scale) & f64::INFINITY.to_bits());
+                let points =
+                    [a, a + u, a + v, a + u * 3.0 + v * 5.0, a - u * 7.0 + v * 2.0].map(|p| p * power);
+                let Some(plane) = Plane::from_polygon(&points[..3]) else {
+                    assert_eq!(area, [0; 3], "{u} {v}: a triangle with an area has no plane");
+                    continue;
+                };
+                assert_ne!(area, [0; 3], "{u} {v}: collinear points have a plane");
+                assert!(
+                    (plane.normal.length() - 1.0).abs() < 1e-15,
+                    "{u} {v}: the normal is {}",
+                    plane.normal
+                );
+                assert_eq!(Plane::from_points(points[0], points[1], points[2]), Some(plane));
+                let magnitude = points.iter().fold(DVec3::ZERO, |most, p| most.max(p.abs()));
+                for p in points {
+                    let share = plane.signed_distance(p).abs() / plane.error_bound(magnitude);
+                    assert!(share <= 3.0, "{u} {v} {p}: {share} error bounds off its plane");
+                    worst = worst.max(share);
+                }
+                thin += 1;
+            }
+        }
+        assert!(thin > 20_000 && worst > 0.1, "{thin} thin triangles, the worst is {worst} error bounds off");
+    }
+
+    #[test]
+    fn polygons_without_an_area_have_no_plane() {
+        let (x, y) = (DVec3::X, DVec3::Y);
+        assert_eq!(Plane::from_polygon(&[]), None);
+        assert_eq!(Plane::from_polygon(&[x, y]), None);
+        assert_eq!(Plane::from_polygon(&[x; 3]), None);
+        for broken in [f64::NAN, f64::INFINITY] {
+            assert_eq!(Plane::from_polygon(&[x, y, DVec3::splat(broken)]), None);
+        }
+        // A bow tie: two areas that cancel out.
+        assert_eq!(Plane::from_polygon(&[DVec3::ZERO, x + y, x, y]), None);
+        let square = [DVec3::ZERO, x, x + y, y].map(|p| p + DVec3::Z);
+        assert_eq!(Plane::from_polygon(&square), Some(Plane::new(DVec3::Z, -1.0)));
     }
 }

@@ -115,7 +115,8 @@ impl SidePlane {
     ///   of its magnitude, which is `E` once more. So a cut point is found within `4 E` of the plane that it
     ///   was cut by.
     /// - The remaining `4 E` is for a second plane through the same polygon, computed from other vertices of
-    ///   the polygon.
+    ///   it. [`Plane::from_polygon`] is within `3 E` of all points of its polygon, however thin it is. The
+    ///   plane of a rounded cross product is not.
     pub fn new(plane: Plane, magnitude: DVec3) -> Self {
         Self { plane, margin: 8.0 * plane.error_bound(magnitude) }
     }
