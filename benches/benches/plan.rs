@@ -1,10 +1,9 @@
-//! Benchmarks of visibility on a plan: queries and builds, beside the crate `geo-visibility`.
+//! Benchmarks of visibility on a plan: queries and builds.
 //!
 //! Maps are floors of rooms with jittered corners, doors and pillars, and a forest of short walls. Each
 //! iteration asks from 100 eyes, so times of queries are to be divided by 100.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use geo_visibility::Visibility as _;
 use std::hint::black_box;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 
@@ -85,28 +84,6 @@ fn plans(criterion: &mut Criterion) {
                 }
             });
         });
-        let lines: Vec<_> = walls
-            .iter()
-            .map(|wall| {
-                let [a, b] = wall.ends.map(|[x, y]| geo::Coord { x, y });
-                geo::Line::new(a, b)
-            })
-            .collect();
-        // It panics for some eyes; these are left out of its time.
-        std::panic::set_hook(Box::new(|_| {}));
-        let theirs = |eye: [f64; 2]| {
-            let point = geo::Point::new(eye[0], eye[1]);
-            std::panic::catch_unwind(|| point.visibility(lines.as_slice())).ok()
-        };
-        let valid: Vec<_> = eyes.iter().copied().filter(|&eye| theirs(eye).is_some()).take(10).collect();
-        group.bench_function("geo_visibility_10_eyes", |bencher| {
-            bencher.iter(|| {
-                for &eye in &valid {
-                    black_box(geo::Point::new(eye[0], eye[1]).visibility(lines.as_slice()));
-                }
-            });
-        });
-        let _ = std::panic::take_hook();
         let mut region = RegionVisibility::new();
         let count = plan.triangle_count() as u32;
         group.bench_function("region", |bencher| {
