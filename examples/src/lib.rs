@@ -3,6 +3,9 @@
 //! A scene comes from a recipe ([`built_in`]) or from a file ([`load()`]). Either way it is a
 //! [`SceneSource`]: objects as plain triangles, and walks to move the camera along.
 
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
+pub mod arguments;
 pub mod bake;
 pub mod description;
 pub mod engine;
@@ -11,9 +14,10 @@ mod gltf_buffers;
 pub mod gltf_file;
 pub mod load;
 pub mod occlusion;
-pub mod picture_size;
+
 pub mod plan;
 pub mod plp;
+pub mod print;
 pub mod progress;
 pub mod pvs;
 pub mod recipes;

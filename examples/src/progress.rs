@@ -1,5 +1,6 @@
 //! Progress of long work on standard error: a bar on a terminal, otherwise a line now and then.
 
+use crate::eprintln;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};

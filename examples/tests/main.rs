@@ -18,6 +18,7 @@ mod pinned_answers;
 mod plan_cells_scenes;
 mod plan_scenes;
 mod plp_scenes;
+mod program_arguments;
 mod pvs_lines;
 mod recipes;
 mod reference_scenes;

@@ -11,6 +11,7 @@ use visibility_bake::{CellSandwich, Shard, assemble};
 use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
 use visibility_examples::bake::{Failure, Job, Level, Run, forget, run, write};
+use visibility_examples::{eprintln, print, println};
 
 /// Bake what can be seen from each viewcell of a scene. A bake that was interrupted goes on where it was.
 ///

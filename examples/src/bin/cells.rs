@@ -9,6 +9,7 @@ use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::walkthrough::cell_sets::{CELL_STEPS, OBJECT_STEPS, cell_rows, objects, settings};
 use visibility_examples::walkthrough::{World, world::objects_in_cells};
 use visibility_examples::{built_in, load};
+use visibility_examples::{eprintln, println};
 use visibility_portals::prt;
 
 /// Make cells and portals from a scene, and compute the potentially visible set of each cell.

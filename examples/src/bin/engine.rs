@@ -4,14 +4,16 @@
 use clap::Parser;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use visibility_examples::arguments::count;
 use visibility_examples::engine::{Engine, MOVING};
+use visibility_examples::{eprintln, println};
 
 /// Run a small engine and print what each step of a frame costs: the least and the median time.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
     /// Number of frames, after 30 that are not counted.
-    #[arg(long, default_value_t = 300)]
+    #[arg(long, default_value_t = 300, value_parser = count())]
     frames: usize,
 }
 

@@ -5,9 +5,10 @@ use clap::Parser;
 use std::error::Error;
 use std::process::ExitCode;
 use visibility_core::{Culler, FrustumCuller, OcclusionCuller, OcclusionMap, Pipeline, VisibleSet};
-use visibility_examples::picture_size::parse_size;
+use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::walkthrough::{Trial, World, judge, run};
 use visibility_examples::{built_in, load};
+use visibility_examples::{eprintln, println};
 use visibility_hzb::{DepthEstimate, Hom, Hzb, OccluderCriteria, OccluderDatabase};
 
 /// Sweep the opacity threshold of hierarchical occlusion maps, and print a table in Markdown.
@@ -23,7 +24,7 @@ struct Arguments {
     thresholds: Vec<f32>,
 
     /// Number of frames of each scene, spread evenly over its walks.
-    #[arg(long, default_value_t = 60, value_name = "N")]
+    #[arg(long, default_value_t = 60, value_name = "N", value_parser = count())]
     frames: usize,
 
     /// Size of the finest occlusion map, in pixels.

@@ -10,9 +10,11 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use visibility_core::motion::{Motion, MotionVolumes};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
+use visibility_examples::arguments::count;
 use visibility_examples::built_in;
 use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::{World, cullers};
+use visibility_examples::{eprintln, println};
 use visibility_measure::ItemBuffer;
 
 /// Walk through built-in scenes with many movers, and count the updates that motion volumes save.
@@ -28,15 +30,15 @@ struct Arguments {
     cullers: String,
 
     /// Number of movers.
-    #[arg(long, default_value_t = 100_000)]
+    #[arg(long, default_value_t = 100_000, value_parser = count())]
     movers: usize,
 
     /// Number of frames, at 60 in a second.
-    #[arg(long, default_value_t = 600)]
+    #[arg(long, default_value_t = 600, value_parser = count())]
     frames: usize,
 
     /// Number of frames from one that an item buffer judges to the next.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = count())]
     judged: usize,
 }
 

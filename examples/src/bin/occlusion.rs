@@ -6,9 +6,10 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
+use visibility_examples::arguments::parse_size;
 use visibility_examples::occlusion::frame::Stage;
 use visibility_examples::occlusion::{picture, visb, visc};
-use visibility_examples::picture_size::parse_size;
+use visibility_examples::{eprintln, println};
 use visibility_hzb::Coverage;
 
 /// Cull the boxes of a VISC scene behind its occluders with the hierarchical z-buffer, for each of its views.

@@ -10,6 +10,7 @@ use visibility_core::cells::CellId;
 use visibility_examples::plan::drawing::Drawing;
 use visibility_examples::plan::forest_walk::ForestWalk;
 use visibility_examples::plan::{PlanFile, load};
+use visibility_examples::{eprintln, print};
 
 /// Compute what eyes on a floor plan see: visibility polygons and the walls seen.
 ///

@@ -10,12 +10,13 @@ use std::sync::Arc;
 use std::time::Instant;
 use visibility_core::VisibleSet;
 use visibility_core::{Culler, FrustumCuller};
-use visibility_examples::picture_size::parse_size;
+use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::plp::conservative::{Effort, conservative, front_to_back, frustum};
 use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverage, plot, right_and_wrong};
 use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::cullers::plp::FINE;
 use visibility_examples::{built_in, cars5, load};
+use visibility_examples::{eprintln, println};
 use visibility_hzb::Hzb;
 use visibility_measure::ItemBuffer;
 use visibility_plp::{
@@ -30,7 +31,7 @@ struct Arguments {
     #[arg(default_value = "plpcity:3,3")]
     scene: String,
     /// Number of frames, spread evenly over the walks. By default every key of the walks is a frame.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count())]
     frames: Option<usize>,
     /// Text that the name of a walk must contain, such as `streets`. Other walks are left out.
     #[arg(long, value_name = "NAME")]

@@ -5,6 +5,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use visibility_examples::pvs::{Line, bake, read, summary};
+use visibility_examples::{eprintln, print, println};
 use visibility_portals::{CellMatrix, Settings};
 
 /// Compute the potentially visible set of each cell of a map of cells and portals.

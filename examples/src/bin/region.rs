@@ -9,10 +9,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use visibility_bake::BakedSet;
 use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_examples::arguments::count;
 use visibility_examples::region::cells::TurnedBox;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
 use visibility_examples::region::{cells, methods, picture, planes, plot, trial};
+use visibility_examples::{eprintln, println};
 use visibility_examples::{load_walks, open, region};
 
 /// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
@@ -31,7 +33,7 @@ struct Arguments {
     cell: Vec<TurnedBox>,
 
     /// Number of viewcells to spread along the scene's walks. By default 4, or none if there is a --cell.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count())]
     cells: Option<usize>,
 
     /// Greatest size of these viewcells in metres: two sizes on the ground, and the height. They are smaller
@@ -70,7 +72,7 @@ struct Arguments {
     plot: Option<PathBuf>,
 
     /// Number of viewpoints of each viewcell from which the judge draws item buffers.
-    #[arg(long, value_name = "N", default_value_t = 40)]
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = count())]
     eyes: usize,
 
     /// Side of the judge's item buffers in pixels.

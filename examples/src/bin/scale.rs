@@ -10,6 +10,8 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use visibility_examples::arguments::count;
+use visibility_examples::{eprintln, println};
 
 /// Simulate a bake on many workers: time, cost and bytes, by the number of viewcells in a shard.
 #[derive(Parser)]
@@ -19,11 +21,11 @@ struct Arguments {
     report: PathBuf,
 
     /// Number of viewcells.
-    #[arg(long, default_value_t = 1_000_000)]
+    #[arg(long, default_value_t = 1_000_000, value_parser = count())]
     cells: usize,
 
     /// Number of workers, one thread each.
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = 1000, value_parser = count())]
     workers: usize,
 
     /// Numbers of viewcells in a shard, separated by commas.

@@ -11,6 +11,7 @@ use visibility_core::pvs::Prefetch;
 use visibility_examples::built_in;
 use visibility_examples::streaming::Cache;
 use visibility_examples::walkthrough::{World, cullers};
+use visibility_examples::{eprintln, println};
 
 /// Walk through a built-in scene while objects are loaded as they become visible and unloaded after they
 /// became hidden.

@@ -13,6 +13,7 @@ use visibility_examples::tradeoff::{Effort, output, plot, sweep};
 use visibility_examples::walkthrough::auto::advise;
 use visibility_examples::walkthrough::cullers::quick_entries;
 use visibility_examples::walkthrough::{Prepared, World};
+use visibility_examples::{eprintln, println};
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;

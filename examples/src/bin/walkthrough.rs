@@ -8,8 +8,8 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::description::Description;
-use visibility_examples::picture_size::parse_size;
 use visibility_examples::progress::Steps;
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
@@ -17,6 +17,7 @@ use visibility_examples::walkthrough::{
     Trial, World, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
 };
 use visibility_examples::{SceneSource, SourceError, load, load_walks, open};
+use visibility_examples::{eprintln, print, println};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
 #[derive(Parser)]
@@ -47,7 +48,7 @@ struct Arguments {
     cullers: String,
 
     /// Number of frames, spread evenly over the walks. By default every key of the walks is a frame.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count())]
     frames: Option<usize>,
 
     /// Size of the picture in pixels. Its aspect ratio is that of the view, and its pixels are those of the

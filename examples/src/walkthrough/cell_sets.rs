@@ -2,6 +2,7 @@
 
 use super::World;
 use super::world::objects_in_cells;
+use crate::eprintln;
 use crate::progress::Steps;
 use crate::pvs::built::{Origin, cells};
 use crate::source::clearance;

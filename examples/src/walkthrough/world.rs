@@ -1,6 +1,7 @@
 //! World to cull: a scene source converted to a [`Scene`], with a [`View`] for every frame.
 
 use super::prepared::Prepared;
+use crate::eprintln;
 use crate::pvs::built;
 use crate::source::{SourceCells, SourceObject};
 use crate::{SceneSource, SourceError, frames};

@@ -2,7 +2,7 @@
 //! price of hiding an object.
 
 use super::known::{Known, Made};
-use crate::picture_size::parse_size;
+use crate::arguments::parse_size;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};
 
 pub(super) const KNOWN: &[Known] = &[

@@ -1,0 +1,46 @@
+//! Values of arguments on the command line: numbers of things, and sizes of pictures.
+
+use clap::builder::RangedU64ValueParser;
+use std::fmt::Display;
+use std::str::FromStr;
+
+/// Maximum number of frames, movers, viewcells or the like that a program makes. Some hundred bytes are kept
+/// for each, so that a greater number is more likely a mistake than wanted.
+const MAX_COUNT: u64 = 1_000_000;
+
+/// Returns a parser of the number of things that a program makes in memory: 1 to 1,000,000.
+pub fn count() -> RangedU64ValueParser<usize> {
+    RangedU64ValueParser::new().range(1..=MAX_COUNT)
+}
+
+/// Reads a width and a height in pixels from text such as `640x360`. The error is a message for a person: the
+/// `x` is missing, a side is not a number, or it is 0.
+pub fn parse_size<T: FromStr<Err: Display> + From<u8> + PartialEq>(text: &str) -> Result<[T; 2], String> {
+    let (width, height) = text.split_once('x').ok_or("a size looks like 640x360")?;
+    let side = |text: &str| match text.parse() {
+        Ok(side) if side == T::from(0) => Err("a side has at least 1 pixel".to_owned()),
+        Ok(side) => Ok(side),
+        Err(error) => Err(format!("{text}: {error}")),
+    };
+    Ok([side(width)?, side(height)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_positive_numbers() {
+        assert_eq!(parse_size::<u32>("640x360"), Ok([640, 360]));
+        for (text, why) in [
+            ("0x0", "at least 1 pixel"),
+            ("4x0", "at least 1 pixel"),
+            ("640", "looks like"),
+            ("-4x4", "-4: "),
+            ("4294967296x4", "4294967296: "),
+        ] {
+            let error = parse_size::<u32>(text).unwrap_err();
+            assert!(error.contains(why), "{text} is refused with `{error}`, expected `{why}`");
+        }
+    }
+}
