@@ -255,6 +255,7 @@ impl SlotScene {
         let Ok(mesh) = OccluderMesh::from_triangles(&placed) else { return };
         let mesh = mesh.with_two_sided(is_plate || rng.one_in(2));
         let id = self.scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+        self.scene.set_triangles(id, placed).expect("the object has just been inserted");
         let mesh = self.scene.add_mesh(mesh);
         self.scene.set_mesh(id, mesh, Affine3A::IDENTITY).expect("the object has just been inserted");
     }
