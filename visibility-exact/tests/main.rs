@@ -13,3 +13,4 @@ mod planted_gaps;
 mod quick_looks;
 mod rims;
 mod shares;
+mod slots;

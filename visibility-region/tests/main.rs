@@ -8,6 +8,7 @@ mod ground;
 mod huge_bounds;
 mod oriented;
 mod sampling;
+mod slots;
 mod soundness;
 mod swapped_sources;
 mod traps;

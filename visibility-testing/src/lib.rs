@@ -12,6 +12,7 @@ mod octree;
 mod plain_map;
 mod random;
 mod slabs;
+mod slots;
 pub mod swapped;
 
 pub use exact::sign_of_sum;
@@ -20,3 +21,4 @@ pub use octree::Octree;
 pub use plain_map::PlainMap;
 pub use random::Random;
 pub use slabs::is_clear;
+pub use slots::{SlotScene, SlotSearch};

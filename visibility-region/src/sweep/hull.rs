@@ -20,10 +20,10 @@ pub(super) fn draw_hull(map: &mut RayMap, p: &Spread, q: &Spread, rect: PixelRec
     let right = Side::new([-p[0][1], p[1][0], p[1][1]], [-q[0][1], q[1][0], q[1][1]]);
     for row in first as usize..=(last as usize).min(rect.y[1]) {
         let band = [(row as f64).max(low), (row as f64 + 1.0).min(high)];
-        let (a, b) =
-            (left.least(band).max(rect.x[0] as f64), (-right.least(band)).min(rect.x[1] as f64 + 0.5));
-        if a <= b {
-            map.set_span(row, a as usize, b as usize);
+        // Pixels are compared, not clamped ends: a hull within the right half of the last column counts.
+        let (a, b) = (left.least(band).max(rect.x[0] as f64), -right.least(band));
+        if a <= b && a < rect.x[1] as f64 + 1.0 {
+            map.set_span(row, a as usize, (b as usize).min(rect.x[1]));
         }
     }
 }
@@ -58,5 +58,93 @@ impl Side {
         };
         // Where a slope is infinite or NaN, the whole side counts.
         if x > self.x { x.min(self.other) } else { self.x }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+
+    /// Eighths of a pixel, in the units of the oracle: 64 units to a pixel.
+    const EIGHTH: i64 = 8;
+
+    /// Tests by separating lines, in integers, whether the hull of two rectangles meets the square of a pixel
+    /// that is moved outwards by `grow` units on each side.
+    fn meets(p: [[i64; 2]; 2], q: [[i64; 2]; 2], [x, y]: [usize; 2], grow: i64) -> bool {
+        let corners = |[x, y]: [[i64; 2]; 2]| [[x[0], y[0]], [x[1], y[0]], [x[1], y[1]], [x[0], y[1]]];
+        let square = corners([x, y].map(|at| [at as i64 * 64 - grow, (at as i64 + 1) * 64 + grow]));
+        let (p, q) = (corners(p), corners(q));
+        let across = |i: usize| [p[i][1] - q[i][1], q[i][0] - p[i][0]];
+        let normals = [[1, 0], [0, 1], across(0), across(1), across(2), across(3)];
+        normals.into_iter().all(|n| {
+            let range = |points: &mut dyn Iterator<Item = [i64; 2]>| {
+                points
+                    .map(|at| at[0] * n[0] + at[1] * n[1])
+                    .fold([i64::MAX, i64::MIN], |[low, high], at| [low.min(at), high.max(at)])
+            };
+            let (hull, square) = (range(&mut p.into_iter().chain(q)), range(&mut square.into_iter()));
+            hull[0] <= square[1] && square[0] <= hull[1]
+        })
+    }
+
+    /// Draws a hull whose ends are in units of the oracle, and tests each pixel in and around the rectangle.
+    /// Pixels that the hull only touches from outside may be set or not.
+    fn check(map: &mut RayMap, p: [[i64; 2]; 2], q: [[i64; 2]; 2], rect: PixelRect) {
+        let pixels = |spread: [[i64; 2]; 2]| spread.map(|range| range.map(|end| end as f64 / 64.0));
+        draw_hull(map, &pixels(p), &pixels(q), rect);
+        for (x, y) in (0..7).flat_map(|y| (0..7).map(move |x| (x, y))) {
+            let is_inside = (rect.x[0]..=rect.x[1]).contains(&x) && (rect.y[0]..=rect.y[1]).contains(&y);
+            let is_set = map.get(x, y);
+            let must = is_inside && meets(p, q, [x, y], -1);
+            let may = is_inside && meets(p, q, [x, y], 1);
+            assert!(!must || is_set, "{x} {y} is not drawn of {p:?} {q:?} in {rect:?}");
+            assert!(may || !is_set, "{x} {y} is drawn of {p:?} {q:?} in {rect:?}");
+        }
+        map.clear_rect(PixelRect { x: [0, 6], y: [0, 6] });
+    }
+
+    /// Ranges whose ends are on, just before and just after the ends and the middles of the first and the
+    /// last of some pixels. Points as well.
+    fn ranges([first, last]: [usize; 2]) -> Vec<[i64; 2]> {
+        let mut ends: Vec<i64> = [first, last]
+            .iter()
+            .flat_map(|&pixel| [0, 32, 64].map(|at| pixel as i64 * 64 + at))
+            .flat_map(|at| [at - EIGHTH, at, at + EIGHTH])
+            .collect();
+        ends.extend([0, 6 * 64 + 32]);
+        ends.sort_unstable();
+        ends.dedup();
+        ends.iter().flat_map(|&a| ends.iter().filter(move |&&b| a <= b).map(move |&b| [a, b])).collect()
+    }
+
+    #[test]
+    fn a_hull_within_half_a_pixel_is_drawn() {
+        for half in [[0.1, 0.4], [0.5, 0.5], [0.6, 0.9]] {
+            for column in [2, 5] {
+                let mut map = RayMap::new();
+                let x = half.map(|at| column as f64 + at);
+                let rect = PixelRect { x: [2, 5], y: [1, 3] };
+                draw_hull(&mut map, &[x, [0.0, 0.5]], &[x, [4.0, 6.0]], rect);
+                assert!((1..=3).all(|row| map.get(column, row)), "{half:?} of column {column}");
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_of_hulls_are_those_of_integer_arithmetic() {
+        let mut map = RayMap::new();
+        for [first, last] in [[1, 3], [3, 3], [0, 6]] {
+            let fixed = [[70, 180], [130, 130], [0, 448], [64, 128], [160, 170]];
+            let rect = PixelRect { x: [first, last], y: [1, 3] };
+            let turned = PixelRect { x: rect.y, y: rect.x };
+            for (i, &a) in ranges(rect.x).iter().enumerate() {
+                for (j, &b) in ranges(rect.x).iter().enumerate() {
+                    let (c, d) = (fixed[i % 5], fixed[(i + j) % 5]);
+                    check(&mut map, [a, c], [b, d], rect);
+                    check(&mut map, [c, a], [d, b], turned);
+                }
+            }
+        }
     }
 }

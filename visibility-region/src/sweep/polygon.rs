@@ -102,13 +102,14 @@ impl Polygon {
             return false;
         }
         let (first, last) = (low.max(rect.y[0] as f64), high.min(rect.y[1] as f64 + 1.0));
-        let (left, right) = (left.max(rect.x[0] as f64), right.min(rect.x[1] as f64 + 0.5));
-        let meets = first <= last && left <= right;
+        let left = left.max(rect.x[0] as f64);
+        let meets = first <= last && left <= right && left < rect.x[1] as f64 + 1.0;
         if !meets {
             return false;
         }
+        let right = (right as usize).min(rect.x[1]);
         let (first, last) = (first as usize, (last as usize).min(rect.y[1]));
-        if map.all_set(PixelRect { x: [left as usize, right as usize], y: [first, last] }) {
+        if map.all_set(PixelRect { x: [left as usize, right], y: [first, last] }) {
             return false;
         }
         // The rows whose middle lines are between the least and the greatest y: each is crossed by an edge
@@ -126,13 +127,68 @@ impl Polygon {
         let mut any = false;
         for row in rows {
             let [up, down] = sides.each_ref().map(|side| side[row]);
-            let (left, right) =
-                (up.min(down).max(rect.x[0] as f64), up.max(down).min(rect.x[1] as f64 + 0.5));
-            if left <= right {
-                inside.set_span(row, left as usize, right as usize);
+            let (left, right) = (up.min(down).max(rect.x[0] as f64), up.max(down));
+            // Pixels are compared, not clamped ends: a span within the right half of the last column counts.
+            if left <= right && left < rect.x[1] as f64 + 1.0 {
+                inside.set_span(row, left as usize, (right as usize).min(rect.x[1]));
                 any = true;
             }
         }
         any
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tests by separating lines, in integers, whether a triangle meets the middle line of a pixel, longer by
+    /// `grow` units at both ends. 64 units are a pixel.
+    fn meets(triangle: [[i64; 2]; 3], [x, y]: [usize; 2], grow: i64) -> bool {
+        let (x, y) = (x as i64 * 64, y as i64 * 64 + 32);
+        let line = [[x - grow, y], [x + 64 + grow, y]];
+        let across = |i: usize| {
+            let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
+            [a[1] - b[1], b[0] - a[0]]
+        };
+        [[1, 0], [0, 1], across(0), across(1), across(2)].into_iter().all(|n| {
+            let at = |p: [i64; 2]| p[0] * n[0] + p[1] * n[1];
+            let (t, l) = (triangle.map(at), line.map(at));
+            let least = |of: &[i64]| of.iter().copied().fold(i64::MAX, i64::min);
+            let most = |of: &[i64]| of.iter().copied().fold(i64::MIN, i64::max);
+            least(&t) <= most(&l) && least(&l) <= most(&t)
+        })
+    }
+
+    #[test]
+    fn pixels_of_triangles_are_those_of_integer_arithmetic() {
+        let window = Window::unit();
+        let (mut inside, map) = (RayMap::new(), RayMap::new());
+        let mut sides = [[0.0; SIDE]; 2];
+        let columns = [32, 56, 64, 96, 104, 216, 224, 232, 256, 320];
+        let rows = [40, 96, 104, 160, 224, 300];
+        let points: [[i64; 2]; 60] = core::array::from_fn(|i| [columns[i % 10], rows[i / 10]]);
+        for rect in [PixelRect { x: [1, 3], y: [1, 3] }, PixelRect { x: [3, 3], y: [0, 1] }] {
+            for i in 0..60 * 60 * 60 {
+                let triangle = [i % 60, i / 60 % 60, i / 3600].map(|at| points[at]);
+                let corners = triangle.map(|[x, y]| DVec3::new(x as f64, y as f64, 64.0) / 64.0);
+                let any = Polygon::cut(corners, 0.5, 2.0).fill(&mut inside, &mut sides, &map, &window, rect);
+                let (low, high) =
+                    triangle.iter().fold((i64::MAX, 0), |(low, high), p| (low.min(p[1]), high.max(p[1])));
+                let mut is_any = false;
+                for (x, y) in (0..6).flat_map(|y| (0..6).map(move |x| (x, y))) {
+                    let is_inside =
+                        (rect.x[0]..=rect.x[1]).contains(&x) && (rect.y[0]..=rect.y[1]).contains(&y);
+                    let is_set = inside.get(x, y);
+                    is_any |= is_set;
+                    // A middle line at the greatest y is not crossed.
+                    let is_crossed = is_inside && (low..high).contains(&(y as i64 * 64 + 32));
+                    assert!(!(is_crossed && meets(triangle, [x, y], -1)) || is_set, "{x} {y} {triangle:?}");
+                    assert!(is_crossed && meets(triangle, [x, y], 1) || !is_set, "{x} {y} {triangle:?}");
+                }
+                assert_eq!(any, is_any, "{triangle:?}");
+                inside.clear_rect(rect);
+            }
+        }
     }
 }

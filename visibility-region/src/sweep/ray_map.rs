@@ -245,6 +245,69 @@ mod tests {
         }
     }
 
+    /// Columns at which words begin and end, and their neighbours.
+    fn columns() -> impl Iterator<Item = usize> + Clone {
+        (0..SIDE).filter(|x| matches!(x % 64, 0..=1 | 31 | 62..=63))
+    }
+
+    /// Ends of spans and rectangles at all boundaries of words, bit by bit.
+    #[test]
+    fn spans_hold_their_pixels_and_no_others() {
+        let mut map = RayMap::new();
+        for (first, last) in columns().flat_map(|a| columns().map(move |b| (a, b))).filter(|(a, b)| a <= b) {
+            let rect = PixelRect { x: [first, last], y: [2, 2] };
+            map.set_span(2, first, last);
+            assert!((0..SIDE).all(|x| map.get(x, 2) == (first..=last).contains(&x)), "{first} to {last}");
+            assert!((0..SIDE).all(|x| !map.get(x, 1) && !map.get(x, 3)));
+            assert!(map.all_set(rect) && map.may_hold(rect, [last + 1 - first, 1]));
+            let wider = [first.saturating_sub(1), (last + 1).min(SIDE - 1)];
+            for x in [[wider[0], last], [first, wider[1]]] {
+                assert_eq!(map.all_set(PixelRect { x, y: [2, 2] }), x == rect.x, "{first} to {last}");
+            }
+            assert!(
+                !map.all_set(PixelRect { y: [2, 3], ..rect })
+                    && !map.all_set(PixelRect { y: [1, 2], ..rect })
+            );
+            // One hole, at either end.
+            for hole in rect.x {
+                let mut other = map.clone();
+                other.rows[2][hole / 64] &= !(1 << (hole % 64));
+                assert!(!other.all_set(rect) && other.lacks(&map, rect) && !map.lacks(&other, rect));
+                other.add_difference(&map, &RayMap::new(), rect);
+                assert!(other.all_set(rect));
+            }
+            map.clear_rect(rect);
+            assert!(!map.any_set());
+        }
+    }
+
+    /// Runs that begin and end at all boundaries of words, eroded by ranges that end at the map's sides.
+    #[test]
+    fn erosion_of_a_run_is_what_its_ranges_say() {
+        let mut scratch = RayMap::new();
+        for [before, after] in [[0, 0], [1, 0], [0, 1], [1, 2], [70, 70]] {
+            let ranges: Ranges =
+                core::array::from_fn(|i| [i.saturating_sub(before) as u16, (i + after).min(SIDE - 1) as u16]);
+            let own: Ranges = core::array::from_fn(|i| [i as u16; 2]);
+            let mut runs = columns().flat_map(|a| columns().map(move |b| [a, b])).filter(|[a, b]| a <= b);
+            let mut next_run = || runs.next();
+            while let Some(run) = next_run() {
+                // A run in each row.
+                let mut all = alloc::vec![run];
+                all.extend(core::iter::from_fn(&mut next_run).take(SIDE - 1));
+                let mut map = RayMap::new();
+                all.iter().enumerate().for_each(|(y, run)| map.set_span(y, run[0], run[1]));
+                map.erode(&ranges, &own, &mut scratch);
+                for (y, run) in all.iter().enumerate() {
+                    for (x, range) in ranges.iter().enumerate() {
+                        let [a, b] = range.map(usize::from);
+                        assert_eq!(map.get(x, y), run[0] <= a && b <= run[1], "{x} of {run:?}");
+                    }
+                }
+            }
+        }
+    }
+
     /// Tests every rectangle of the least size within one that is around them, pixel by pixel.
     #[test]
     fn a_rectangle_that_holds_no_covered_one_is_found_out_often() {

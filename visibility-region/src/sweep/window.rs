@@ -306,3 +306,92 @@ impl Window {
         ranges
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::cell_extent::CellExtent;
+    use super::super::direction::CellBox;
+    use super::*;
+    use visibility_core::glam::DVec3;
+    use visibility_core::pvs::Viewcell;
+
+    impl Window {
+        /// Returns a window at distance 1 whose pixels are a metre wide and begin at 0.
+        pub(crate) fn unit() -> Self {
+            Self::from_zero(1.0, [[0.0, SIDE as f64]; 2])
+        }
+
+        /// Returns a window without rims whose ends are exact.
+        fn from_zero(d: f64, ends: [[f64; 2]; 2]) -> Self {
+            let scale = ends.map(|[low, high]| SIDE as f64 / (high - low));
+            Self { d, ends, scale, rims: [None; 2] }
+        }
+    }
+
+    /// All ends are in units of the slack, 1024 of which are a pixel.
+    #[test]
+    fn pixels_of_occludees_are_those_of_integer_arithmetic() {
+        let (window, side) = (Window::unit(), SIDE as i64);
+        let bounds = Aabb::new(Vec3::ZERO, Vec3::ONE);
+        let places = [-1, 0, 1, 2, 63, 64, side / 2, side - 2, side - 1, side, side + 1];
+        let around = [-2, -1, 0, 1, 2, 511, 512, 513];
+        let ends = places.map(|pixel| around.map(|by| pixel * 1024 + by));
+        let ends = ends.as_flattened();
+        for (&low, &high) in ends.iter().flat_map(|low| ends.iter().map(move |high| (low, high))) {
+            let range = [low as f64 / 1024.0, high as f64 / 1024.0];
+            let found = window.pixels([range, [3.5, 4.5]], &bounds).map(|rect| rect.x);
+            let turned = window.pixels([[3.5, 4.5], range], &bounds).map(|rect| rect.y);
+            assert_eq!(found, turned);
+            // Every pixel that the closed range comes near must be asked, and be within the window.
+            let near = [low - 1, high + 1].map(|at| at.div_euclid(1024));
+            let is_within = low <= high + 2 && near[0] >= 0 && near[1] < side;
+            assert_eq!(found, is_within.then(|| near.map(|at| at as usize)), "{low} to {high}");
+        }
+    }
+
+    /// Follows the rays from the corners of the cell through the corners of each pixel in integers, whose
+    /// unit is a 512th of a metre, times the distance to the viewpoint.
+    #[test]
+    fn reprojected_pixels_contain_all_that_rays_through_them_meet() {
+        let side = SIDE as i128;
+        for (half, depth) in [(0, 0), (1, 0), (2, 7), (16, 1)] {
+            let reach = DVec3::new(f64::from(depth) / 2.0, f64::from(half), f64::from(half));
+            let cell = CellExtent::new(&Viewcell::from_box(-reach, reach), DVec3::ZERO).unwrap();
+            let direction = CellBox::new(&cell, &Aabb::new(Vec3::ZERO, Vec3::ONE), DVec3::AXES).unwrap();
+            let direction = direction.direction(0);
+            for (from_d, d) in [(1, 2), (7, 8), (3, 40), (64, 65)] {
+                for (from, to) in
+                    [([-8, 8], [-8, 8]), ([-4, 4], [-64, 64]), ([0, 256], [2, 3]), ([5, 9], [-9, 1])]
+                {
+                    let real = |ends: [i32; 2]| [ends.map(f64::from); 2];
+                    let window = Window::from_zero(f64::from(d), real(to));
+                    let before = Window::from_zero(f64::from(from_d), real(from));
+                    let ranges = window.reprojection(&direction, &before, 0);
+                    let wide = |ends: [i32; 2]| i128::from(ends[1] - ends[0]);
+                    for (i, range) in ranges.iter().enumerate() {
+                        let (mut least, mut most) = (i128::MAX, i128::MIN);
+                        for corner in 0..8 {
+                            let [right, up, back] = [0, 1, 2].map(|bit| corner >> bit & 1);
+                            let p = side * i128::from(to[0]) + (i as i128 + right) * wide(to);
+                            let v = side * i128::from(half) * (2 * up - 1);
+                            let away = i128::from(d) + back * i128::from(depth);
+                            let at = p * away + (v - p) * i128::from(d - from_d);
+                            let (at, by) = (at - side * i128::from(from[0]) * away, away * wide(from));
+                            // The first and the last pixel that are met, beyond their common boundary.
+                            least = least.min(at.div_euclid(by));
+                            most = most.max((at + by - 1).div_euclid(by) - 1);
+                        }
+                        let clamp = |pixel: i128| pixel.clamp(0, side - 1);
+                        let [first, last] = range.map(i128::from);
+                        assert!(
+                            first <= clamp(least) && clamp(most) <= last,
+                            "{i}: {range:?} {least} {most}"
+                        );
+                        assert!(clamp(least - 1) <= first && last <= clamp(most + 1), "{i}: {range:?}");
+                        assert!(i == 0 || ranges[i - 1].iter().zip(range).all(|(a, b)| a <= b), "{i}");
+                    }
+                }
+            }
+        }
+    }
+}

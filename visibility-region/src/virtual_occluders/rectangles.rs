@@ -78,4 +78,17 @@ mod tests {
         assert!(all.iter().all(|&rect| map.all_set(rect)));
         assert!(largest(&RayMap::new(), 3).is_empty());
     }
+    /// Spans whose ends are in each half of a block, at the first and the last blocks.
+    #[test]
+    fn rectangles_end_where_whole_blocks_end() {
+        let ends = [0, 1, 2, 3, 4, 62, 63, 64, 65, SIDE - 4, SIDE - 3, SIDE - 2, SIDE - 1];
+        for (a, b) in ends.into_iter().flat_map(|a| ends.map(|b| (a, b))).filter(|(a, b)| a <= b) {
+            let mut map = RayMap::new();
+            let rows = if a % 3 == 0 { [0, 1] } else { [SIDE - 2, SIDE - 1] };
+            (rows[0]..=rows[1]).for_each(|row| map.set_span(row, a, b));
+            let x = [a.next_multiple_of(2), ((b + 1) & !1).wrapping_sub(1)];
+            let expected = (x[1] != usize::MAX && x[0] < x[1]).then_some(PixelRect { x, y: rows });
+            assert_eq!(largest(&map, 2).first().copied(), expected, "{a} to {b}");
+        }
+    }
 }
