@@ -3,6 +3,7 @@
 
 mod coherence;
 mod common;
+mod enclosures;
 mod exact;
 mod merge;
 mod occluded_rays;

@@ -3,6 +3,7 @@
 
 mod clipping;
 mod common;
+mod enclosures;
 mod hom;
 mod hom_no_allocation;
 mod hom_occluders;

@@ -6,6 +6,7 @@
 
 pub mod allocations;
 pub mod cameras;
+pub mod enclosures;
 mod exact;
 mod hash;
 mod octree;

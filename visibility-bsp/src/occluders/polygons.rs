@@ -1,6 +1,6 @@
 //! The occluder polygons of a scene, stored in spatially compact blocks.
 
-use super::blocks::{BLOCK, halve};
+use super::blocks::{BLOCK, bounds_of, halve};
 use super::mesh_triangles::{is_closed, triangles_of};
 use super::outline::Outline;
 use super::{patches, rectangles, sections};
@@ -41,9 +41,17 @@ pub(super) struct Polygon {
     pub(super) center: DVec3,
     /// Greatest distance of a vertex from `center`, in metres.
     pub(super) radius: f64,
-    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front.
+    /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front, and for
+    /// those in its shell.
     pub(super) two_sided: bool,
+    /// Index in `Occluders::shells` of the box around the closed two-sided objects that the polygon was made
+    /// from, or [`NO_SHELL`]. For an eye in the box the polygon hides on both sides. For other eyes the
+    /// fronts of a closed object hide all that its backs do.
+    pub(super) shell: u32,
 }
+
+/// Value of `Polygon::shell` for a polygon without a shell.
+pub(super) const NO_SHELL: u32 = u32::MAX;
 
 /// A run of polygons that are near each other in space and of similar area, with a bounding sphere.
 #[derive(Clone, Debug)]
@@ -103,6 +111,9 @@ pub struct Occluders {
     /// Minimum and maximum corners of the boxes that contain sections, in metres relative to
     /// `Scene::origin`.
     pub(super) solids: Vec<[DVec3; 2]>,
+    /// Minimum and maximum corners of the boxes around closed two-sided objects, in metres relative to
+    /// `Scene::origin`.
+    pub(super) shells: Vec<[DVec3; 2]>,
     /// By object index: indices of the polygons made from the object, dropped ones included.
     pub(super) of_object: BTreeMap<u32, Vec<u32>>,
     /// The scene, and the revision of the scene, that the polygons represent.
@@ -120,6 +131,7 @@ impl Default for Occluders {
             vertices: Vec::new(),
             sources: Vec::new(),
             solids: Vec::new(),
+            shells: Vec::new(),
             of_object: BTreeMap::new(),
             cursor: SceneCursor::START,
             stamp: Stamp::new(),
@@ -246,18 +258,56 @@ impl Occluders {
             vertices: self.vertices_of(p),
             normal: p.normal,
             extent_along_normal: p.extent_along_normal,
-            two_sided: p.two_sided,
+            two_sided: p.two_sided || p.shell != NO_SHELL,
         }
+    }
+
+    /// Tests whether a polygon may hide for eyes behind its front. True for a two-sided polygon, and for one
+    /// of closed two-sided objects whose shell meets `eyes`, the minimum and maximum corner of the box of the
+    /// eyes, `None` for parallel views.
+    pub(super) fn hides_behind(&self, polygon: &Polygon, eyes: Option<&[DVec3; 2]>) -> bool {
+        let meets = |&[min, max]: &[DVec3; 2]| {
+            eyes.is_some_and(|[low, high]| high.cmpge(min).all() && low.cmple(max).all())
+        };
+        polygon.two_sided || self.shells.get(polygon.shell as usize).is_some_and(meets)
+    }
+
+    /// Returns the index in `shells` of a box around the shells of all `sources`, or [`NO_SHELL`] if a source
+    /// has none: its backs hide nothing, so a polygon that it is part of hides only from the front.
+    /// `shell_of` gives the index of each source's own shell.
+    fn shell_around(&mut self, sources: &[u32], shell_of: &[u32]) -> u32 {
+        if let &[only] = sources {
+            return shell_of[only as usize];
+        }
+        let mut around = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for &source in sources {
+            let Some(&[min, max]) = self.shells.get(shell_of[source as usize] as usize) else {
+                return NO_SHELL;
+            };
+            around = [around[0].min(min), around[1].max(max)];
+        }
+        self.shells.push(around);
+        self.shells.len() as u32 - 1
     }
 
     /// Appends polygons made from the occluder meshes of the objects `ids`. Polygons are joined across these
     /// objects, but not with polygons made earlier.
     fn add_from(&mut self, scene: &Scene, ids: &[ObjectId]) {
         let mut triangles = Vec::new();
+        // By source: index in `shells` of the box around its object, `NO_SHELL` without one.
+        let mut shell_of = Vec::with_capacity(ids.len());
         for (source, &id) in (0..).zip(ids) {
+            let mut shell = NO_SHELL;
             if let Some((mesh, transform)) = scene.occluder(id) {
-                triangles_of(mesh, transform, source, is_closed(mesh.triangles()), &mut triangles);
+                let (closed, first) = (is_closed(mesh.triangles()), triangles.len());
+                triangles_of(mesh, transform, source, closed, &mut triangles);
+                if closed && mesh.is_two_sided() && first < triangles.len() {
+                    let (min, max) = bounds_of(triangles[first..].iter().flat_map(|t| t.corners));
+                    shell = self.shells.len() as u32;
+                    self.shells.push([min, max]);
+                }
             }
+            shell_of.push(shell);
         }
         let levels = rectangles::take_rectangles(&mut triangles);
         let mut outlines = rectangles::join(&levels);
@@ -285,6 +335,8 @@ impl Occluders {
             let center = centers[number as usize];
             let radius = outline.vertices.iter().map(|v| v.distance(center)).fold(0.0, f64::max);
             let number = self.polygons.len() as u32;
+            let shell =
+                if outline.two_sided { NO_SHELL } else { self.shell_around(&outline.sources, &shell_of) };
             self.polygons.push(Polygon {
                 first: self.vertices.len() as u32,
                 count: outline.vertices.len() as u32,
@@ -298,6 +350,7 @@ impl Occluders {
                 center,
                 radius,
                 two_sided: outline.two_sided,
+                shell,
             });
             self.vertices.extend_from_slice(&outline.vertices);
             let solids = outline.solids.iter().map(|&solid| &solids[solid as usize]);

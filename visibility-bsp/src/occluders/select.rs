@@ -10,6 +10,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
     ObjectId, Scene, View, VisibleSet,
+    geometry::solid_angle,
     scene::{Changes, SceneCursor},
     stamp::Stamp,
     view::Eye,
@@ -118,11 +119,14 @@ impl Selector {
 
     /// Replaces `chosen` by the up to `count` polygons with the greatest upper bound on their solid angle
     /// from `eye`, greatest first. Polygons with a bound of 0 or less are left out. If `volume` is given,
-    /// only polygons that may be inside it are considered. Chooses none if `lost`.
+    /// only polygons that may be inside it are considered. `region` is the minimum and maximum corner of the
+    /// box of all eyes to choose for, in metres relative to `Scene::origin`; `None` for the eye alone. Chooses
+    /// none if `lost`.
     pub(crate) fn choose(
         &mut self,
         occluders: &Occluders,
         eye: &Eye,
+        region: Option<[DVec3; 2]>,
         volume: Option<&ViewVolume>,
         count: usize,
     ) {
@@ -131,6 +135,10 @@ impl Selector {
         if self.lost || count == 0 {
             return;
         }
+        let eyes = region.or(match eye {
+            Eye::Point(eye) => Some([*eye; 2]),
+            Eye::Direction(_) => None,
+        });
         // Only a selection: rounding is harmless.
         let is_in =
             |center: DVec3, radius: f64| volume.is_none_or(|volume| volume.meets_sphere(center, radius));
@@ -149,7 +157,7 @@ impl Selector {
             let block = &occluders.blocks[block as usize];
             for number in block.first..block.first + block.count {
                 let polygon = &occluders.polygons[number as usize];
-                let bound = bound(polygon, eye);
+                let bound = bound(polygon, occluders.hides_behind(polygon, eyes.as_ref()), eye);
                 if bound > least && polygon.count > 0 && is_in(polygon.center, polygon.radius) {
                     self.chosen.push(Chosen { polygon: number, bound });
                 }
@@ -236,13 +244,14 @@ impl Block {
 
 /// Returns an upper bound on the solid angle of a polygon seen from `eye`, in steradians: its height over the
 /// eye times its area, divided by the cube of the least distance. For parallel views, the projected area in
-/// square metres. Negative if the eye is behind a one-sided polygon.
-fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
+/// square metres. `hides_behind` tells whether the polygon hides for eyes behind it; if not, the bound is
+/// negative for such eyes.
+fn bound(polygon: &Polygon, hides_behind: bool, eye: &Eye) -> f32 {
     match eye {
         Eye::Point(eye) => {
             let to_eye = *eye - polygon.center;
             let height = polygon.normal.dot(to_eye);
-            let shown = if polygon.two_sided { height.abs() } else { height };
+            let shown = if hides_behind { height.abs() } else { height };
             let least = (to_eye.length() - polygon.radius).max(height.abs());
             let angle = shown * polygon.area / (least * least * least);
             // Limited to a half-space. NaN, from an eye in the polygon's plane, makes the polygon no
@@ -251,7 +260,7 @@ fn bound(polygon: &Polygon, eye: &Eye) -> f32 {
         }
         Eye::Direction(along) => {
             let shown = -polygon.normal.dot(*along);
-            ((if polygon.two_sided { shown.abs() } else { shown }) * polygon.area) as f32
+            ((if hides_behind { shown.abs() } else { shown }) * polygon.area) as f32
         }
     }
 }
@@ -270,7 +279,7 @@ pub(crate) fn angle_of(projection: &ClipProjection, corners: &[ShadowCorner]) ->
             for (i, corner) in rest.iter().enumerate() {
                 let c = unit(corner.v);
                 if i > 0 {
-                    sum += solid_angle(a, b, c);
+                    sum += solid_angle([a, b, c]);
                 }
                 b = c;
             }
@@ -285,21 +294,4 @@ pub(crate) fn angle_of(projection: &ClipProjection, corners: &[ShadowCorner]) ->
         }
     }
     sum as f32
-}
-
-/// Returns the solid angle of a triangle of unit vectors in steradians, to a few thousandths (Van Oosterom
-/// and Strackee, "The Solid Angle of a Plane Triangle", 1983). 0 for degenerate triangles.
-fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
-    let y = a.dot(b.cross(c)).abs();
-    let x = 1.0 + a.dot(b) + b.dot(c) + c.dot(a);
-    // The arc tangent of t from 0 to 1, to a few thousandths: t (1.0584 - 0.273 t).
-    let arc = |t: f64| t * (core::f64::consts::FRAC_PI_4 + 0.273 * (1.0 - t));
-    let angle = if x >= y {
-        arc(y / x)
-    } else if x >= -y {
-        core::f64::consts::FRAC_PI_2 - (if x >= 0.0 { arc(x / y) } else { -arc(-x / y) })
-    } else {
-        core::f64::consts::PI - arc(-y / x)
-    };
-    if angle.is_finite() { 2.0 * angle } else { 0.0 }
 }

@@ -97,6 +97,7 @@ impl Culler for OcclusionTreeCuller {
         self.selector.choose(
             occluders,
             &view.eye(scene.origin()),
+            None,
             Some(&volume),
             tree.most.saturating_mul(CANDIDATES_PER_POLYGON),
         );

@@ -10,7 +10,7 @@ use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::glam::{Affine3A, DVec3};
-use visibility_core::view::ViewPlanes;
+use visibility_core::view::{Eye, ViewPlanes};
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View, occlusion::Occlusion};
 
 /// A polygon that has been added to the map and takes effect at the next flush.
@@ -130,6 +130,18 @@ impl OcclusionTree {
         self.nodes.planes.is_empty()
     }
 
+    /// Tests whether the eye may be in the box around an occluder, which `transform` takes to metres relative
+    /// to `Scene::origin`. False for parallel views. The answer only chooses which polygons are added, so
+    /// rounding does no harm.
+    fn may_surround_eye(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
+        let Eye::Point(eye) = self.projection.eye else { return false };
+        let (center, half) = (occluder.bounds().center(), occluder.bounds().half_extent());
+        let m = &transform.matrix3;
+        let reach = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
+        let away = eye.as_vec3a() - transform.transform_point3a(center.into());
+        away.abs().cmple(reach).all()
+    }
+
     /// Adds a polygon that takes effect at the next flush, also if a frame begins in between.
     pub(super) fn enqueue(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
         let first = self.vertices.len();
@@ -164,7 +176,9 @@ impl OcclusionMap for OcclusionTree {
         }
         let mut triangles = core::mem::take(&mut self.triangles);
         triangles.clear();
-        triangles_of(occluder, transform, 0, occluder.is_closed(), &mut triangles);
+        // The backs of a closed mesh hide nothing that its fronts do not, unless the eye is in the mesh.
+        let closed = occluder.is_closed() && !self.may_surround_eye(occluder, transform);
+        triangles_of(occluder, transform, 0, closed, &mut triangles);
         let mut i = 0;
         while i < triangles.len() {
             // Two consecutive triangles often form a quadrilateral face.

@@ -87,7 +87,9 @@ impl Culler for ShadowFrustaCuller {
                 let chosen = self.frusta.chosen_at(eye).iter();
                 self.selector.chosen.extend(chosen.map(|&polygon| Chosen { polygon, bound: 0.0 }));
             }
-            Eye::Direction(_) => self.selector.choose(occluders, &projection.eye, None, self.frusta.most),
+            Eye::Direction(_) => {
+                self.selector.choose(occluders, &projection.eye, None, None, self.frusta.most)
+            }
         }
         let volume = ViewVolume::for_selection(view, scene);
         self.selector.keep_usable(occluders, scene, view, &projection, visible, &volume);

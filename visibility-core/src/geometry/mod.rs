@@ -14,6 +14,7 @@ mod convex_polygon;
 mod double_double;
 mod plane;
 mod side;
+mod solid_angle;
 mod sphere;
 
 pub use crate::float::sqrt;
@@ -23,6 +24,7 @@ pub use convex_polygon::{ConvexPolygon, PolygonError};
 pub use double_double::DoubleDouble;
 pub use plane::Plane;
 pub use side::{PolygonSide, Side, SidePlane, orientation};
+pub use solid_angle::solid_angle;
 pub use sphere::Sphere;
 
 /// Returns the index (0 to 2) of the greatest of three extents, the first of equal ones.

@@ -8,20 +8,22 @@
 //! Drawing has a price. An occluder that covers a share `s` of the view hides about `s * n` of the `n`
 //! objects that wait behind it, if these are spread evenly over the view. It is drawn if its cost in
 //! triangles is at most `price * s * n`. (The share is the area facing the eye over the squared distance, as
-//! in Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997.) In addition,
-//! all work is paid from a credit, which each object found hidden raises by the price. Where nothing is
-//! hidden, as seen by a bird, the search ends after [`INITIAL_CREDIT`].
+//! in Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997. That formula is
+//! for occluders that are small from the eye. From within a room, a courtyard or beside a long wall, the
+//! triangles are looked at one by one if the formula says no.) In addition, all work is paid from a credit,
+//! which each object found hidden raises by the price. Where nothing is hidden, as seen by a bird, the search
+//! ends after [`INITIAL_CREDIT`].
 
 use super::{OccluderMesh, Occlusion, OcclusionMap};
 use crate::scene::lanes;
 use crate::walk::{BoxHierarchy, Child, Walk};
 use crate::{
-    Aabb, ObjectId, View,
+    Aabb, ObjectId, View, geometry,
     view::{Eye, ViewPlanes},
 };
 use alloc::collections::BinaryHeap;
 use core::cmp::{Ordering, Reverse};
-use glam::{Affine3A, DVec3, Vec3};
+use glam::{Affine3A, DVec3, DVec4, Vec3};
 
 /// Number of occluders added between two flushes. More waste draws on occluders that are hidden already,
 /// fewer waste flushes (measured with the z-buffer).
@@ -41,6 +43,15 @@ const OBJECTS_PER_NODE: f32 = 64.0;
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
 const LEAST_BEHIND: f32 = 256.0;
+
+/// Distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds, up to
+/// which the share is estimated by triangles where the estimate from the middle is too small. The middle of a
+/// wall of length `2 r` that is seen from its end at twice `r` is at twice the distance of the end: the two
+/// estimates differ by no more than about 2 from here on.
+const NEAR_RADII: f32 = 2.0;
+
+/// Number of triangles whose solid angles are estimated by the work of drawing one.
+const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
 #[derive(Clone, Copy, Debug)]
@@ -99,6 +110,9 @@ pub(super) type Queue = BinaryHeap<Reverse<Waiting>>;
 pub(super) struct OccluderSearch<'a, M> {
     map: &'a mut M,
     eye: Eye,
+    /// Row `w` of the clip matrix, for points relative to the scene's origin: negative behind the eye of a
+    /// perspective view.
+    depth_row: DVec4,
     clip_planes: ViewPlanes,
     queue: &'a mut Queue,
     /// Triangles that hiding one object is worth.
@@ -125,6 +139,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         Self {
             map,
             clip_planes: view.clip_planes_from(origin),
+            depth_row: view.clip_from(origin).row(3),
             queue,
             price: price as f32,
             share_per_area: share_per_area(view, &eye, origin),
@@ -208,10 +223,17 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         self.credit -= 1.0;
         let Some((mesh, transform)) = walk.scene().occluder(id) else { return };
         let cost = self.map.cost(mesh) as f32;
-        let share = solid_angle(mesh, transform, &self.eye) * self.share_per_area;
-        let worth = self.price * self.undecided.max(LEAST_BEHIND) * share.min(1.0);
-        // In a degenerate view a share may be NaN, which counts as the whole view.
-        let is_worth_it = cost <= worth && cost <= self.credit;
+        let worth = self.price * self.undecided.max(LEAST_BEHIND);
+        let pays = |angle: f32| {
+            // In a degenerate view a share may be NaN, which counts as the whole view.
+            cost <= worth * (angle * self.share_per_area).min(1.0)
+        };
+        let is_worth_it = cost <= self.credit
+            && (pays(solid_angle(mesh, transform, &self.eye))
+                || cost <= worth && is_near(mesh, transform, &self.eye) && {
+                    self.credit -= mesh.triangles().len() as f32 / ESTIMATED_PER_DRAWN;
+                    pays(solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row))
+                });
         if is_worth_it && mesh.is_inside(&self.clip_planes, transform) {
             self.credit -= cost;
             walk.stats.occluders += 1;
@@ -253,14 +275,14 @@ fn share_per_area(view: &View, eye: &Eye, origin: DVec3) -> f32 {
 /// view the area in square metres that faces the eye. 0 if `transform` is degenerate.
 ///
 /// An estimate from the middle of the mesh: up to 1.7 times too large where parts of the mesh face away from
-/// the axes or cover each other.
+/// the axes or cover each other, and of no use [near](is_near) the mesh.
 fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> f32 {
     let center = transform.transform_point3(mesh.bounds().center());
     let (direction, distance_squared) = match eye {
         Eye::Point(eye) => {
             let d = eye.as_vec3() - center;
             // No nearer than the mesh's own size: the formula is for occluders that are small from the eye.
-            let size = mesh.bounds().half_extent().length_squared().max(f32::MIN_POSITIVE);
+            let size = radius_squared(mesh, transform).max(f32::MIN_POSITIVE);
             (d.normalize_or_zero(), d.length_squared().max(size))
         }
         Eye::Direction(along) => (-along.as_vec3(), 1.0),
@@ -272,6 +294,46 @@ fn solid_angle(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> f32 {
     let turned: Vec3 = (inverse * glam::Vec3A::from(direction)).into();
     let area = mesh.area_towards(turned) * scale;
     if area.is_finite() { area / distance_squared } else { 0.0 }
+}
+
+/// Returns the square of half the diagonal of a mesh's bounds under a transform, in square metres of the
+/// scene. Exact unless the transform shears.
+fn radius_squared(mesh: &OccluderMesh, transform: &Affine3A) -> f32 {
+    let (half, axes) = (mesh.bounds().half_extent(), &transform.matrix3);
+    let scale =
+        Vec3::new(axes.x_axis.length_squared(), axes.y_axis.length_squared(), axes.z_axis.length_squared());
+    (half * half).dot(scale)
+}
+
+/// Tests whether the eye is inside or near the bounds of a mesh: within [`NEAR_RADII`]. The middle of the mesh
+/// then says little about what the mesh covers. False for parallel views, for which no mesh is near, and NaN.
+fn is_near(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> bool {
+    let Eye::Point(eye) = eye else { return false };
+    let center = transform.transform_point3(mesh.bounds().center());
+    let limit = NEAR_RADII * NEAR_RADII * radius_squared(mesh, transform);
+    eye.as_vec3().distance_squared(center) <= limit
+}
+
+/// Returns the sum of the solid angles in steradians of the triangles of a mesh that occlude, as seen from
+/// the eye of a perspective view: fronts, or fronts or backs of a two-sided mesh, whichever cover more.
+/// Triangles wholly behind the eye, where `depth_row` is negative at all corners, do not count. Triangles
+/// that cover each other are counted repeatedly. 0 for a parallel view.
+fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye, depth_row: DVec4) -> f32 {
+    let Eye::Point(eye) = eye else { return 0.0 };
+    let mirrored = transform.matrix3.determinant() < 0.0;
+    let (mut fronts, mut backs) = (0.0, 0.0);
+    for t in mesh.triangles() {
+        let corners = t.map(|i| transform.transform_point3(mesh.positions()[i as usize]).as_dvec3());
+        if corners.iter().all(|p| depth_row.dot(p.extend(1.0)) < 0.0) {
+            continue;
+        }
+        let [a, b, c] = corners.map(|p| p - *eye);
+        let angle = geometry::solid_angle([a, b, c].map(DVec3::normalize_or_zero));
+        // The eye is in front if the corners run counter-clockwise: their determinant is then negative.
+        let front = (a.dot(b.cross(c)) < 0.0) != mirrored;
+        *(if front { &mut fronts } else { &mut backs }) += angle;
+    }
+    (if mesh.is_two_sided() { f64::max(fronts, backs) } else { fronts }) as f32
 }
 
 /// Returns a number that grows with the distance of a box from the eye: the squared distance of its nearest

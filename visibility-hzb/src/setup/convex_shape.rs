@@ -79,8 +79,11 @@ pub(crate) fn convex_shape(
     };
     shape.begin(columns, lines, floor, around.map_or(f64::INFINITY, |around| around[5]));
 
-    // Fronts first. If no triangle faces the eye, the backs of a two-sided mesh are drawn, which is then seen
-    // from within.
+    // Fronts first. If no triangle faces the eye, the backs of a two-sided mesh are drawn. A closed mesh then
+    // surrounds the eye. The directions to its faces are no convex cone: the line of an edge behind the eye
+    // would cut away whole faces, and the plane of a face behind the eye would bound the depth of all others.
+    // So its triangles are drawn one by one.
+    let closed = || mesh.edges.iter().all(|edge| edge.right.is_some());
     for facing in [facing, -facing] {
         if choose(mesh, corners, drawn, facing, near_limit, object.determinant_error())
             && (convex || looks_convex(mesh, screen, drawn, facing))
@@ -89,6 +92,9 @@ pub(crate) fn convex_shape(
         }
         if !mesh.two_sided {
             break;
+        }
+        if closed() {
+            return ShapeResult::DrawAsMesh;
         }
     }
     if convex { ShapeResult::Nothing } else { ShapeResult::DrawAsMesh }

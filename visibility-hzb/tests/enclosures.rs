@@ -1,0 +1,70 @@
+//! Occluders that surround the eye hide what is behind them: corners, courtyards, rooms and boxes.
+
+use crate::common::{Occluder, Ray, covered_pixels, draw, faces};
+use visibility_core::glam::{Affine3A, Quat, Vec3};
+use visibility_core::{Culler, OccluderMesh, OcclusionCuller, Pose, Scene, View};
+use visibility_hzb::{Hom, Hzb, HzbCuller};
+use visibility_testing::{Random, enclosures::enclosures};
+
+/// Asserts, for each enclosure, that of the objects whose sampled points are all blocked no more than the
+/// share `most` is kept, and no more than `most_far` if only those beyond 1 m from the enclosure count.
+fn check(make: &dyn Fn(&Scene) -> Box<dyn Culler + Send + Sync>, [most, most_far]: [f64; 2]) {
+    for (enclosure, seed) in enclosures().iter().zip(0..) {
+        let counts = enclosure.count(seed, 90, make);
+        println!("{}, two-sided {}: {counts:?}", enclosure.name, enclosure.two_sided);
+        assert!(counts.blocked > 500, "{}: {counts:?}", enclosure.name);
+        let of_blocked = |share: f64| share * counts.blocked as f64;
+        assert!(counts.kept as f64 <= of_blocked(most), "{}: {counts:?}", enclosure.name);
+        assert!(counts.kept_far as f64 <= of_blocked(most_far), "{}: {counts:?}", enclosure.name);
+    }
+}
+
+#[test]
+fn the_pyramid_is_filled_by_what_surrounds_the_eye() {
+    check(&|_| Box::new(HzbCuller::new(Hzb::default())), [0.07, 0.015]);
+}
+
+#[test]
+fn occlusion_maps_are_filled_by_what_surrounds_the_eye() {
+    check(&|_| Box::new(OcclusionCuller::new(Hom::default())), [0.13, 0.02]);
+}
+
+/// From within a closed box no pixel is bare, however near its sides the eye is, and no pixel is farther than
+/// its depth key says.
+#[test]
+fn no_pixel_is_bare_in_a_closed_box() {
+    let mut random = Random(3);
+    let mut rays = 0;
+    for enclosure in enclosures().iter().filter(|enclosure| matches!(enclosure.name, "box" | "tent")) {
+        let mesh = OccluderMesh::from_triangles(&enclosure.triangles).unwrap().with_two_sided(true);
+        for round in 0..60 {
+            let turn = if round % 2 == 0 {
+                Quat::IDENTITY
+            } else {
+                Quat::from_axis_angle(random.direction().as_vec3(), random.range(0.0, 6.0) as f32)
+            };
+            let transform = Affine3A::from_rotation_translation(turn, random.vec3(-9.0, 9.0));
+            let [low, high] = [enclosure.eyes.min + 0.03, enclosure.eyes.max - 0.03];
+            let eye = Vec3::from_array(core::array::from_fn(|axis| {
+                let inside = random.range(low[axis].into(), high[axis].into()) as f32;
+                random.pick(&[low[axis], high[axis], inside, inside])
+            }));
+            let eye = transform.transform_point3(eye).as_dvec3();
+            let pose = Pose::look_at(eye, eye + random.direction(), random.direction());
+            let view = View::perspective(pose, random.range(0.5, 1.8), 1.6, 1.0 / 256.0, 200.0).unwrap();
+            let occluders = [Occluder { mesh: mesh.clone(), transform }];
+            let hzb = draw(Hzb::new(160, 100).unwrap(), &occluders, &view);
+            let pixels: Vec<_> = covered_pixels(&hzb).collect();
+            assert_eq!(pixels.len(), 16_000, "{}, round {round}, from {eye}, {view:?}", enclosure.name);
+            let faces = faces(&occluders);
+            for (column, row, stored) in pixels.into_iter().step_by(37) {
+                for [x, y] in [[0.0, 0.0], [0.5, 0.5], [1.0, 1.0], [0.0, 1.0]] {
+                    let met = Ray::new(&view, [160, 100], column as f64 + x, row as f64 + y).nearest(&faces);
+                    rays += 1;
+                    assert!(met >= stored - 1e-7 * stored.abs(), "{}: {met} {stored}", enclosure.name);
+                }
+            }
+        }
+    }
+    assert!(rays > 100_000, "{rays} rays");
+}
