@@ -6,6 +6,7 @@
 
 pub mod allocations;
 pub mod cameras;
+mod ends;
 mod exact;
 mod hash;
 mod octree;
@@ -14,6 +15,7 @@ mod random;
 mod slabs;
 pub mod swapped;
 
+pub use ends::{End, UNIT, ends, ends_f32};
 pub use exact::sign_of_sum;
 pub use hash::{FNV_START, fnv};
 pub use octree::Octree;
