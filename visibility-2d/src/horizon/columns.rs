@@ -312,8 +312,9 @@ fn sample(
     }
 }
 
-/// Lowers the right side of each column that the exact corner may be in, from the right side of column
-/// `begin` on, to the height (times `sense`) and the inverse depth of a corner, less the error bounds.
+/// Lowers the side of lower number of each column that the exact corner may be in, from the side of column
+/// `begin` on, to the height (times `sense`) and the inverse depth of a corner, less the error bounds. The
+/// column before that side is lowered with it.
 fn lower_at(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
