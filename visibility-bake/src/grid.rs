@@ -81,13 +81,8 @@ impl Grid {
         if !min.cmple(max).all() {
             return Ok(Vec::new());
         }
-        let first = self.place(min)?;
-        let end = ((max - self.origin) / self.size).ceil().to_array();
-        let mut counts = [0u64; 3];
-        for axis in 0..3 {
-            // A box without extent is in one box of the grid.
-            counts[axis] = (end[axis] - first[axis] as f64).max(1.0) as u64;
-        }
+        let [first, last] = self.places([min, max])?;
+        let counts = [0, 1, 2].map(|axis| last[axis].abs_diff(first[axis]) + 1);
         let count = counts.iter().try_fold(1u64, |product, &count| product.checked_mul(count));
         if count.is_none_or(|count| count > Self::LIMIT as u64) {
             return Err(GridError::TooMany);
@@ -144,8 +139,30 @@ impl Grid {
     pub(crate) fn place(&self, p: DVec3) -> Result<[i64; 3], GridError> {
         let at = ((p - self.origin) / self.size).floor();
         // Beyond 2^52 boxes have no extent.
-        let is_near = at.abs().cmplt(DVec3::splat(4.5e15)).all();
-        if is_near { Ok(at.to_array().map(|at| at as i64)) } else { Err(GridError::TooMany) }
+        if !at.abs().cmplt(DVec3::splat(4.5e15)).all() {
+            return Err(GridError::TooMany);
+        }
+        Ok([0, 1, 2].map(|axis| {
+            // The quotient may round to the other side of a face.
+            let place = at[axis] as i64;
+            let is_below = p[axis] < self.face(axis, place);
+            let is_above = p[axis] >= self.face(axis, place + 1);
+            place - i64::from(is_below) + i64::from(is_above)
+        }))
+    }
+
+    /// Returns the places of the first and the last of the boxes that together contain a box that is not
+    /// inverted. A box of the grid that only touches it from outside is left out.
+    ///
+    /// # Errors
+    /// [`GridError::TooMany`].
+    pub(crate) fn places(&self, [min, max]: [DVec3; 2]) -> Result<[[i64; 3]; 2], GridError> {
+        let (first, mut last) = (self.place(min)?, self.place(max)?);
+        for axis in 0..3 {
+            let is_outside = self.face(axis, last[axis]) == max[axis];
+            last[axis] = (last[axis] - i64::from(is_outside)).max(first[axis]);
+        }
+        Ok([first, last])
     }
 
     /// Returns the coordinate in world space of the lower face of the boxes at a place on an axis.
@@ -181,6 +198,56 @@ mod tests {
                     let mut touching = 0;
                     cells.for_each_touching(p - near, p + near, |_| touching += 1);
                     assert!(touching > 0, "{p} of a walk among boxes of {size} m");
+                }
+            }
+        }
+    }
+
+    /// Coordinates on, just before and just after each face of some boxes on an axis, and in their middles.
+    fn around_faces(grid: &Grid, axis: usize) -> Vec<f64> {
+        let all = (-4..9).flat_map(|place| {
+            let face = grid.face(axis, place);
+            [face.next_down(), face, face.next_up(), face + 0.5 * grid.size[axis]]
+        });
+        all.collect()
+    }
+
+    /// Points, boxes and walks whose ends are on or next to faces are in their viewcells, to the last bit. A
+    /// viewcell that only touches a box from outside is left out.
+    #[test]
+    fn viewcells_contain_what_ends_at_their_faces() {
+        for (origin, size) in [(0.0, 1.0), (0.1, 0.1), (-7.3, 0.3), (1234.567, 0.7), (-1e6, 1.0 / 3.0)] {
+            let grid = Grid::new(DVec3::splat(origin), DVec3::splat(size)).unwrap();
+            for axis in 0..3 {
+                let all = around_faces(&grid, axis);
+                let at = |x: f64| {
+                    let mut p = DVec3::splat(grid.face((axis + 1) % 3, 0) + 0.5 * size);
+                    p[axis] = x;
+                    p
+                };
+                for (i, &low) in all.iter().enumerate() {
+                    let place = grid.place(at(low)).unwrap()[axis];
+                    assert!(grid.face(axis, place) <= low && low < grid.face(axis, place + 1), "{low}");
+                    for &high in &all[i..] {
+                        let cells = grid.over(at(low), at(high)).unwrap();
+                        let [first, last] = [&cells[0], &cells[cells.len() - 1]];
+                        assert!(
+                            first.min[axis] <= low && high <= last.max[axis],
+                            "{low} to {high}: {cells:?}"
+                        );
+                        assert!(cells.len() == 1 || first.max[axis] > low, "{low} to {high}");
+                        assert!(cells.len() == 1 || last.min[axis] < high, "{low} to {high}");
+                        assert!(cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]));
+                        for walk in [[at(low), at(high)], [at(high), at(low)]] {
+                            let cells = grid.along(&walk).unwrap();
+                            let [first, last] = [&cells[0], &cells[cells.len() - 1]];
+                            assert!(
+                                first.min[axis] <= low && high <= last.max[axis],
+                                "{low} to {high}: {cells:?}"
+                            );
+                            assert!(cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]));
+                        }
+                    }
                 }
             }
         }

@@ -79,6 +79,8 @@ mod exact_screen;
 mod hom;
 mod hzb;
 mod lanes;
+#[cfg(test)]
+mod pixel_borders;
 mod query;
 #[cfg(test)]
 mod random;

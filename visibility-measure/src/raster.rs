@@ -361,6 +361,7 @@ impl DepthKeyPlane {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_testing::{UNIT, ends};
 
     #[test]
     fn centers_are_counted_half_open() {
@@ -368,6 +369,56 @@ mod tests {
         assert_eq!([-1e300, -0.5, 0.0, 0.5, 1.5, 9.5, 1e300].map(count), [0, 0, 0, 0, 1, 9, 10]);
         assert_eq!([0.5f64.next_up(), 1.5f64.next_down(), 1.5f64.next_up()].map(count), [1, 1, 2]);
         assert_eq!((count(f64::NAN), count(f64::INFINITY)), (0, 10));
+    }
+
+    /// The centre of a pixel in ranks.
+    fn center(pixel: usize) -> i64 {
+        UNIT * pixel as i64 + UNIT / 2
+    }
+
+    #[test]
+    fn centers_are_counted_around_every_border() {
+        for limit in 0..5 {
+            for end in ends(-1, 6) {
+                let expected = (0..limit).filter(|&pixel| center(pixel) < end.rank).count();
+                assert_eq!(first_center(end.value, limit), expected, "{end:?} of {limit}");
+            }
+        }
+    }
+
+    /// Nearer rectangles with every pair of ends before a picture that is covered. A rectangle shows where its
+    /// left or upper end is not behind a centre and the other end is. It shows or ties where it is at most the
+    /// next number away from a centre.
+    #[test]
+    fn rectangles_show_and_tie_at_the_centers_between_their_ends() {
+        let (size, all) = (3, ends(-1, 4));
+        for (axis, low) in (0..2).flat_map(|axis| all.iter().map(move |low| (axis, low))) {
+            for high in all.iter().filter(|high| high.rank > low.rank) {
+                let mut image = Image::new(size, size).unwrap();
+                image.fill([at(-9.0, -9.0, 1.0), at(30.0, -9.0, 1.0), at(-9.0, 30.0, 1.0)], 0);
+                image.object_start = 1;
+                let corner = |along: f64, across: f64| match axis {
+                    0 => at(along, across, 2.0),
+                    _ => at(across, along, 2.0),
+                };
+                let [a, b] = [-1.0, 4.0].map(|across| corner(low.value, across));
+                let [c, d] = [4.0, -1.0].map(|across| corner(high.value, across));
+                image.fill([a, b, c], 1);
+                image.fill([a, c, d], 2);
+                for pixel in 0..size * size {
+                    let center = center(if axis == 0 { pixel % size } else { pixel / size });
+                    let shows = image.items[pixel] > 0;
+                    assert_eq!(
+                        shows,
+                        (low.rank..high.rank).contains(&center),
+                        "{low:?} to {high:?}, {pixel}"
+                    );
+                    let ties = image.claims.iter().any(|claim| claim.pixel == pixel as u32 && claim.item > 0);
+                    let is_near = (low.rank - 1..=high.rank + 1).contains(&center);
+                    assert_eq!(shows || ties, is_near, "{low:?} to {high:?}, {pixel}");
+                }
+            }
+        }
     }
 
     fn image() -> Image {

@@ -110,6 +110,38 @@ mod tests {
         assert_eq!(morton([1023; 3]), (1 << 30) - 1);
     }
 
+    /// Points on and next to every face of voxels: the voxel of a point holds it, but for an error far below the
+    /// margin at which view rays leave a cell (1e-9 of the coordinates).
+    #[test]
+    fn voxels_hold_the_points_at_their_faces() {
+        for bounds in [
+            Aabb::from_arrays([0.0; 3], [10.0, 4.0, 0.0]),
+            Aabb::from_arrays([-3e4, 1.0, 2.0], [3e4, 1.5, 7.0]),
+            Aabb::from_arrays([1e6; 3], [1e6 + 1.0; 3]),
+        ] {
+            let grid = Grid::around(&bounds);
+            let error = 1e-12 * (grid.min.abs().max_element() + grid.step * f64::from(STEPS));
+            for (axis, face) in (0..3).flat_map(|axis| (0..=STEPS).map(move |face| (axis, face))) {
+                let at = grid.corner([face; 3])[axis];
+                for x in [at.next_down(), at, at.next_up(), at + 0.5 * grid.step] {
+                    let mut point = grid.corner([7; 3]);
+                    point[axis] = x;
+                    let voxel = grid.voxel(point);
+                    assert!(
+                        voxel[axis] == face.min(STEPS - 1) || voxel[axis] + 1 == face,
+                        "{face} of {bounds:?}"
+                    );
+                    if grid.contains(point) {
+                        let [low, high] = [voxel, voxel.map(|x| x + 1)].map(|voxel| grid.corner(voxel)[axis]);
+                        assert!(low - error <= x && x <= high + error, "{x} in {low} to {high}");
+                    } else {
+                        assert!(face == 0 || face == STEPS, "{x} of {bounds:?} is in the grid");
+                    }
+                }
+            }
+        }
+    }
+
     #[test]
     fn cubes_are_wider_than_what_they_surround() {
         for bounds in [

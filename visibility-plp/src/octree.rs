@@ -418,3 +418,45 @@ impl Tessellation for OctreeTessellation {
         &self.boundary
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Object;
+
+    /// Flat boxes on and next to many faces of voxels are in every cell that they touch.
+    #[test]
+    fn objects_are_in_the_cells_that_they_touch() {
+        let mut scene = Scene::new();
+        let extent = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        let grid = Grid::around(&extent);
+        let mut boxes = alloc::vec![extent];
+        for (axis, face) in (0..3).flat_map(|axis| (16..=1008).step_by(16).map(move |face| (axis, face))) {
+            let at = grid.corner([face; 3])[axis] as f32;
+            for x in [at.next_down(), at, at.next_up()] {
+                let (mut min, mut max) = ([0.1f32; 3], [0.11f32; 3]);
+                (min[axis], max[axis]) = (x, x);
+                boxes.push(Aabb::from_arrays(min, max));
+            }
+        }
+        let ids: Vec<_> = boxes.iter().map(|&bounds| scene.insert(Object::new(bounds))).collect();
+        let tessellation =
+            OctreeTessellation::with_fineness(&scene, Fineness { vertices: 4, halvings: DEPTH });
+        assert_eq!(tessellation.grid, grid);
+        let cells = tessellation.content().cell_count() as u32;
+        let mut touched = 0;
+        for cell in 0..cells {
+            let (voxel, side) = tessellation.voxel_and_side(cell);
+            let [low, high] = [voxel, voxel.map(|x| x + side)].map(|voxel| grid.corner(voxel));
+            let held: Vec<u32> = tessellation.content().primitives(cell).collect();
+            for (id, bounds) in ids.iter().zip(&boxes) {
+                let [min, max] = [bounds.min, bounds.max].map(|p| p.as_dvec3());
+                if min.cmple(high).all() && low.cmple(max).all() {
+                    assert!(held.contains(&(id.index() as u32)), "{bounds:?} in {low} to {high}");
+                    touched += 1;
+                }
+            }
+        }
+        assert!(cells > 500 && touched > 2000, "{cells} cells, {touched} touched");
+    }
+}

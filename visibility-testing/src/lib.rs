@@ -7,6 +7,7 @@
 pub mod allocations;
 pub mod cameras;
 pub mod enclosures;
+mod ends;
 mod exact;
 mod hash;
 mod octree;
@@ -16,6 +17,7 @@ mod slabs;
 mod slots;
 pub mod swapped;
 
+pub use ends::{End, UNIT, ends, ends_f32};
 pub use exact::sign_of_sum;
 pub use hash::{FNV_START, fnv};
 pub use octree::Octree;

@@ -152,3 +152,80 @@ pub(super) fn cut_list(gaps: &mut Vec<(f64, f64)>, first: f64, last: f64) {
         (false, false) => drop(gaps.drain(begin..end)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ranks of a whole turn: three for each border of sectors, which are just before, on and just after it.
+    const TURN: i64 = 3 * SECTORS as i64;
+
+    /// Error of directions in these tests: more than the distance of neighbouring numbers.
+    const ERROR: f64 = 4.0 * f64::EPSILON;
+
+    /// Returns the numbers around some borders of sectors with their ranks. 4 is the same direction as 0.
+    fn around(borders: &[i64]) -> Vec<(f64, i64)> {
+        let mut all = Vec::new();
+        for &border in borders {
+            let number = border as f64 / PER_UNIT;
+            let three = [(number.next_down(), -1), (number, 0), (number.next_up(), 1)];
+            all.extend(three.map(|(number, side)| (number, 3 * border + side)));
+        }
+        all.retain(|(number, _)| (0.0..=4.0).contains(number));
+        all
+    }
+
+    /// Returns the ranks from one direction counter-clockwise to another.
+    fn width(from: i64, to: i64) -> i64 {
+        (to - from).rem_euclid(TURN)
+    }
+
+    /// A cut and a question between every two numbers around borders of sectors. What is not within the cut is
+    /// open.
+    #[test]
+    fn directions_are_open_unless_they_are_within_a_cut() {
+        let all = around(&[0, 1, 2, 3, 64, 65, 127, 128, 200, 255, 256]);
+        for (&(first, a), &(last, b)) in all.iter().flat_map(|x| all.iter().map(move |y| (x, y))) {
+            // An interval as thin as the error may be the wrong way around.
+            let cut = width(a, b);
+            if cut > TURN / 2 - 3 || cut < 3 {
+                continue;
+            }
+            let mut gaps = Gaps::new();
+            gaps.begin(None);
+            gaps.cut(first, last, ERROR);
+            assert!(!gaps.is_closed());
+            for (&(from, c), &(to, d)) in all.iter().flat_map(|x| all.iter().map(move |y| (x, y))) {
+                let asked = width(c, d);
+                if asked > TURN / 2 || asked == 0 && from != to {
+                    continue;
+                }
+                let is_within = |inwards: i64| width(a + inwards, c) + asked <= cut - 2 * inwards;
+                let is_open = gaps.any(from, to, ERROR);
+                assert!(is_open || is_within(0), "{first} to {last} is cut, {from} to {to} is open");
+                // Margins are a few units of the last place of the greatest number: two ranks are less.
+                let is_far = is_within(3) && width(a, c) >= 3;
+                assert!(!is_open || !is_far, "{first} to {last} is cut, {from} to {to} is closed");
+            }
+        }
+    }
+
+    #[test]
+    fn only_the_directions_of_a_range_are_open() {
+        let all = around(&[0, 1, 63, 64, 128, 255, 256]);
+        for (&(first, a), &(last, b)) in all.iter().flat_map(|x| all.iter().map(move |y| (x, y))) {
+            let open = width(a, b);
+            if open < 3 {
+                continue;
+            }
+            let mut gaps = Gaps::new();
+            gaps.begin(Some((first, last)));
+            for &(at, rank) in &all {
+                let is_in = width(a, rank) <= open;
+                assert!(!is_in || gaps.any(at, at, ERROR), "{at} is within {first} to {last}");
+                let is_far = (open + 4..TURN - 3).contains(&width(a, rank));
+                assert!(!is_far || !gaps.any(at, at, ERROR), "{at} is not within {first} to {last}");
+            }
+        }
+    }
+}

@@ -312,8 +312,9 @@ fn sample(
     }
 }
 
-/// Lowers the right side of each column that the exact corner may be in, from the right side of column
-/// `begin` on, to the height (times `sense`) and the inverse depth of a corner, less the error bounds.
+/// Lowers the side of lower number of each column that the exact corner may be in, from the side of column
+/// `begin` on, to the height (times `sense`) and the inverse depth of a corner, less the error bounds. The
+/// column before that side is lowered with it.
 fn lower_at(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -372,5 +373,169 @@ fn insert(block: &mut Block, column: usize, step: Step) {
     }
     if span(&steps[least]) < span(&new) {
         block.set_step(least, column, new);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::horizon::column_query::QueryEye;
+    use visibility_core::Aabb;
+    use visibility_testing::{End, UNIT, ends, ends_f32};
+
+    /// Columns of each face.
+    const COUNT: usize = 16;
+
+    /// Greatest distance in ranks from a border within which margins may decide either way.
+    const HAIR: i64 = 2;
+
+    /// Returns columns of which some, of face 0, are in view. `begin` and `end` are in columns.
+    fn columns(begin: f64, end: f64) -> Columns {
+        let mut columns = Columns::new(COUNT);
+        let mut seen = [const { 0.0..0.0 }; FACES];
+        seen[0] = begin / COUNT as f64..end / COUNT as f64;
+        let mut frame = Frame::BLIND;
+        frame.seen = seen;
+        columns.begin(&frame);
+        columns
+    }
+
+    fn start(column: usize) -> i64 {
+        UNIT * column as i64
+    }
+
+    #[test]
+    fn columns_in_view_are_those_that_the_view_meets() {
+        let all = ends(1, COUNT as i32 - 1);
+        for (i, begin) in all.iter().enumerate() {
+            for end in &all[i + 1..] {
+                let seen = columns(begin.value, end.value).seen(0);
+                for column in 0..COUNT {
+                    let is_met = begin.rank < start(column + 1) && end.rank > start(column);
+                    let is_near = begin.rank - HAIR <= start(column + 1) && end.rank + HAIR >= start(column);
+                    let is_seen = seen.contains(&column);
+                    assert!(is_seen || !is_met, "{begin:?} to {end:?} meets {column}");
+                    assert!(!is_seen || is_near, "{begin:?} to {end:?} is far from {column}");
+                }
+            }
+        }
+    }
+
+    /// Returns an outline from height -1 up to the given corners: columns and heights, at depth 1.
+    fn outline(upper: &[(f64, f64)], error: f64) -> Outline {
+        let corner = |&(column, height): &(f64, f64)| Corner { column, height, inverse_depth: 1.0 };
+        let lower = [upper[0].0, upper[upper.len() - 1].0].map(|column| (column, -1.0));
+        let mut outline = Outline::default();
+        outline.upper.extend(upper.iter().map(corner));
+        outline.lower.extend(lower.iter().map(corner));
+        outline.error.column = error;
+        outline
+    }
+
+    /// Returns whether a column hides what is up to a height, a little behind the outlines.
+    fn hides(columns: &Columns, column: usize, height: f32) -> bool {
+        columns.face(0)[column / BLOCK].hides(0.9, -0.9, height) >> (column % BLOCK) & 1 == 1
+    }
+
+    #[test]
+    fn outlines_hide_the_columns_between_their_ends() {
+        let all = ends(-2, COUNT as i32 + 2);
+        for (error, ranks) in [(0.0, 0), (0.25, 3)] {
+            for (low, high) in all.iter().flat_map(|low| all.iter().map(move |high| (low, high))) {
+                let mut columns = columns(2.5, 12.5);
+                columns.draw(0, &outline(&[(low.value, 1.0), (high.value, 1.0)], error), false);
+                for column in 0..COUNT {
+                    let holds = |hair: i64| {
+                        low.rank + ranks + hair <= start(column)
+                            && start(column + 1) <= high.rank - ranks - hair
+                    };
+                    let is_hidden = hides(&columns, column, 0.9);
+                    // Sums of an end and an error round to the next number, for which errors allow.
+                    let is_held = holds(-i64::from(error > 0.0));
+                    assert!(!is_hidden || is_held, "{low:?} to {high:?}, {error}: not all of {column}");
+                    let is_seen = (2..=12).contains(&column);
+                    assert_eq!(is_hidden, is_hidden && is_seen);
+                    assert!(is_hidden || !is_seen || !holds(HAIR), "{low:?} to {high:?}, {error}: {column}");
+                }
+            }
+        }
+    }
+
+    /// A wall that is lower at one corner, as a notch or as a step down or up: the column that the corner is in
+    /// hides no more than the lower height.
+    #[test]
+    fn corners_lower_the_columns_that_they_are_in() {
+        for End { value, rank } in ends(1, 15) {
+            let notch = [(0.0, 1.0), (value, 0.25), (16.0, 1.0)];
+            let down = [(0.0, 1.0), (value, 1.0), (value, 0.25), (16.0, 0.25)];
+            let up = [(0.0, 0.25), (value, 0.25), (value, 1.0), (16.0, 1.0)];
+            for (shape, upper) in [&notch[..], &down, &up].into_iter().enumerate() {
+                let mut columns = columns(0.0, 16.0);
+                columns.draw(0, &outline(upper, 0.0), true);
+                for column in 0..COUNT {
+                    let is_before = start(column + 1) <= rank;
+                    let is_behind = start(column) > rank;
+                    let is_low = match shape {
+                        0 => !is_before && !is_behind,
+                        1 => !is_before,
+                        _ => !is_behind,
+                    };
+                    let what = || std::format!("shape {shape}, corner {value}, column {column}");
+                    assert!(!is_low || !hides(&columns, column, 0.26), "{}", what());
+                    assert!(hides(&columns, column, 0.24), "{}", what());
+                    // The side before the corner is lower, and with it the column before that.
+                    let is_clear = start(column + 2) + HAIR < rank || start(column) - HAIR > rank;
+                    assert!(is_low || !is_clear || shape == 0 || hides(&columns, column, 0.9), "{}", what());
+                }
+            }
+        }
+    }
+
+    /// A flat box before columns that all hide it but one.
+    #[test]
+    fn boxes_are_hidden_unless_they_meet_the_only_open_column() {
+        let mut frame = Frame::BLIND;
+        frame.error = 0.0;
+        let eye = QueryEye::new(&frame);
+        // At a depth of half the columns, a metre is a column.
+        let (half, all) = (COUNT as i16 / 2, ends_f32(-9, 9));
+        let depth = f32::from(half);
+        for open in 0..COUNT {
+            let mut columns = columns(1.5, 14.5);
+            for column in (0..COUNT).filter(|&column| column != open) {
+                let step = Step { inverse_depth: 9.0, low: -9.0, high: 9.0 };
+                insert(&mut columns.face_mut(0)[column / BLOCK], column % BLOCK, step);
+            }
+            columns.face_mut(0).iter_mut().for_each(Block::summarize);
+            for (i, low) in all.iter().enumerate() {
+                for high in &all[i..] {
+                    let bounds = Aabb::from_arrays([depth, low.value, -1.0], [depth, high.value, 1.0]);
+                    let [from, to] = [low, high].map(|end| end.rank + UNIT * i64::from(half));
+                    let meets = |column: usize, hair: i64| {
+                        from - hair < start(column + 1) && to + hair > start(column)
+                    };
+                    let is_hidden = columns.hides_box(&eye, [0, 1, 2], &bounds);
+                    let is_open = (1..=14).contains(&open) && meets(open, 0);
+                    assert!(!is_hidden || !is_open, "{low:?} to {high:?}, open {open}");
+                    let is_in_view = (1..=14).any(|column| meets(column, 0));
+                    assert!(
+                        is_hidden || !is_in_view || meets(open, HAIR),
+                        "{low:?} to {high:?}, open {open}"
+                    );
+                    let mut parts = Vec::new();
+                    columns.for_each_part(&eye, [0, 1, 2], &bounds, |face, first, last, _| {
+                        parts.push((face, first, last));
+                        true
+                    });
+                    let in_part =
+                        |column| parts.iter().any(|&(_, first, last)| (first..=last).contains(&column));
+                    for column in 1..=14 {
+                        assert!(in_part(column) || !meets(column, 0), "{low:?} to {high:?}: {parts:?}");
+                        assert!(!in_part(column) || meets(column, HAIR), "{low:?} to {high:?}: {parts:?}");
+                    }
+                    assert!(parts.iter().all(|&(face, first, last)| face == 0 && 1 <= first && last <= 14));
+                }
+            }
+        }
     }
 }

@@ -599,3 +599,59 @@ fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
         .map(|(_, group)| group.iter().map(|&(_, i)| i).collect())
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::{UNIT, ends};
+
+    /// Triangles that end on or next to borders of squares, and their borders, in squares of a quarter of a
+    /// metre, half a metre or a metre, whose grid begins at 1 m.
+    #[test]
+    fn squares_are_those_that_a_triangle_meets() {
+        for (side, per_square) in [(0.25, UNIT / 4), (0.5, UNIT / 2), (1.0, UNIT)] {
+            let grid = Grid { corner: [1.0; 2], side, columns: 4, rows: 4 };
+            for (axis, low) in (0..2).flat_map(|axis| ends(1, 5).into_iter().map(move |low| (axis, low))) {
+                for high in ends(1, 5).iter().filter(|high| high.rank >= low.rank) {
+                    let corner = |along: f64, across: f64| match axis {
+                        0 => [along, 1.0 + across * side, 0.0],
+                        _ => [1.0 + across * side, along, 0.0],
+                    };
+                    let a = corner(low.value, 1.5);
+                    let triangle = [a, corner(high.value, 1.25), corner(high.value, 1.75)];
+                    let triangle = if axis == 0 { triangle } else { [a, triangle[2], triangle[1]] };
+                    let border = [a, corner(high.value, 1.5), corner(high.value, 1.5)];
+                    for corners in [triangle, border] {
+                        let mut met = [None; 4];
+                        grid.for_each_met(&corners, PAD, |index, from, to| {
+                            let place = [index % 4, index / 4];
+                            assert_eq!(place[1 - axis], 1);
+                            met[place[axis]] = Some((from[axis], to[axis]));
+                        });
+                        for (place, met) in met.into_iter().enumerate() {
+                            let start = UNIT + per_square * place as i64;
+                            let end = start + per_square;
+                            let meets = low.rank <= end && high.rank >= start;
+                            assert!(met.is_some() || !meets, "{low:?} to {high:?} meets {place} of {side}");
+                            let is_near = low.rank - 1 <= end && high.rank + 1 >= start;
+                            // Ends beyond the grid count for its last square.
+                            let is_beyond = place == 3 && high.rank >= end;
+                            assert!(met.is_none() || is_near || is_beyond, "{low:?} to {high:?}, {place}");
+                            if let Some((from, to)) = met {
+                                let [start, end] = [start, end].map(|rank| rank as f64 / UNIT as f64);
+                                assert!(from < start && end < to && to - from < side * 1.001);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_are_rounded_down() {
+        for end in ends(-3, 3) {
+            assert_eq!(floor(end.value), end.rank.div_euclid(UNIT), "{end:?}");
+        }
+    }
+}

@@ -108,20 +108,8 @@ impl ViewCdt {
         let mut kept = first;
         for index in first..self.shapes.list.len() {
             let shape = &mut self.shapes.list[index];
-            // The far end of the cell of a depth key.
-            let far_end = |key: f64| {
-                let slice = key * SLICES;
-                if self.screen.is_perspective && key > 0.0 {
-                    // A power of two: the key is the reciprocal of a distance.
-                    f64::from_bits(key.to_bits() & (0x7ff << 52))
-                } else if !self.screen.is_perspective && slice.abs() < 1e15 {
-                    let whole = slice as i64 as f64;
-                    (if whole > slice { whole - 1.0 } else { whole }) / SLICES
-                } else {
-                    f64::NEG_INFINITY
-                }
-            };
-            let (floor, ceiling) = (far_end(shape.floor), far_end(shape.ceiling));
+            let [floor, ceiling] =
+                [shape.floor, shape.ceiling].map(|key| far_end(key, self.screen.is_perspective));
             if floor == ceiling && ceiling.is_finite() {
                 (shape.floor, shape.planes) = (floor, 0..0);
             } else if !incident {
@@ -131,6 +119,20 @@ impl ViewCdt {
             kept += 1;
         }
         self.shapes.list.truncate(kept);
+    }
+}
+
+/// Returns the far end of the cell of a depth key: at most the key.
+fn far_end(key: f64, is_perspective: bool) -> f64 {
+    let slice = key * SLICES;
+    if is_perspective && key > 0.0 {
+        // A power of two: the key is the reciprocal of a distance.
+        f64::from_bits(key.to_bits() & (0x7ff << 52))
+    } else if !is_perspective && slice.abs() < 1e15 {
+        let whole = slice as i64 as f64;
+        (if whole > slice { whole - 1.0 } else { whole }) / SLICES
+    } else {
+        f64::NEG_INFINITY
     }
 }
 
@@ -188,5 +190,27 @@ impl OcclusionMap for ViewCdt {
             BoxPlace::Inside(_) if self.image.is_empty() => Occlusion::Visible,
             _ => Occlusion::Partial,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::{UNIT, ends};
+
+    /// Depth keys around every border of cells: the far end of the cell that holds the key.
+    #[test]
+    fn depth_keys_are_in_the_cell_of_their_far_end() {
+        for end in ends(-5, 5).into_iter().filter(|end| end.value == 0.0 || end.value.is_normal()) {
+            let far = far_end(end.value / SLICES, false);
+            assert_eq!(far * SLICES, end.rank.div_euclid(UNIT) as f64, "{end:?}");
+            let (key, far) = (end.value, far_end(end.value, true));
+            let is_cell = far <= key && key < 2.0 * far || key < f64::MIN_POSITIVE && far <= key;
+            assert!(is_cell && (far <= 0.0 || far.log2().fract() == 0.0), "{end:?}: {far}");
+        }
+        for key in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
+            assert_eq!(far_end(key, false), f64::NEG_INFINITY);
+        }
+        assert_eq!([f64::NAN, 0.0, -1.0].map(|key| far_end(key, true)), [f64::NEG_INFINITY; 3]);
     }
 }

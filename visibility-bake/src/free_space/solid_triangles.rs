@@ -43,7 +43,7 @@ pub(super) struct SolidTriangle {
 }
 
 impl<'a> SolidTriangles<'a> {
-    /// Collects the triangles in the columns of boxes that together contain the box from `min` to `max`.
+    /// Collects the triangles in the columns of boxes that together contain the box between two corners.
     /// Triangles that are not finite are left out.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl<'a> SolidTriangles<'a> {
         grid: &'a Grid,
         scene: &Scene,
         camera: &CameraRange,
-        [min, max]: [DVec3; 2],
+        bounds: [DVec3; 2],
     ) -> Result<Self, GridError> {
         // A voxel's diagonal is a little less than the radius.
         let edge = camera.radius * 0.99 / 3f64.sqrt();
@@ -62,12 +62,7 @@ impl<'a> SolidTriangles<'a> {
             return Err(GridError::Radius);
         }
         let counts = counts.to_array().map(|count| count.max(1.0) as usize);
-        let (first, mut last) = (grid.place(min)?, grid.place(max)?);
-        for axis in 0..3 {
-            // A box of the grid that only touches the box from outside is left out.
-            let is_outside = grid.face(axis, last[axis]) == max[axis];
-            last[axis] = (last[axis] - i64::from(is_outside)).max(first[axis]);
-        }
+        let [first, last] = grid.places(bounds)?;
         let (up, offsets) = (camera.up_axis(), camera.offsets());
         let columns = Columns::new(up, grid.size);
         let mut triangles: Vec<SolidTriangle> = Vec::new();
@@ -154,4 +149,49 @@ fn is_floor(triangle: &Triangle, up: usize) -> bool {
     let [a, b, c]: [DVec3; 3] = triangle.map(Vec3::as_dvec3);
     let normal = (b - a).cross(c - a);
     normal[up].abs() > 0.5 * normal.length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::free_space::voxel_set::voxel_place;
+    use visibility_core::{Aabb, Object};
+    use visibility_testing::ends_f32;
+
+    /// A level triangle on and next to every border of voxels of a quarter of a metre: all voxels that it
+    /// touches are solid, and those at the camera's heights above it are free unless they are solid.
+    #[test]
+    fn voxels_are_solid_where_a_triangle_touches_them() {
+        let grid = Grid::new(DVec3::ZERO, DVec3::ONE).unwrap();
+        let radius = 0.26 * 3f64.sqrt() / 0.99;
+        for end in ends_f32(-1, 2) {
+            let corners = [[-9.0, -9.0], [9.0, -9.0], [0.0, 9.0]].map(|[x, y]| Vec3::new(x, y, end.value));
+            let mut scene = Scene::new();
+            let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
+            scene.set_triangles(id, [corners]).unwrap();
+            // Heights in ranks: a voxel has three.
+            for heights in [None, Some([3, 6]), Some([-6, -3])] {
+                let up = if heights == Some([-6, -3]) { DVec3::NEG_Z } else { DVec3::Z };
+                let own = heights.map(|_| [0.25, 0.5]);
+                let camera = CameraRange { radius, heights: own, up };
+                let solids = SolidTriangles::new(&grid, &scene, &camera, [DVec3::ZERO, DVec3::ONE]).unwrap();
+                assert_eq!(solids.counts, [4; 3]);
+                let free = solids.free_voxels([0; 3]);
+                for voxel in free.all() {
+                    let start = 3 * voxel_place(voxel, solids.counts)[2] as i64;
+                    let touches =
+                        |low: i64, high: i64, hair: i64| low - hair <= start + 3 && high + hair >= start;
+                    let is_free = free.contains(voxel);
+                    let is_solid = touches(end.rank, end.rank, 0);
+                    assert!(!is_free || !is_solid, "{end:?}: {voxel} is solid");
+                    let [low, high] =
+                        heights.map_or([-99, 99], |range| range.map(|height| end.rank + height));
+                    let may_be_free = touches(low, high, 1);
+                    assert!(!is_free || may_be_free, "{end:?}: {voxel} is not within {heights:?}");
+                    let must_be_free = touches(low, high, 0) && !touches(end.rank, end.rank, 1);
+                    assert!(is_free || !must_be_free, "{end:?}: {voxel} is free, {heights:?}");
+                }
+            }
+        }
+    }
 }

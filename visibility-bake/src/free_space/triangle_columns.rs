@@ -150,3 +150,46 @@ impl ClippedTriangle {
         part
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::{UNIT, ends};
+
+    /// A triangle between every pair of ends on one axis, which rises as it goes, in columns of 1 m.
+    #[test]
+    fn columns_are_those_that_a_triangle_touches() {
+        let (columns, all) = (Columns::new(2, DVec3::ONE), ends(-1, 5));
+        for (axis, low) in (0..2).flat_map(|axis| all.iter().map(move |low| (axis, low))) {
+            for high in all.iter().filter(|high| high.rank >= low.rank) {
+                let corner = |along: f64, across: f64| match axis {
+                    0 => DVec3::new(along, across, along),
+                    _ => DVec3::new(across, along, along),
+                };
+                let triangle = [corner(low.value, 1.5), corner(high.value, 1.25), corner(high.value, 1.75)];
+                let mut found = Vec::new();
+                let Ok(()) = columns.for_each(triangle, [[0; 2], [3; 2]], |column, heights| {
+                    assert_eq!(column[1 - axis], 1);
+                    found.push((column[axis], heights));
+                    Ok::<(), std::convert::Infallible>(())
+                });
+                for column in 0..4i64 {
+                    let [start, end] = [UNIT * column, UNIT * (column + 1)];
+                    let of_column = found.iter().find(|(at, _)| *at == column);
+                    let touches = |hair: i64| low.rank - hair <= end && high.rank + hair >= start;
+                    assert!(of_column.is_some() || !touches(0), "{low:?} to {high:?} touches {column}");
+                    assert!(of_column.is_none() || touches(1), "{low:?} to {high:?} is far from {column}");
+                    if let Some((_, [least, most])) = of_column {
+                        let (from, to) = (low.value.max(column as f64), high.value.min(column as f64 + 1.0));
+                        assert!(
+                            *least <= from && *most >= to,
+                            "{low:?} to {high:?}, {column}: {least} to {most}"
+                        );
+                        assert!(from - least < 1e-5 && most - to < 1e-5, "{low:?} to {high:?}, {column}");
+                    }
+                }
+                assert!(found.iter().all(|(column, _)| (0..4).contains(column)));
+            }
+        }
+    }
+}

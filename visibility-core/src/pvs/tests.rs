@@ -135,6 +135,35 @@ fn rows_differ_from_rows_that_differ_up_to_a_depth() {
     assert_eq!(chain(6).unwrap_err().to_string(), "the row of viewcell 5: it takes too many other rows");
 }
 
+/// A row for each range of targets, and one for each range left out, in both forms: around the borders of
+/// bytes and words.
+#[test]
+fn ranges_are_read_as_they_were_written() {
+    const COUNT: u32 = 130;
+    for step in [1, 2] {
+        let mut rows = Vec::new();
+        for (start, end) in (0..COUNT).flat_map(|start| (start..=COUNT).map(move |end| (start, end))) {
+            // Every second number takes the form of bits.
+            let is_in = |x: &u32| (start..end).contains(x) && (x - start).is_multiple_of(step);
+            rows.push((0..COUNT).filter(is_in).collect::<Vec<u32>>());
+            rows.push((0..COUNT).filter(|x| !is_in(x)).collect());
+        }
+        let pvs = Pvs::new(PvsTargets::Cells, COUNT as usize, &rows, |_| []).unwrap();
+        let mut words = Vec::new();
+        for (row, viewcell) in rows.iter().zip((0..).map(ViewcellId)) {
+            assert!(pvs.write_bits(viewcell, &mut words));
+            let mut expected = vec![0u64; 3];
+            row.iter().for_each(|x| expected[*x as usize / 64] |= 1 << (x % 64));
+            assert_eq!(words, expected, "{row:?}");
+            let targets =
+                row.first().into_iter().chain(row.last()).flat_map(|&x| [x.saturating_sub(1), x, x + 1]);
+            for target in targets {
+                assert_eq!(pvs.sees(viewcell, target), row.contains(&target), "{target} of {row:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn several_viewcells_see_what_any_of_them_sees() {
     let pvs = sample();

@@ -150,14 +150,16 @@ impl ScreenShape {
             let (mut first, mut end) = (self.lines[0] as f64, self.lines[1] as f64);
             let y = -c / b;
             let half = if coverage == Coverage::Sampled { 0.5 } else { 0.0 };
-            if b > 0.0 {
+            if b == 0.0 && c >= 0.0 {
+                // All points satisfy the bound.
+            } else if b == 0.0 || y.is_nan() {
+                end = 0.0;
+            } else if b > 0.0 {
                 let y = y * (1.0 + 8.0 * f64::EPSILON.copysign(y));
                 first = first.max((y - half).ceil_());
-            } else if b < 0.0 {
+            } else {
                 let y = y * (1.0 - 8.0 * f64::EPSILON.copysign(y));
                 end = end.min((y + half).floor_());
-            } else if !(c >= 0.0) {
-                end = 0.0;
             }
             self.lines = [first as usize, end as usize];
             return true;

@@ -1,0 +1,47 @@
+//! Ends of ranges on and around the borders of pixels, with exact places: the oracle compares integers.
+
+/// Ranks from one border of units to the next.
+pub const UNIT: i64 = 12;
+
+/// A number and its exact place among the borders of units. The border at the whole number k has rank
+/// [`UNIT`] k. A quarter of a unit has three ranks: the number just before it, the number on it, and the number
+/// just after it. Numbers of one list compare as their ranks do.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct End<T> {
+    /// The number, in units.
+    pub value: T,
+    /// Exact place of the number.
+    pub rank: i64,
+}
+
+/// Returns each quarter of a unit from `first` to `last` units, both included, and the next number before and
+/// after each, in ascending order.
+///
+/// ```
+/// use visibility_testing::{UNIT, ends};
+/// let all = ends(-1, 1);
+/// assert!(all.len() == 27 && all.is_sorted_by(|a, b| a.value < b.value && a.rank < b.rank));
+/// assert!(all.iter().all(|end| (end.value < 1.0) == (end.rank < UNIT)));
+/// ```
+pub fn ends(first: i32, last: i32) -> Vec<End<f64>> {
+    around(first, last, |quarters| f64::from(quarters) / 4.0, |x| [x.next_down(), x, x.next_up()])
+}
+
+/// Returns what [`ends`] returns, in single precision.
+pub fn ends_f32(first: i16, last: i16) -> Vec<End<f32>> {
+    let quarter = |quarters: i32| (f64::from(quarters) / 4.0) as f32;
+    around(first.into(), last.into(), quarter, |x| [x.next_down(), x, x.next_up()])
+}
+
+fn around<T: Copy>(
+    first: i32,
+    last: i32,
+    quarter: impl Fn(i32) -> T,
+    three: impl Fn(T) -> [T; 3],
+) -> Vec<End<T>> {
+    let quarters = 4 * first..=4 * last;
+    let ranks = quarters.map(|q| (quarter(q), 3 * i64::from(q)));
+    ranks
+        .flat_map(|(x, rank)| three(x).into_iter().zip(rank - 1..).map(|(value, rank)| End { value, rank }))
+        .collect()
+}
