@@ -4,7 +4,7 @@
 use visibility_core::glam::{Affine3A, DAffine3, DQuat, DVec3, EulerRot, Quat, Vec3};
 use visibility_core::{
     Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose, Scene, View,
-    VisibleSet, occlusion::Preparation,
+    VisibleSet, occlusion::Preparation, scene::SceneError,
 };
 use visibility_testing::{PlainMap, Random};
 
@@ -87,18 +87,38 @@ fn a_mesh_outside_local_bounds_hides_nothing_until_they_hold_it() {
     assert!(scene.occluder(sky).is_some());
 }
 
+/// Triangles that a transform was forgotten for are refused, before anything is made from them.
 #[test]
-fn a_mesh_made_from_triangles_outside_the_bounds_hides_nothing() {
+fn triangles_outside_the_bounds_are_refused() {
     let (mut scene, ids) = street();
     let corners = LOCAL.corners();
     let triangles = |by: Vec3| OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize] + by));
-    scene.set_triangles(ids[0], triangles(Vec3::ZERO)).unwrap();
-    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
-    assert_eq!(shown(&scene, ids).0, [true; 2]);
-    assert_eq!(scene.occluders_outside_bounds(), 1);
     scene.set_triangles(ids[0], triangles(HOUSE.min)).unwrap();
     assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
-    assert!(scene.occluders_outside_bounds() == 0 && scene.occluder(ids[0]).is_some());
+    assert!(scene.occluder(ids[0]).is_some() && scene.occluders_outside_bounds() == 0);
+    let error = scene.set_triangles(ids[0], triangles(Vec3::ZERO)).unwrap_err();
+    assert_eq!(error, SceneError::TrianglesOutsideBounds(ids[0]));
+    assert!(scene.occluder(ids[0]).is_some(), "a failed call changes nothing");
+    assert_eq!(scene.triangles(ids[0]).unwrap(), triangles(HOUSE.min));
+    // Rounding on each side, of the box and of the corners, is no fault; 16 times as much is.
+    for axis in Vec3::AXES {
+        for (sign, side) in [(-1.0f32, HOUSE.min), (1.0, HOUSE.max)] {
+            if side.dot(axis) == 0.0 {
+                continue;
+            }
+            let at = |by: f32| side + axis * sign * (side.dot(axis) * f32::EPSILON * by);
+            let mut set = |by: f32| scene.set_triangles(ids[0], [[side, at(by), side]]);
+            assert_eq!(set(2.0), Ok(()), "{axis} {sign}");
+            assert_eq!(set(128.0), Err(SceneError::TrianglesOutsideBounds(ids[0])), "{axis} {sign}");
+        }
+    }
+    scene.set_triangles(ids[0], [[Vec3::NAN; 3]]).unwrap();
+    let unknown = scene.insert(Aabb::new(Vec3::NAN, Vec3::NAN));
+    scene.set_triangles(unknown, triangles(Vec3::ZERO)).unwrap();
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 0);
+    scene.set_occluder(unknown, true).unwrap();
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+    assert!(scene.occluder(unknown).is_none(), "a box that bounds nothing holds no mesh");
 }
 
 /// Bounds as programs compute them hold their mesh: around the vertices as placed in `f64` and rounded to the

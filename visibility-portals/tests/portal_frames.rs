@@ -299,7 +299,7 @@ fn no_input_panics_or_hangs() {
                 })
                 .collect();
             // Within a tolerance as large as all, each portal may be between its cells.
-            let tolerance = random.fine_unit() * random.pick([1e-9, 10.0, 10.0]) * scale;
+            let tolerance = random.fine_unit() * random.pick(&[1e-9, 10.0, 10.0]) * scale;
             let Ok(mut cells) = SceneCells::new(graph, Viewcells::new(viewcells), tolerance) else {
                 continue;
             };

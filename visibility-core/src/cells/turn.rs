@@ -61,7 +61,7 @@ impl CellGraph {
         for id in &wrong {
             let portal = &mut self.portals[id.index()];
             portal.polygon.reverse();
-            portal.plane = portal.plane.flipped();
+            portal.plane = portal.polygon.plane().unwrap_or(portal.plane.flipped());
         }
         if !wrong.is_empty() {
             self.stamp = Stamp::new();

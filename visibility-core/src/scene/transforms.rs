@@ -7,7 +7,7 @@
 //! is taken from the object. Triangles are in scene coordinates and never move, so each change takes them
 //! away.
 
-use super::mesh_bounds::is_within;
+use super::mesh_bounds::{is_any_outside, is_within};
 use super::placement::PlacedMesh;
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, Slot, ToAffine, Triangle};
 use crate::{Aabb, OccluderMesh};
@@ -46,7 +46,9 @@ impl Scene {
             self.replace_mesh(id.index, None);
         }
         self.move_to(id, bounds);
-        self.check_mesh(id.index);
+        if former != Some(local) {
+            self.check_mesh(id.index);
+        }
         Ok(())
     }
 
@@ -219,22 +221,27 @@ impl Scene {
 
     /// Replaces the triangles of an object, in scene coordinates, for users that need more than bounds: the
     /// item buffer of `visibility-measure`, occluder preparation, budgets in triangles. The object's bounds
-    /// must contain the triangles; they are neither checked nor changed. A change of the bounds removes the
-    /// triangles, so set the bounds first. An occluder mesh prepared from the former triangles is removed.
+    /// must contain the triangles, up to rounding. A change of the bounds removes the triangles, so set the
+    /// bounds first. An occluder mesh prepared from the former triangles is removed.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::TrianglesOutsideBounds`] if a
+    /// corner lies outside of the bounds; NaN corners do not, and improper bounds contain everything, since
+    /// such an object is never culled.
     pub fn set_triangles(
         &mut self,
         id: ObjectId,
         triangles: impl Into<Box<[Triangle]>>,
     ) -> Result<(), SceneError> {
-        self.slot(id)?;
+        let (slot, triangles) = (self.slot(id)?, triangles.into());
+        if is_any_outside(&triangles, &self.tree.bounds[slot.node()].get(slot.lane())) {
+            return Err(SceneError::TrianglesOutsideBounds(id));
+        }
         self.drop_triangles(id.index);
         if self.triangles.len() <= id.index() {
             self.triangles.resize_with(self.generations.len(), Box::default);
         }
-        self.triangles[id.index()] = triangles.into();
+        self.triangles[id.index()] = triangles;
         self.log.push(id, self.generations.len());
         Ok(())
     }
