@@ -128,7 +128,8 @@ impl fmt::Display for CellGraphError {
             }
             Self::NotBetween { portal, cells: [first, second] } => write!(
                 f,
-                "portal {} is not between cells {} and {}: their bodies are not on opposite sides of its plane",
+                "portal {} is not between cells {} and {}: up to the tolerance, their bodies are not on opposite \
+                 sides of its plane",
                 portal.0, first.0, second.0
             ),
             Self::UnknownObjectCell { object, cell, cells } => {

@@ -76,12 +76,14 @@ fn is_wound_wrong(portal: &Portal, [first, second]: [&Viewcell; 2], tolerance: f
     let Portal { polygon, plane, .. } = portal;
     let vertices = polygon.vertices();
     let anchor = *vertices.first()?;
-    let (mut error, mut radius) = (0.0f64, 0.0f64);
+    let (mut defect, mut radius, mut magnitude) = (0.0f64, 0.0f64, 0.0f64);
     for &v in vertices {
-        error = error.max(plane.normal.dot(v - anchor).abs());
+        defect = defect.max(plane.normal.dot(v - anchor).abs());
         radius = radius.max((v - anchor).length());
+        magnitude = magnitude.max(v.abs().element_sum());
     }
-    let error = tolerance + error;
+    // Vertices are rounded: 32 times 2^-53, for those that were turned and moved in `f64`.
+    let error = tolerance + defect + 16.0 * f64::EPSILON * magnitude;
     // Vertices that err by `error` turn the vector of the area by half the perimeter times `error` at most,
     // and the perimeter of a convex figure is at most pi times its diameter, which is at most twice `radius`:
     // the plane is tilted by less than 4 `radius` `error` over the area.
