@@ -156,7 +156,8 @@ fn bodies_on_the_two_sides_of_a_portal_turn_it() {
     let endless = body([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]);
     let inverted = body([1.0; 3], [-1.0; 3]);
     let unknown = body([f64::NAN; 3], [f64::NAN; 3]);
-    let no_sides = Err(CellGraphError::NotBetween { portal: PortalId(0), cells: [CellId(0), CellId(1)] });
+    let error = CellGraphError::NotBetween { portal: PortalId(0), cells: [CellId(0), CellId(1)] };
+    let no_sides = Err(error);
     for polygon in [door(0.0), reversed(&door(0.0))] {
         let turned = |first, second| turn(polygon.clone(), [first, second]);
         for second in [&east, &court, &endless, &inverted, &unknown] {
@@ -174,7 +175,7 @@ fn bodies_on_the_two_sides_of_a_portal_turn_it() {
     let across = |by: f64| body([-4.0, -2.0, -2.0], [by, 2.0, 2.0]);
     assert_eq!(turn(door(0.0), [&across(1e-6), &court]), Ok(DVec3::X));
     assert_eq!(turn(door(0.0), [&across(1e-3), &court]), no_sides);
-    let error = no_sides.unwrap_err().to_string();
+    let error = error.to_string();
     assert!(error.starts_with("portal 0 is not between cells 0 and 1: "), "{error}");
     let few = CellGraph::new(3, []).unwrap().turn_portals(&[west], 1e-6);
     assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 1 }));
