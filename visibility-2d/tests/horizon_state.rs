@@ -228,7 +228,9 @@ fn small_solids_beside_large_ones_are_left_out() {
     assert_eq!(occluders.solid_count(), walls.len());
     // A chair that moves stays out, one that grows is taken in.
     scene.set_bounds(chairs[0], Aabb::from_arrays([5.0; 3], [6.0; 3])).unwrap();
-    let wardrobe = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.5; 3])).unwrap());
+    let grown = Aabb::from_arrays([0.0; 3], [1.5; 3]);
+    let wardrobe = scene.add_mesh(OccluderMesh::cuboid(&grown).unwrap());
+    scene.set_bounds(chairs[1], grown).unwrap();
     scene.set_mesh(chairs[1], wardrobe, Affine3A::IDENTITY).unwrap();
     scene.set_occluder(walls[0], false).unwrap();
     occluders.sync(&scene);

@@ -160,6 +160,7 @@ fn from_below_and_behind_a_change_nothing_is_hidden() {
     // The ground has moved: before the occluders follow, and after.
     let (mesh, _) = scene.occluder(tile).unwrap();
     let mesh = mesh.clone();
+    scene.set_local_bounds(tile, *mesh.bounds()).unwrap();
     let mesh = scene.add_mesh(mesh);
     scene.set_mesh(tile, mesh, Affine3A::from_translation(Vec3::Z * -20.0)).unwrap();
     assert_eq!(is_seen(&scene, &occluders, 1.7), [true; 2]);
@@ -177,8 +178,8 @@ fn hostile_ground_hides_nothing_more() {
         let boxes = BOXES.map(|[min, max]| scene.insert(Aabb::from_arrays(min, max)));
         insert(&mut scene, &ground(-5..25, 20, hill), true, Affine3A::IDENTITY);
         let mesh = OccluderMesh::from_triangles(hostile).unwrap().with_two_sided(true);
-        let id =
-            scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])) });
+        let bounds = mesh.bounds().transformed(&transform);
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
         let mesh = scene.add_mesh(mesh);
         // A transform that is refused leaves an occluder without a mesh.
         let _ = scene.set_mesh(id, mesh, transform);

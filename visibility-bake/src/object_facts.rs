@@ -102,7 +102,7 @@ mod tests {
         let mut scene = Scene::new();
         let id =
             scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([1.0; 3], [2.0; 3])) });
-        scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Y]]).unwrap();
+        scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Y]]).unwrap();
         change(&mut scene, id);
         TiledScene::new(&scene).objects[0].hash
     }
@@ -118,7 +118,7 @@ mod tests {
         let moved = Affine3A::from_translation(Vec3::X * 0.1);
         let bounds = |scene: &mut Scene, id, min: f32, max: f32| {
             scene.set_bounds(id, Aabb::from_arrays([min; 3], [max; 3])).unwrap();
-            scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Y]]).unwrap();
+            scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Y]]).unwrap();
         };
         let hashes = [
             hash(|_, _| {}),
@@ -128,7 +128,9 @@ mod tests {
             hash(|scene, id| scene.set_cost(id, 7).unwrap()),
             hash(|scene, id| scene.set_occluder(id, false).unwrap()),
             hash(|scene, id| scene.set_never_cull(id, true).unwrap()),
-            hash(|scene, id| scene.set_triangles(id, [[Vec3::ONE, Vec3::X, Vec3::Z]]).unwrap()),
+            hash(|scene, id| {
+                scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Z]]).unwrap()
+            }),
             hash(|scene, id| scene.set_triangles(id, []).unwrap()),
             hash(|scene, _| mesh(scene, 1.5, false, Affine3A::IDENTITY)),
             hash(|scene, _| mesh(scene, 1.6, false, Affine3A::IDENTITY)),

@@ -197,6 +197,7 @@ fn an_occluder_that_has_changed_hides_no_longer() {
         ("moved", |room| {
             let aside = Affine3A::from_translation(Vec3::new(0.0, 30.0, 0.0));
             let mesh = room.scene.add_mesh(OccluderMesh::cuboid(&Room::WALL).unwrap());
+            room.scene.set_local_bounds(room.wall, Room::WALL).unwrap();
             room.scene.set_mesh(room.wall, mesh, aside).unwrap();
         }),
         ("opened", |room| room.scene.set_occluder(room.wall, false).unwrap()),
@@ -281,6 +282,7 @@ fn polygons_follow_their_objects_when_brought_up_to_date() {
     let mut occluders = Occluders::new(&room.scene);
     let count = occluders.len();
     let mesh = room.scene.add_mesh(OccluderMesh::cuboid(&Room::WALL).unwrap());
+    room.scene.set_local_bounds(room.wall, Room::WALL).unwrap();
     for step in 0..20 {
         let shift = Affine3A::from_translation(Vec3::new(0.0, [0.0, 0.5, 30.0][step % 3], 0.0));
         room.scene.set_mesh(room.wall, mesh, shift).unwrap();

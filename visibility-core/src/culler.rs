@@ -79,6 +79,21 @@ pub struct Lack {
     pub count: usize,
 }
 
+impl Lack {
+    /// Calls `each` with what the occluders of `scene` lack for cullers that use meshes: a mesh, or one within
+    /// the object's bounds. Does not call `each` if they lack nothing. Takes constant time.
+    pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
+        for (what, count) in [
+            ("occluders without a mesh", scene.occluders_without_mesh()),
+            ("occluders with a mesh outside their bounds", scene.occluders_outside_bounds()),
+        ] {
+            if count > 0 {
+                each(Self { what, count });
+            }
+        }
+    }
+}
+
 impl core::fmt::Display for Lack {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{}: {}", self.what, self.count)

@@ -7,6 +7,10 @@
 //! any other [`BoxHierarchy`] are copied into blocks during the walk, and their dropped objects are removed
 //! from the set at the end.
 
+mod check;
+
+pub use check::first_misplaced;
+
 use crate::scene::{Boxes64, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, VisibleSet};
 
@@ -29,7 +33,8 @@ pub enum Child {
 ///
 /// The box of a node must contain everything below the node. An object that has moved since the hierarchy was
 /// built or updated must not be listed, unless its current bounds are still within the boxes of all nodes
-/// above it. An object that is not listed counts as visible.
+/// above it. An object that is not listed counts as visible. A walk relies on this: a hierarchy that breaks it
+/// hides visible objects. [`first_misplaced`] checks it.
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child};

@@ -123,6 +123,12 @@ fn stages_report_what_they_lack() {
         scene.set_mesh(wall, mesh, visibility_core::glam::Affine3A::IDENTITY).unwrap();
     }
     scene.set_occluder(walls[15], false).unwrap();
+    let outside = "hardware queries: occluders with a mesh outside their bounds: 11";
+    assert_eq!(lacks(&scene), ["hardware queries: occluders without a mesh: 7", outside]);
+    for (i, &wall) in walls[..12].iter().enumerate() {
+        let at = visibility_core::glam::Vec3::Y * i as f32;
+        scene.set_mesh(wall, mesh, visibility_core::glam::Affine3A::from_translation(at)).unwrap();
+    }
     assert_eq!(lacks(&scene), ["hardware queries: occluders without a mesh: 7"]);
     let copy = scene.clone();
     assert_eq!(lacks(&copy)[1..], ["pvs: objects of a scene that the PVS does not know: 20"]);

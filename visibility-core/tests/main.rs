@@ -13,6 +13,7 @@ mod frustum_contract;
 mod hostile_input;
 mod lod;
 mod many_views;
+mod mesh_bounds;
 mod motion;
 mod moving;
 mod no_allocation;

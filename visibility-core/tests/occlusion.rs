@@ -429,8 +429,9 @@ fn an_orthographic_eye_sees_past_no_wall() {
 #[test]
 fn a_door_that_swings_or_is_mirrored_hides_where_it_is() {
     let Street { mut scene, wall, .. } = street();
-    let mesh =
-        scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0, -4.0, -4.0], [0.5, 4.0, 4.0])).unwrap());
+    let door = Aabb::from_arrays([0.0, -4.0, -4.0], [0.5, 4.0, 4.0]);
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&door).unwrap());
+    scene.set_local_bounds(wall, door).unwrap();
     let hinge = Vec3::new(10.0, 0.0, 0.0);
     for (turn, hides) in [(0.0f32, true), (std::f32::consts::FRAC_PI_2, false), (std::f32::consts::PI, true)]
     {

@@ -1,8 +1,8 @@
 //! Tests of the walk from outside: a frustum culler written against the public interface gives the results of
 //! core's own.
 
-use visibility_core::glam::DVec3;
-use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy, Walk};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy, Walk, first_misplaced};
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
     frustum::ConvexVolume, simd::Simd, view::MAX_PLANES,
@@ -137,4 +137,54 @@ fn another_hierarchy_gives_the_same_set() {
         after.cull(&scene, &view, &mut outside);
         assert!(outside.iter(&scene).eq(own.iter(&scene)));
     }
+}
+
+/// Two levels of nodes: the top lists node 0, which lists node 1, which lists the objects.
+struct Chain {
+    boxes: [Aabb; 2],
+    objects: Vec<(ObjectId, Aabb)>,
+    /// Node that node 1 lists beside its objects.
+    extra: Option<usize>,
+}
+
+impl BoxHierarchy for Chain {
+    fn for_each_child(&self, _: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb)) {
+        match node {
+            None => each(Child::Node(0), self.boxes[0]),
+            Some(0) => each(Child::Node(1), self.boxes[1]),
+            Some(1) => {
+                self.objects.iter().for_each(|&(id, bounds)| each(Child::Object(id), bounds));
+                self.extra.iter().for_each(|&node| each(Child::Node(node), self.boxes[1]));
+            }
+            Some(_) => {}
+        }
+    }
+}
+
+#[test]
+fn hierarchies_whose_boxes_do_not_hold_what_is_below_are_found_out() {
+    let cube = |from: f32, to: f32| Aabb::from_arrays([from; 3], [to; 3]);
+    let mut random = Random(4);
+    let mut scene = Scene::new();
+    for _ in 0..3000 {
+        let min = random.vec3(-90.0, 90.0);
+        scene.insert(Aabb::new(min, min + random.vec3(0.0, 9.0)));
+    }
+    assert_eq!(first_misplaced(&scene, &SceneHierarchy), None);
+    assert_eq!(first_misplaced(&scene, &visibility_testing::Octree::new(&scene, 4)), None);
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch([cube(0.0, 1.0), cube(1.0, 2.0), Aabb::new(Vec3::NAN, Vec3::NAN)]);
+    let chain = |boxes: [Aabb; 2], own: Aabb, extra| {
+        let objects = vec![(ids[0], cube(0.0, 1.0)), (ids[1], own), (ids[2], cube(9.0, 9.5))];
+        first_misplaced(&scene, &Chain { boxes, objects, extra })
+    };
+    let (held, object) = (cube(1.0, 2.0), Some(Child::Object(ids[1])));
+    assert_eq!(chain([cube(0.0, 2.0); 2], held, None), None);
+    assert_eq!(chain([cube(0.0, 2.0), cube(-9.0, 9.0)], held, None), None, "a box may be larger than needed");
+    assert_eq!(chain([Aabb::EMPTY, cube(0.0, 2.0)], held, None), None, "an inverted box hides nothing");
+    assert_eq!(chain([cube(0.0, 1.5), cube(0.0, 2.0)], held, None), object, "the node above its node");
+    assert_eq!(chain([cube(0.0, 2.0), cube(0.0, 1.5)], held, None), object, "its node");
+    assert_eq!(chain([cube(0.0, 2.0); 2], cube(1.0, 1.5), None), object, "its own box");
+    assert_eq!(chain([cube(0.0, 2.0); 2], cube(1.5, 2.0), None), object, "its own box");
+    assert_eq!(chain([cube(0.0, 2.0); 2], held, Some(0)), Some(Child::Node(0)), "a ring of nodes");
 }

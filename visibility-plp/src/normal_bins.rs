@@ -521,7 +521,7 @@ mod tests {
             bins.eye_side(object, &BoxFromEye::new(eye, &cell), &offsets)
         };
         for triangles in [&[flat][..], &[odd], &[huge, huge]] {
-            let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+            let id = scene.insert(Aabb::from_arrays([0.0; 3], [3e38; 3]));
             scene.set_triangles(id, triangles).unwrap();
             for eye in [0.0, 1.0, 1e30, 3e38, f64::INFINITY, f64::NAN] {
                 assert_eq!(sides(&scene, id.index(), eye), EyeSide::Unknown);

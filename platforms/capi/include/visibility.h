@@ -245,7 +245,9 @@ enum vis_status vis_graph_bake(const struct vis_graph *graph, double clearance, 
 // Makes the cells of a building from a graph and from the volumes of its cells, in their order. `planes` has
 // 4 numbers a, b, c, d each: what is kept is a x + b y + c z + d >= 0. `tolerance` is the distance by which
 // portals and volumes may be misplaced: 1e-6 for metres computed in double precision, the last decimal for
-// coordinates read from text. All portals are open. The graph may be destroyed afterwards.
+// coordinates read from text. All portals are open. A portal that is wound the wrong way is turned by the
+// volumes; a portal whose volumes are not on opposite sides of it is an error. The graph may be destroyed
+// afterwards.
 enum vis_status vis_cells_create(const struct vis_graph *graph,
                                  const struct vis_volume *cell_volumes,
                                  size_t volume_count,
@@ -345,15 +347,16 @@ enum vis_status vis_scene_add_box_mesh(struct vis_scene *scene, const struct vis
 // Gives an object an occluder mesh, which hides others while the object has `VIS_OBJECT_OCCLUDER`.
 // `transform` is a matrix of 16 numbers from mesh to scene coordinates, column-major, with the last row
 // 0 0 0 1; null for the identity. An object with local bounds is moved there; set bounds before, since a
-// change of bounds takes the mesh away.
+// change of bounds takes the mesh away. A mesh that reaches out of the bounds hides nothing, and
+// `vis_pipeline_lacks` says so.
 enum vis_status vis_scene_set_mesh(struct vis_scene *scene,
                                    uint64_t object,
                                    uint64_t mesh,
                                    const float *transform);
 
 // Replaces the triangles of an object, 9 numbers each, in scene coordinates, for
-// `vis_scene_prepare_occluders` and `vis_measure_compare`. The object's bounds must contain them. They are
-// taken away when the object moves.
+// `vis_scene_prepare_occluders` and `vis_measure_compare`. The object's bounds must contain them, or
+// they are an error. They are taken away when the object moves.
 enum vis_status vis_scene_set_triangles(struct vis_scene *scene,
                                         uint64_t object,
                                         const float *triangles,

@@ -136,7 +136,9 @@ impl vis_cells {
 /// Makes the cells of a building from a graph and from the volumes of its cells, in their order. `planes` has
 /// 4 numbers a, b, c, d each: what is kept is a x + b y + c z + d >= 0. `tolerance` is the distance by which
 /// portals and volumes may be misplaced: 1e-6 for metres computed in double precision, the last decimal for
-/// coordinates read from text. All portals are open. The graph may be destroyed afterwards.
+/// coordinates read from text. All portals are open. A portal that is wound the wrong way is turned by the
+/// volumes; a portal whose volumes are not on opposite sides of it is an error. The graph may be destroyed
+/// afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_create(
     graph: *const vis_graph,

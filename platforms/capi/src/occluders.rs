@@ -58,7 +58,8 @@ pub unsafe extern "C" fn vis_scene_add_box_mesh(
 /// Gives an object an occluder mesh, which hides others while the object has `VIS_OBJECT_OCCLUDER`.
 /// `transform` is a matrix of 16 numbers from mesh to scene coordinates, column-major, with the last row
 /// 0 0 0 1; null for the identity. An object with local bounds is moved there; set bounds before, since a
-/// change of bounds takes the mesh away.
+/// change of bounds takes the mesh away. A mesh that reaches out of the bounds hides nothing, and
+/// `vis_pipeline_lacks` says so.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_mesh(
     scene: *mut vis_scene,
@@ -81,8 +82,8 @@ pub unsafe extern "C" fn vis_scene_set_mesh(
 }
 
 /// Replaces the triangles of an object, 9 numbers each, in scene coordinates, for
-/// `vis_scene_prepare_occluders` and `vis_measure_compare`. The object's bounds must contain them. They are
-/// taken away when the object moves.
+/// `vis_scene_prepare_occluders` and `vis_measure_compare`. The object's bounds must contain them, or
+/// they are an error. They are taken away when the object moves.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_triangles(
     scene: *mut vis_scene,

@@ -151,7 +151,8 @@ export interface Visibility {
   readPrt(text: string): Graph;
   /**
    * Creates the cells of a building from a graph and the volumes of its cells. `tolerance` is the distance by
-   * which portals and volumes may be misplaced, 1e-6 by default. All portals are open.
+   * which portals and volumes may be misplaced, 1e-6 by default. All portals are open. A portal that is wound
+   * the wrong way is turned by the volumes; a portal whose volumes are not on opposite sides of it is an error.
    */
   createCells(graph: Graph, volumes: readonly Volume[], options?: { tolerance?: number }): Cells;
   /** Loads a set from the `bytes` of another. Files of the program `bake` are read by `readScenePvs`. */
@@ -227,9 +228,12 @@ export interface Scene extends Handle {
    */
   addMesh(mesh: { positions: Numbers; indices: Numbers; twoSided?: boolean }): MeshId;
   addBoxMesh(box: Box): MeshId;
-  /** Gives an object an occluder mesh; `transform`, 16 numbers, places it in the scene. */
+  /**
+   * Gives an object an occluder mesh; `transform`, 16 numbers, places it in the scene. A mesh that reaches out of
+   * the object's box hides nothing, and `lacks` says so.
+   */
   setMesh(id: ObjectId, mesh: MeshId, transform?: Numbers): void;
-  /** Gives an object triangles, 9 numbers each, for `prepareOccluders` and `Judge`. */
+  /** Gives an object triangles within its box, 9 numbers each, for `prepareOccluders` and `Judge`. */
   setTriangles(id: ObjectId, triangles: Numbers): void;
   /**
    * Makes occluder meshes from the triangles of objects with `Flag.Occluder` and no mesh; returns how many.

@@ -285,10 +285,7 @@ impl Culler for HorizonCuller {
         if count > 0 {
             each(Lack { what: "objects that the horizon's occluders do not know", count });
         }
-        let count = scene.occluders_without_mesh();
-        if count > 0 {
-            each(Lack { what: "occluders without a mesh", count });
-        }
+        Lack::of_occluders(scene, each);
     }
 }
 

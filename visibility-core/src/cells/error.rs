@@ -95,6 +95,14 @@ pub enum CellGraphError {
         /// Cell of the portal whose body the normal should enter and leaves, or should leave and enters.
         cell: CellId,
     },
+    /// The bodies of a portal's cells do not tell which side of the portal is whose: both reach across its
+    /// plane, or both lie on the same side of it.
+    NotBetween {
+        /// Portal whose plane does not part the bodies of its cells.
+        portal: PortalId,
+        /// The two cells of the portal.
+        cells: [CellId; 2],
+    },
 }
 
 impl fmt::Display for CellGraphError {
@@ -118,6 +126,12 @@ impl fmt::Display for CellGraphError {
             Self::WrongWay { portal, cell } => {
                 write!(f, "portal {} points the wrong way through the boundary of cell {}", portal.0, cell.0)
             }
+            Self::NotBetween { portal, cells: [first, second] } => write!(
+                f,
+                "portal {} is not between cells {} and {}: up to the tolerance, their bodies are not on opposite \
+                 sides of its plane",
+                portal.0, first.0, second.0
+            ),
             Self::UnknownObjectCell { object, cell, cells } => {
                 write!(f, "object {} is put into cell {}, but there are only {cells}", object.index(), cell.0)
             }

@@ -14,6 +14,7 @@
 mod error;
 mod ids;
 mod leak;
+mod turn;
 mod validate;
 
 pub use error::CellGraphError;
@@ -91,8 +92,9 @@ impl CellGraph {
     /// joins; the polygon's normal points into the second. Object lists are empty. Time and memory are linear
     /// in the numbers of cells and portals.
     ///
-    /// This function does not check whether the portals of a cell can bound a convex body: see
-    /// [`validate`](Self::validate).
+    /// This function does not check whether the portals of a cell can bound a convex body, nor which way they
+    /// are wound: see [`turn_portals`](Self::turn_portals), [`validate_bodies`](Self::validate_bodies) and,
+    /// for cells without bodies, [`validate`](Self::validate).
     ///
     /// # Errors
     /// [`CellGraphError::TooMany`] for more than [`LIMIT`](Self::LIMIT) cells or portals. For the first

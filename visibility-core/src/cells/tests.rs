@@ -129,3 +129,91 @@ fn objects_are_found_by_cell() {
     graph.set_objects([(CellId(0), ids[0]), (CellId(2), ids[1]), (CellId(0), ids[2])]).unwrap();
     assert!(graph.stamp() != stamp && graph == before, "equal content may have another stamp");
 }
+
+/// Returns a graph of two cells and one portal, and what turning does to it: the portal's normal afterwards.
+fn turn(polygon: ConvexPolygon, bodies: [&crate::pvs::Viewcell; 2]) -> Result<DVec3, CellGraphError> {
+    let mut graph = CellGraph::new(2, [(polygon, [CellId(0), CellId(1)])]).unwrap();
+    let (before, stamp) = (graph.clone(), graph.stamp());
+    let turned = graph.turn_portals(&bodies.map(Clone::clone), 1e-6).inspect_err(|_| {
+        assert!(graph == before && graph.stamp() == stamp, "a failed call changes nothing");
+    })?;
+    assert_eq!(graph.stamp() != stamp, !turned.is_empty(), "what is made from the graph is made anew");
+    let portal = &graph.portals()[0];
+    assert_eq!(portal.plane(), portal.polygon().plane().unwrap(), "plane and polygon stay of one mind");
+    Ok(portal.plane().normal)
+}
+
+#[test]
+fn bodies_on_the_two_sides_of_a_portal_turn_it() {
+    let body = |min: [f64; 3], max: [f64; 3]| crate::pvs::Viewcell::from_box(min.into(), max.into());
+    let reversed =
+        |polygon: &ConvexPolygon| ConvexPolygon::new(polygon.vertices().iter().rev().copied()).unwrap();
+    let west = body([-4.0, -2.0, -2.0], [0.0, 2.0, 2.0]);
+    let east = body([0.0, -2.0, -2.0], [4.0, 2.0, 2.0]);
+    // In the wall between two bodies that do not touch; around a body; without an end; and no bodies at all.
+    let far_west = body([-4.0, -2.0, -2.0], [-0.5, 2.0, 2.0]);
+    let court = body([-9.0; 3], [9.0; 3]);
+    let endless = body([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]);
+    let inverted = body([1.0; 3], [-1.0; 3]);
+    let unknown = body([f64::NAN; 3], [f64::NAN; 3]);
+    let error = CellGraphError::NotBetween { portal: PortalId(0), cells: [CellId(0), CellId(1)] };
+    let no_sides = Err(error);
+    for polygon in [door(0.0), reversed(&door(0.0))] {
+        let turned = |first, second| turn(polygon.clone(), [first, second]);
+        for second in [&east, &court, &endless, &inverted, &unknown] {
+            for first in [&west, &far_west] {
+                assert_eq!(turned(first, second), Ok(DVec3::X), "{first:?}, {second:?}");
+                assert_eq!(turned(second, first), Ok(DVec3::NEG_X), "{first:?}, {second:?}");
+            }
+        }
+        for (first, second) in [(&west, &west), (&west, &far_west), (&court, &court), (&endless, &unknown)] {
+            assert_eq!(turned(first, second), no_sides, "{first:?}, {second:?}");
+            assert_eq!(turned(second, first), no_sides, "{first:?}, {second:?}");
+        }
+    }
+    // Bodies that reach across the plane by less than what portal and body may be misplaced by still decide.
+    let across = |by: f64| body([-4.0, -2.0, -2.0], [by, 2.0, 2.0]);
+    assert_eq!(turn(door(0.0), [&across(1e-6), &court]), Ok(DVec3::X));
+    assert_eq!(turn(door(0.0), [&across(1e-3), &court]), no_sides);
+    let error = error.to_string();
+    assert!(error.starts_with("portal 0 is not between cells 0 and 1: "), "{error}");
+    let few = CellGraph::new(3, []).unwrap().turn_portals(&[west], 1e-6);
+    assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 1 }));
+}
+
+/// Boxes of slanted bodies reach across the plane of a slanted portal: their planes decide. Far from the
+/// origin as well, where coordinates are rounded to a few millionths of the portal's size.
+#[test]
+fn planes_of_bodies_decide_where_their_boxes_do_not() {
+    let normal = DVec3::new(1.0, 2.0, 0.5);
+    for at in [DVec3::ZERO, DVec3::new(3e6, -2e6, 1e6)] {
+        let (u, v) = (normal.cross(DVec3::Z).normalize(), normal.cross(DVec3::X).normalize());
+        let corners = [at + u + v, at - u + v, at - u - v, at + u - v];
+        let body = |sign: f64, moved: f64| {
+            let inwards = crate::geometry::Plane::through(at + normal * moved, normal * sign);
+            let mut body = crate::pvs::Viewcell::from_box(at - 5.0, at + 5.0);
+            body.planes.push(crate::geometry::Plane::new(DVec3::Z, 9.0 - at.z));
+            body.planes.push(inwards);
+            body
+        };
+        for corners in [corners, [corners[3], corners[2], corners[1], corners[0]]] {
+            let polygon = || ConvexPolygon::new(corners).unwrap();
+            let unit = normal.normalize();
+            for moved in [0.0, 0.3] {
+                let (behind, before) = (body(-1.0, -moved), body(1.0, moved));
+                let turned = turn(polygon(), [&behind, &before]).unwrap();
+                assert!((turned - unit).length() < 1e-6, "{turned}");
+                let turned = turn(polygon(), [&before, &behind]).unwrap();
+                assert!((turned + unit).length() < 1e-6, "{turned}");
+            }
+            assert!(turn(polygon(), [&body(-1.0, 0.1), &body(1.0, -0.1)]).is_err(), "both reach across");
+        }
+    }
+    // A body that touches the plane with a corner alone, between its box and a plane across it.
+    let mut wedge = crate::pvs::Viewcell::from_box(DVec3::splat(-4.0), DVec3::splat(4.0));
+    wedge.planes.push(crate::geometry::Plane::new(DVec3::new(-1.0, -0.5, 0.0), -2.0));
+    let all = crate::pvs::Viewcell::from_box(DVec3::splat(-9.0), DVec3::splat(9.0));
+    // Where x + y / 2 <= -2 and y >= -4, x is at most 0.
+    assert_eq!(turn(door(0.0), [&wedge, &all]), Ok(DVec3::X));
+    assert_eq!(turn(door(0.0), [&all, &wedge]), Ok(DVec3::NEG_X));
+}

@@ -136,6 +136,11 @@ impl ConvexPolygon {
         self.vertices.len() < 3
     }
 
+    /// Turns the polygon over: the vertices run the other way, and the normal is the opposite.
+    pub(crate) fn reverse(&mut self) {
+        self.vertices.reverse();
+    }
+
     /// Returns the area times the unit normal (the side from which the vertices run counter-clockwise), as
     /// half the sum of cross products over a triangle fan from the first vertex. Zero for an empty polygon.
     fn area_vector(&self) -> DVec3 {

@@ -118,10 +118,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
-        let count = scene.occluders_without_mesh();
-        if count > 0 {
-            each(Lack { what: "occluders without a mesh", count });
-        }
+        Lack::of_occluders(scene, each);
     }
 
     fn reset(&mut self) {

@@ -9,6 +9,7 @@ mod curve;
 mod detail;
 mod draw_range;
 mod maintain;
+mod mesh_bounds;
 mod object;
 mod placement;
 mod queue;
@@ -83,6 +84,8 @@ pub struct Scene {
     occluders: usize,
     /// Number of objects that are flagged as occluders and have no mesh.
     meshless: usize,
+    /// Number of objects that are flagged as occluders and have a mesh that reaches out of their bounds.
+    outside: usize,
     /// Generation of the first object of each index: a number of this scene, so that ids of other scenes are
     /// unknown here.
     first_generation: u32,
@@ -109,6 +112,7 @@ impl Clone for Scene {
             placements: self.placements.clone(),
             occluders: self.occluders,
             meshless: self.meshless,
+            outside: self.outside,
             first_generation: next_generation(),
             free: self.free.clone(),
             layered: self.layered,
@@ -139,6 +143,7 @@ impl Scene {
             placements: Placements::default(),
             occluders: 0,
             meshless: 0,
+            outside: 0,
             first_generation: next_generation(),
             free: Vec::new(),
             layered: 0,
@@ -334,7 +339,7 @@ impl Scene {
         let payload = self.tree.payload(slot);
         self.layered -= usize::from(payload.layers != u32::MAX);
         self.occluders -= usize::from(payload.occluder);
-        self.meshless -= usize::from(payload.occluder && !self.has_mesh(id));
+        self.count_occluder(id.index, usize::wrapping_sub);
         self.forget_details(id);
         self.tree.remove(slot);
         self.queue.push(slot.node());
@@ -507,11 +512,10 @@ impl Scene {
         let slot = self.slot(id)?;
         let was_occluder = self.tree.payload(slot).occluder;
         self.occluders = self.occluders + usize::from(occluder) - usize::from(was_occluder);
-        if !self.has_mesh(id) {
-            self.meshless = self.meshless + usize::from(occluder) - usize::from(was_occluder);
-        }
+        self.count_occluder(id.index, usize::wrapping_sub);
         let mask = &mut self.tree.occluders[slot.node()];
         *mask = *mask & !(1 << slot.lane()) | u64::from(occluder) << slot.lane();
+        self.count_occluder(id.index, usize::wrapping_add);
         self.log.push(id, self.generations.len());
         Ok(())
     }

@@ -177,6 +177,9 @@ pub enum SceneError {
     /// [`Scene::set_local_bounds`](crate::Scene::set_local_bounds) was not called, or
     /// [`Scene::set_bounds`](crate::Scene::set_bounds) later.
     NoLocalBounds(ObjectId),
+    /// A triangle for this object reaches out of the object's bounds by more than rounding: the triangles or
+    /// the bounds are in other coordinates than those of the scene, or of another object.
+    TrianglesOutsideBounds(ObjectId),
     /// The origin for the scene has a NaN or infinite coordinate.
     NonFiniteOrigin,
     /// The draw range for this object has a NaN, a negative or infinite `begin`, an `end` less than `begin`,
@@ -194,6 +197,9 @@ impl fmt::Display for SceneError {
             Self::NonFiniteTransform(id) => write!(f, "the transform of object {id} is not finite"),
             Self::NoLocalBounds(id) => {
                 write!(f, "object {id} has no local bounds that a transform could move")
+            }
+            Self::TrianglesOutsideBounds(id) => {
+                write!(f, "the triangles of object {id} reach out of its bounds, in scene coordinates")
             }
             Self::NonFiniteOrigin => write!(f, "the origin of the scene is not finite"),
             Self::InvalidDrawRange(id) => write!(f, "the draw range of object {id} is not a range"),

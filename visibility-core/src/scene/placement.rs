@@ -25,6 +25,8 @@ pub(super) struct PlacedMesh {
     pub(super) id: MeshId,
     /// Whether the mesh was made from the object's triangles, and so is in scene coordinates already.
     pub(super) is_prepared: bool,
+    /// Whether the mesh lies within the object's bounds. It hides nothing otherwise.
+    pub(super) is_inside: bool,
 }
 
 /// The placements of a scene, with constant-time look-up by object index.

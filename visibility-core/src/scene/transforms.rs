@@ -7,6 +7,7 @@
 //! is taken from the object. Triangles are in scene coordinates and never move, so each change takes them
 //! away.
 
+use super::mesh_bounds::{is_any_outside, is_within};
 use super::placement::PlacedMesh;
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, Slot, ToAffine, Triangle};
 use crate::{Aabb, OccluderMesh};
@@ -21,7 +22,7 @@ impl Scene {
     ///
     /// If the object has another local box already, it has changed its shape, and its mesh is removed. If its
     /// bounds change, its triangles are removed. An improper or infinite box makes an object that is never
-    /// culled.
+    /// culled. A mesh that reaches out of the local box [hides nothing](Self::occluders_outside_bounds).
     ///
     /// ```
     /// use visibility_core::{glam::{Affine3A, Vec3}, Aabb, Scene};
@@ -45,6 +46,9 @@ impl Scene {
             self.replace_mesh(id.index, None);
         }
         self.move_to(id, bounds);
+        if former != Some(local) {
+            self.check_mesh(id.index);
+        }
         Ok(())
     }
 
@@ -172,38 +176,72 @@ impl Scene {
         }
     }
 
-    /// Gives an object a mesh or takes it away, and keeps the count of
-    /// [`occluders_without_mesh`](Self::occluders_without_mesh).
+    /// Gives an object a mesh or takes it away. A given mesh counts once [`check_mesh`](Self::check_mesh) has
+    /// found it within the object's bounds.
     pub(super) fn replace_mesh(&mut self, index: u32, mesh: Option<PlacedMesh>) {
-        let slot = self.tree.slots[index as usize];
-        let former = match mesh {
-            Some(_) => core::mem::replace(&mut self.placements.get_or_insert(index).mesh, mesh),
-            None => self.placements.get_mut(index).and_then(|placement| placement.mesh.take()),
+        self.count_occluder(index, usize::wrapping_sub);
+        if let Some(mesh) = mesh {
+            self.placements.get_or_insert(index).mesh = Some(mesh);
+        } else if let Some(placement) = self.placements.get_mut(index) {
+            placement.mesh = None;
+        }
+        self.count_occluder(index, usize::wrapping_add);
+    }
+
+    /// Finds out anew whether the mesh of an object lies within the object's bounds: in local coordinates if
+    /// the object has a local box, which moves together with the mesh, otherwise in scene coordinates. Does
+    /// nothing for an object without a mesh.
+    fn check_mesh(&mut self, index: u32) {
+        let Some((placement, mesh)) = self.placements.get(index).and_then(|p| Some((p, p.mesh?))) else {
+            return;
         };
-        if self.tree.payload(slot).occluder {
-            self.meshless += usize::from(mesh.is_none() && former.is_some());
-            self.meshless -= usize::from(mesh.is_some() && former.is_none());
+        let slot = self.tree.slots[index as usize];
+        let bounds = self.tree.bounds[slot.node()].get(slot.lane());
+        let (transform, bounds) = match placement.local {
+            Some(local) if !mesh.is_prepared => (Affine3A::IDENTITY, local),
+            _ => (if mesh.is_prepared { Affine3A::IDENTITY } else { placement.transform }, bounds),
+        };
+        let is_inside = self.mesh(mesh.id).is_some_and(|mesh| is_within(mesh, &transform, &bounds));
+        if is_inside != mesh.is_inside {
+            self.replace_mesh(index, Some(PlacedMesh { is_inside, ..mesh }));
+        }
+    }
+
+    /// Adds an object to the counts of occluders that lack something, or takes it out. Does nothing for an
+    /// object that is not flagged as an occluder.
+    pub(super) fn count_occluder(&mut self, index: u32, add: fn(usize, usize) -> usize) {
+        if !self.tree.payload(self.tree.slots[index as usize]).occluder {
+            return;
+        }
+        match self.placements.get(index).and_then(|placement| placement.mesh) {
+            None => self.meshless = add(self.meshless, 1),
+            Some(mesh) => self.outside = add(self.outside, usize::from(!mesh.is_inside)),
         }
     }
 
     /// Replaces the triangles of an object, in scene coordinates, for users that need more than bounds: the
     /// item buffer of `visibility-measure`, occluder preparation, budgets in triangles. The object's bounds
-    /// must contain the triangles; they are neither checked nor changed. A change of the bounds removes the
-    /// triangles, so set the bounds first. An occluder mesh prepared from the former triangles is removed.
+    /// must contain the triangles, up to rounding. A change of the bounds removes the triangles, so set the
+    /// bounds first. An occluder mesh prepared from the former triangles is removed.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::TrianglesOutsideBounds`] if a
+    /// corner lies outside of the bounds; NaN corners do not, and improper bounds contain everything, since
+    /// such an object is never culled.
     pub fn set_triangles(
         &mut self,
         id: ObjectId,
         triangles: impl Into<Box<[Triangle]>>,
     ) -> Result<(), SceneError> {
-        self.slot(id)?;
+        let (slot, triangles) = (self.slot(id)?, triangles.into());
+        if is_any_outside(&triangles, &self.tree.bounds[slot.node()].get(slot.lane())) {
+            return Err(SceneError::TrianglesOutsideBounds(id));
+        }
         self.drop_triangles(id.index);
         if self.triangles.len() <= id.index() {
             self.triangles.resize_with(self.generations.len(), Box::default);
         }
-        self.triangles[id.index()] = triangles.into();
+        self.triangles[id.index()] = triangles;
         self.log.push(id, self.generations.len());
         Ok(())
     }
@@ -233,7 +271,10 @@ impl Scene {
     ///
     /// The object occludes only while it is also flagged as an [occluder](Self::set_occluder): to open and
     /// shut a door, switching that flag is enough and takes constant time. Everything that the mesh covers
-    /// must also be covered by the object as drawn, or visible objects are hidden.
+    /// must also be covered by the object as drawn, or visible objects are hidden. Of that, it is checked
+    /// that the mesh lies within the object's bounds, up to rounding, at most in time linear in its vertices.
+    /// A mesh that does not, such as one whose transform was forgotten,
+    /// [hides nothing](Self::occluders_outside_bounds).
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::UnknownMesh`] if `mesh` is
@@ -244,11 +285,13 @@ impl Scene {
         if !transform.is_finite() {
             return Err(SceneError::NonFiniteTransform(id));
         }
-        self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: false }));
+        self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: false, is_inside: false }));
         if self.local_bounds(id).is_some() {
+            self.check_mesh(id.index);
             return self.set_transform(id, transform);
         }
         self.placements.get_or_insert(id.index).transform = transform;
+        self.check_mesh(id.index);
         self.log.push(id, self.generations.len());
         Ok(())
     }
@@ -261,7 +304,8 @@ impl Scene {
     /// the object again when its triangles change.
     pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId) -> Result<(), SceneError> {
         self.slot(id)?;
-        self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: true }));
+        self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: true, is_inside: false }));
+        self.check_mesh(id.index);
         self.log.push(id, self.generations.len());
         Ok(())
     }
@@ -273,14 +317,15 @@ impl Scene {
     }
 
     /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
-    /// object is unknown, has no mesh or is not flagged as an occluder.
+    /// object is unknown, has no mesh or is not flagged as an occluder, and if the mesh reaches
+    /// [out of the object's bounds](Self::occluders_outside_bounds).
     pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
         let slot = self.slot(id).ok()?;
         if !self.tree.payload(slot).occluder {
             return None;
         }
         let placement = self.placements.get(id.index)?;
-        let mesh = placement.mesh?;
+        let mesh = placement.mesh.filter(|mesh| mesh.is_inside)?;
         let transform = if mesh.is_prepared { &Affine3A::IDENTITY } else { &placement.transform };
         Some((self.mesh(mesh.id)?, transform))
     }
@@ -315,5 +360,26 @@ impl Scene {
     /// ```
     pub fn occluders_without_mesh(&self) -> usize {
         self.meshless
+    }
+
+    /// Returns the number of objects that are flagged as occluders and have a mesh that reaches out of their
+    /// bounds by more than rounding. Such a mesh hides nothing: it is not where the object is, so that it
+    /// would hide visible objects, the object itself among them. Most often the transform given to
+    /// [`set_mesh`](Self::set_mesh) is that of another object or none. Takes constant time.
+    ///
+    /// ```
+    /// use visibility_core::{glam::{Affine3A, Vec3}, Aabb, Object, OccluderMesh, Scene};
+    /// let mut scene = Scene::new();
+    /// let mesh = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [8.0; 3]))?);
+    /// let bounds = Aabb::from_arrays([40.0, 0.0, 0.0], [48.0, 8.0, 8.0]);
+    /// let house = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    /// scene.set_mesh(house, mesh, Affine3A::IDENTITY)?;
+    /// assert!(scene.occluders_outside_bounds() == 1 && scene.occluder(house).is_none());
+    /// scene.set_mesh(house, mesh, Affine3A::from_translation(Vec3::X * 40.0))?;
+    /// assert!(scene.occluders_outside_bounds() == 0 && scene.occluder(house).is_some());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn occluders_outside_bounds(&self) -> usize {
+        self.outside
     }
 }

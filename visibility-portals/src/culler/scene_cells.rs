@@ -49,6 +49,8 @@ use visibility_core::{
 #[derive(Clone, Debug)]
 pub struct SceneCells {
     pub(super) graph: CellGraph,
+    /// Portals that were wound the wrong way in the graph as it was given, ascending.
+    turned: Vec<PortalId>,
     pub(super) viewcells: Viewcells,
     pub(super) tolerance: f64,
     pub(super) outlines: Vec<Outline>,
@@ -85,9 +87,16 @@ impl SceneCells {
     /// object within the tolerance of a cell belongs to the cell. A line of sight within the tolerance of a
     /// portal passes the portal. Gaps between cells of up to twice the tolerance are ignored.
     ///
+    /// A portal that is wound the wrong way is [turned](CellGraph::turn_portals), so that its normal points
+    /// from its first cell into its second. It is not checked that portals lie in the faces of the volumes,
+    /// since walls may be thick ([`CellGraph::validate_bodies`] does), nor that the boundaries of the volumes
+    /// are opaque elsewhere.
+    ///
     /// # Errors
     /// [`SceneCellsError::Viewcells`] if the graph and `viewcells` differ in count,
-    /// [`SceneCellsError::Tolerance`] if `tolerance` is negative, infinite or NaN.
+    /// [`SceneCellsError::Tolerance`] if `tolerance` is negative, infinite or NaN,
+    /// [`SceneCellsError::Graph`] if the volumes do not decide which way a portal is wound: both reach across
+    /// its plane, or both lie on the same side of it.
     pub fn new(graph: CellGraph, viewcells: Viewcells, tolerance: f64) -> Result<Self, SceneCellsError> {
         let (cells, found) = (graph.cell_count(), viewcells.cells().len());
         if cells != found {
@@ -96,6 +105,8 @@ impl SceneCells {
         if !(tolerance >= 0.0 && tolerance.is_finite()) {
             return Err(SceneCellsError::Tolerance(tolerance));
         }
+        let mut graph = graph;
+        let turned = graph.turn_portals(viewcells.cells(), tolerance).map_err(SceneCellsError::Graph)?;
         let outlines = graph
             .portals()
             .iter()
@@ -111,22 +122,28 @@ impl SceneCells {
             cursor: SceneCursor::START,
             stamp: Stamp::new(),
             graph,
+            turned,
             viewcells,
             tolerance,
         })
     }
 
     /// Limits the cells seen from a cell to its row of `pvs`, whose viewcells and targets must be the cells
-    /// of the graph. The PVS must have been computed with all portals open: a door that is opened later adds
-    /// no cell to the PVS.
+    /// of the graph. The PVS must have been computed from this graph, with all portals open: a door that is
+    /// opened later adds no cell to the PVS.
     ///
     /// # Errors
+    /// [`SceneCellsError::TurnedPortals`] if portals were turned when the cells were made: a PVS of the graph
+    /// as it was given would hide visible cells. Call [`CellGraph::turn_portals`] before both.
     /// [`SceneCellsError::Pvs`] if the targets of `pvs` are not cells, or if its counts of viewcells or
     /// targets differ from the number of cells.
     pub fn with_pvs(mut self, pvs: Pvs) -> Result<Self, SceneCellsError> {
         let (cells, viewcells, targets) = (self.graph.cell_count(), pvs.viewcell_count(), pvs.target_count());
         if pvs.targets() != PvsTargets::Cells || viewcells != cells || targets != cells {
             return Err(SceneCellsError::Pvs { cells, viewcells, targets });
+        }
+        if let Some(&first) = self.turned.first() {
+            return Err(SceneCellsError::TurnedPortals { first, count: self.turned.len() });
         }
         self.pvs = Some(pvs);
         self.stamp = Stamp::new();
@@ -140,9 +157,15 @@ impl SceneCells {
         self.stamp
     }
 
-    /// Returns the graph of cells and portals, in world space.
+    /// Returns the graph of cells and portals, in world space, with all portals wound rightly.
     pub fn graph(&self) -> &CellGraph {
         &self.graph
+    }
+
+    /// Returns the portals that were wound the wrong way in the graph as it was given to [`new`](Self::new),
+    /// ascending. They are turned in [`graph`](Self::graph).
+    pub fn turned_portals(&self) -> &[PortalId] {
+        &self.turned
     }
 
     /// Returns the volumes of the cells in world space; viewcell `i` is the volume of cell `i`.

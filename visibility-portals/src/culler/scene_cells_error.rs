@@ -2,7 +2,7 @@
 
 use super::hung_mirrors::MirrorId;
 use core::fmt;
-use visibility_core::cells::{CellId, PortalId};
+use visibility_core::cells::{CellGraphError, CellId, PortalId};
 
 /// Reason why [`SceneCells`](super::scene_cells::SceneCells) cannot be made or changed.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -17,6 +17,16 @@ pub enum SceneCellsError {
     },
     /// The tolerance, which is the value here, is negative, infinite or NaN.
     Tolerance(f64),
+    /// The bodies of a portal's cells do not tell which way the portal is wound, as the graph's error says.
+    Graph(CellGraphError),
+    /// Portals were wound the wrong way in the graph as it was given, and have been turned. A PVS of that graph
+    /// would hide visible cells.
+    TurnedPortals {
+        /// First portal that was turned.
+        first: PortalId,
+        /// Number of portals that were turned.
+        count: usize,
+    },
     /// The targets of the PVS are not cells, or its number of viewcells or of targets differs from the number
     /// of cells of the graph.
     Pvs {
@@ -43,6 +53,13 @@ impl fmt::Display for SceneCellsError {
             Self::Viewcells { cells, viewcells } => {
                 write!(f, "{viewcells} viewcells for {cells} cells: each cell needs one")
             }
+            Self::Graph(error) => write!(f, "{error}"),
+            Self::TurnedPortals { first, count } => write!(
+                f,
+                "portals that were wound the wrong way, {count} with portal {} the first, are not in the PVS: \
+                 turn them in the graph before it is baked",
+                first.0
+            ),
             Self::Tolerance(tolerance) => write!(f, "the tolerance cannot be {tolerance}"),
             Self::Pvs { cells, viewcells, targets } => write!(
                 f,

@@ -1,0 +1,48 @@
+//! Whether an occluder mesh, or triangles, lie within the bounds of their object.
+
+use super::Triangle;
+use crate::{Aabb, OccluderMesh};
+use glam::{Affine3A, Vec3, Vec3A};
+
+/// Tests whether the image of `mesh` under `transform` lies within `bounds`, up to rounding. False if `bounds`
+/// are improper, or if the image is NaN.
+///
+/// The transformed box of the mesh decides most calls, in constant time. A turned mesh may fit into bounds that
+/// its transformed box does not fit into: then each vertex is tested.
+pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb) -> bool {
+    let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+    let reach = mesh.bounds().min.abs().max(mesh.bounds().max.abs());
+    let size = transform.translation.abs() + x.abs() * reach.x + y.abs() * reach.y + z.abs() * reach.z;
+    let [least, greatest] = widened(bounds, size);
+    let holds = |low: Vec3A, high: Vec3A| least.cmple(low).all() && high.cmple(greatest).all();
+    let image = mesh.bounds().transformed(transform);
+    let vertex = |p: &Vec3| transform.translation + x * p.x + y * p.y + z * p.z;
+    bounds.is_proper()
+        && (holds(image.min.into(), image.max.into())
+            || mesh.positions().iter().map(vertex).all(|p| holds(p, p)))
+}
+
+/// Tests whether a corner of `triangles` lies outside of `bounds` by more than rounding. False if `bounds` are
+/// improper; NaN corners are not outside.
+pub(super) fn is_any_outside(triangles: &[Triangle], bounds: &Aabb) -> bool {
+    let outside = |p: &Vec3| {
+        let p = Vec3A::from(*p);
+        let [least, greatest] = widened(bounds, p.abs());
+        p.cmplt(least).any() || p.cmpgt(greatest).any()
+    };
+    bounds.is_proper() && triangles.as_flattened().iter().any(outside)
+}
+
+/// Returns the corners of `bounds`, moved outwards by what the rounding of the bounds and of points that they
+/// hold may come to. `size` bounds the magnitudes that the coordinates of such a point are the sum of.
+///
+/// With u = 2^-24: the image of a vertex errs by less than 4.1 u of `size`, as `Aabb::transformed` derives. The
+/// bounds were computed elsewhere, to the nearest: two roundings of a side (middle plus half extent), or those
+/// of a transform, on numbers of at most `size`, and one where the side is kept: less than 9 u of `size` and
+/// the side. In all less than 14 u; 16 u are taken. An underflow loses at most the least normal number, up to
+/// eight times. An infinite side admits everything.
+fn widened(bounds: &Aabb, size: Vec3A) -> [Vec3A; 2] {
+    let slack = |side: Vec3A| (size + side.abs()) * (8.0 * f32::EPSILON) + 8.0 * f32::MIN_POSITIVE;
+    let (min, max) = (Vec3A::from(bounds.min), Vec3A::from(bounds.max));
+    [min - slack(min), max + slack(max)]
+}

@@ -1,0 +1,169 @@
+//! Tests that an occluder mesh outside the bounds of its object hides nothing, and that a mesh within them is
+//! used, however both were computed.
+
+use visibility_core::glam::{Affine3A, DAffine3, DQuat, DVec3, EulerRot, Quat, Vec3};
+use visibility_core::{
+    Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose, Scene, View,
+    VisibleSet, occlusion::Preparation, scene::SceneError,
+};
+use visibility_testing::{PlainMap, Random};
+
+/// The house of the mesh, in its own coordinates.
+const LOCAL: Aabb = Aabb::from_arrays([0.0; 3], [8.0, 8.0, 10.0]);
+const HOUSE: Aabb = Aabb::from_arrays([40.0, 0.0, 0.0], [48.0, 8.0, 10.0]);
+const CAR: Aabb = Aabb::from_arrays([20.0, 3.0, 0.0], [24.0, 5.0, 1.5]);
+
+/// Returns a scene with a house that has no mesh yet, and a car before it.
+fn street() -> (Scene, [ObjectId; 2]) {
+    let mut scene = Scene::new();
+    let house = scene.insert(Object { occluder: true, ..Object::new(HOUSE) });
+    let car = scene.insert(CAR);
+    (scene, [house, car])
+}
+
+/// Returns what a pipeline shows of the street, and what it lacks.
+fn shown(scene: &Scene, ids: [ObjectId; 2]) -> ([bool; 2], Vec<String>) {
+    let pose = Pose::look_at(DVec3::new(-10.0, 4.0, 1.7), DVec3::new(40.0, 4.0, 1.7), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.6, 0.1, f64::INFINITY).unwrap();
+    let mut pipeline =
+        Pipeline::new().with(FrustumCuller::new()).with(OcclusionCuller::new(PlainMap::new(96, 60)));
+    let mut visible = VisibleSet::new();
+    pipeline.cull(scene, &view, &mut visible);
+    let mut lacks = Vec::new();
+    pipeline.for_each_lack(scene, |_, lack| lacks.push(lack.to_string()));
+    (ids.map(|id| visible.contains(scene, id)), lacks)
+}
+
+#[test]
+fn a_mesh_whose_transform_was_forgotten_hides_nothing() {
+    let (mut scene, ids) = street();
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&LOCAL).unwrap());
+    scene.set_mesh(ids[0], mesh, Affine3A::IDENTITY).unwrap();
+    let lack = "occluders with a mesh outside their bounds: 1".to_string();
+    assert_eq!(shown(&scene, ids), ([true; 2], vec![lack]));
+    assert_eq!(scene.clone().occluders_outside_bounds(), 1);
+    assert!(scene.has_mesh(ids[0]) && scene.occluder(ids[0]).is_none());
+    scene.set_occluder(ids[0], false).unwrap();
+    assert_eq!(scene.occluders_outside_bounds(), 0);
+    scene.set_occluder(ids[0], true).unwrap();
+    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (1, 0));
+    scene.set_mesh(ids[0], mesh, Affine3A::from_translation(HOUSE.min)).unwrap();
+    assert_eq!(shown(&scene, ids), ([true; 2], vec![]));
+    // One object would not be worth the occluder.
+    let behind = scene.insert_batch([Aabb::from_arrays([60.0, 3.0, 4.0], [61.0, 5.0, 6.0]); 200]);
+    assert_eq!(shown(&scene, [ids[0], behind[0]]).0, [true, false], "the house hides what is behind it");
+    scene.set_mesh(ids[0], mesh, Affine3A::IDENTITY).unwrap();
+    scene.set_bounds(ids[0], CAR).unwrap();
+    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (0, 1));
+    scene.set_mesh(ids[0], mesh, Affine3A::IDENTITY).unwrap();
+    scene.remove(ids[0]).unwrap();
+    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (0, 0));
+}
+
+/// Local bounds and mesh are compared in local coordinates, where no transform can part them, in whichever
+/// order they are set.
+#[test]
+fn a_mesh_outside_local_bounds_hides_nothing_until_they_hold_it() {
+    let far = Affine3A::from_rotation_translation(Quat::from_rotation_z(0.5), Vec3::new(40.0, 0.0, 0.0));
+    let (mut scene, [house, _]) = street();
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&LOCAL).unwrap());
+    scene.set_mesh(house, mesh, far).unwrap();
+    assert_eq!(scene.occluders_outside_bounds(), 1, "the turned mesh reaches out of the bounds");
+    scene.set_local_bounds(house, LOCAL).unwrap();
+    assert!(scene.occluder(house).is_some(), "the bounds follow from the mesh's own box");
+    scene.set_transforms_batch(&[(house, Affine3A::IDENTITY)]).unwrap();
+    assert!(scene.occluder(house).is_some());
+    // Another shape takes the mesh away; a mesh that is too large for it does not count.
+    scene.set_local_bounds(house, Aabb::new(LOCAL.min, LOCAL.max - 1.0)).unwrap();
+    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (0, 1));
+    scene.set_mesh(house, mesh, far).unwrap();
+    assert_eq!((scene.occluders_outside_bounds(), scene.occluders_without_mesh()), (1, 0));
+    scene.set_local_bounds(house, Aabb::new(Vec3::NAN, Vec3::NAN)).unwrap();
+    scene.set_mesh(house, mesh, far).unwrap();
+    assert!(scene.occluder(house).is_none(), "a box that bounds nothing holds no mesh");
+    let everywhere = Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY);
+    let sky = scene.insert(Object { occluder: true, ..Object::new(everywhere) });
+    scene.set_mesh(sky, mesh, far).unwrap();
+    assert!(scene.occluder(sky).is_some());
+}
+
+/// Triangles that a transform was forgotten for are refused, before anything is made from them.
+#[test]
+fn triangles_outside_the_bounds_are_refused() {
+    let (mut scene, ids) = street();
+    let corners = LOCAL.corners();
+    let triangles = |by: Vec3| OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize] + by));
+    scene.set_triangles(ids[0], triangles(HOUSE.min)).unwrap();
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+    assert!(scene.occluder(ids[0]).is_some() && scene.occluders_outside_bounds() == 0);
+    let error = scene.set_triangles(ids[0], triangles(Vec3::ZERO)).unwrap_err();
+    assert_eq!(error, SceneError::TrianglesOutsideBounds(ids[0]));
+    assert!(scene.occluder(ids[0]).is_some(), "a failed call changes nothing");
+    assert_eq!(scene.triangles(ids[0]).unwrap(), triangles(HOUSE.min));
+    // Rounding on each side, of the box and of the corners, is no fault; 16 times as much is.
+    for axis in Vec3::AXES {
+        for (sign, side) in [(-1.0f32, HOUSE.min), (1.0, HOUSE.max)] {
+            if side.dot(axis) == 0.0 {
+                continue;
+            }
+            let at = |by: f32| side + axis * sign * (side.dot(axis) * f32::EPSILON * by);
+            let mut set = |by: f32| scene.set_triangles(ids[0], [[side, at(by), side]]);
+            assert_eq!(set(2.0), Ok(()), "{axis} {sign}");
+            assert_eq!(set(128.0), Err(SceneError::TrianglesOutsideBounds(ids[0])), "{axis} {sign}");
+        }
+    }
+    scene.set_triangles(ids[0], [[Vec3::NAN; 3]]).unwrap();
+    let unknown = scene.insert(Aabb::new(Vec3::NAN, Vec3::NAN));
+    scene.set_triangles(unknown, triangles(Vec3::ZERO)).unwrap();
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 0);
+    scene.set_occluder(unknown, true).unwrap();
+    assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+    assert!(scene.occluder(unknown).is_none(), "a box that bounds nothing holds no mesh");
+}
+
+/// Bounds as programs compute them hold their mesh: around the vertices as placed in `f64` and rounded to the
+/// nearest, and as middle plus half extent. The same bounds moved or shrunk by some times the rounding do not.
+#[test]
+fn bounds_computed_to_the_nearest_hold_their_mesh_and_others_do_not() {
+    let mut random = Random(38);
+    let (mut rounded, mut decided) = (0, 0);
+    for _ in 0..4000 {
+        let scale = 10f64.powf(random.range(-3.0, 5.0));
+        let offset = scale * 10f64.powf(random.range(-1.0, 2.0));
+        let at = |by: f64, random: &mut Random| random.fine_vector(by).as_vec3();
+        let (center, local) = (at(offset, &mut random), at(offset, &mut random));
+        let points: Vec<Vec3> = (0..8).map(|_| local + at(scale, &mut random)).collect();
+        let all: Vec<[u32; 3]> = (0..6).map(|i| [i, i + 1, i + 2]).collect();
+        let Ok(mesh) = OccluderMesh::from_indexed(&points, &all) else { continue };
+        let [a, b, c] = [0; 3].map(|_| random.fine_range(-3.0, 3.0));
+        let turn = DQuat::from_euler(EulerRot::XYZ, a, b, c);
+        let transform = Affine3A::from_rotation_translation(turn.as_quat(), center);
+        let exact = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
+        let images = mesh.positions().iter().map(|p| exact.transform_point3(p.as_dvec3()));
+        let (min, max) =
+            images.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)));
+        let nearest = Aabb::new(min.as_vec3(), max.as_vec3());
+        let (middle, half) = ((nearest.min + nearest.max) * 0.5, (nearest.max - nearest.min) * 0.5);
+        let halved = Aabb::new(middle - half, middle + half);
+        let mut scene = Scene::new();
+        let mesh_id = scene.add_mesh(mesh.clone());
+        let mut is_used = |bounds: Aabb| {
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_mesh(id, mesh_id, transform).unwrap();
+            scene.occluder(id).is_some()
+        };
+        assert!(is_used(nearest) && is_used(halved), "{nearest:?}: {transform:?}");
+        let f32_image = Aabb::from_points(mesh.positions().iter().map(|&p| transform.transform_point3(p)));
+        rounded += usize::from(f32_image != nearest && nearest.union(&f32_image) != nearest);
+        // 16 error bounds, of 16 roundings of the numbers that are summed.
+        let reach = mesh.bounds().min.abs().max(mesh.bounds().max.abs()).as_dvec3().element_sum();
+        let clear = (reach + max.abs().max(min.abs()).max_element() + center.as_dvec3().abs().max_element())
+            * (16.0 * 16.0 * f64::from(f32::EPSILON) * 0.5);
+        let axis = Vec3::AXES[random.below(3)];
+        let by = axis * clear as f32;
+        assert!(!is_used(Aabb::new(nearest.min + by, nearest.max)), "{nearest:?}: {transform:?}");
+        assert!(!is_used(Aabb::new(nearest.min, nearest.max - by)), "{nearest:?}: {transform:?}");
+        decided += 1;
+    }
+    assert!(rounded > 1000 && decided > 3900, "{rounded} {decided}");
+}
