@@ -7,7 +7,7 @@
 //! The format of the file is described in `docs/formats.md` of the repository.
 
 use crate::deflated::{deflated, inflated};
-use crate::object_facts::bounds_fingerprint;
+use crate::object_facts::{bounds_fingerprint, level_version};
 use crate::tiled_scene::TiledScene;
 use std::collections::HashMap;
 use std::fmt;
@@ -19,7 +19,7 @@ use visibility_core::pvs::{
 };
 use visibility_core::{Aabb, ObjectId, Scene};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 4 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
 
 /// Greatest number of columns before a column, and after it, that are compared with it to find the most
 /// similar.
@@ -36,6 +36,12 @@ const BASES: usize = 12;
 
 /// Viewcells and their potentially visible sets, for a scene with the objects that it was baked from.
 ///
+/// A set is right for one [version](Self::version) of its level: a hash of all that the bake rests on. A wall
+/// with a new door, whose box is as before, is another version. [`for_scene`](Self::for_scene) compares all of
+/// it. A game whose scene has boxes alone carries the version in its level, as `bake` prints it, and hands it
+/// to [`for_level`](Self::for_level) or [`compared`](Self::compared). Cullers of a set that was not compared
+/// with a version are [approximate](visibility_core::Accuracy::Approximate).
+///
 /// ```
 /// use std::sync::Arc;
 /// use visibility_bake::BakedSet;
@@ -50,8 +56,12 @@ const BASES: usize = 12;
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct BakedSet {
+    /// Hash of all that the bake rests on: see [`level_version`].
+    version: u64,
     /// Hash of the origin of the scene, and of the indices and bounds of its objects.
-    fingerprint: u64,
+    bounds: u64,
+    /// Whether the set was compared with the version of the level that it is used for.
+    is_checked: bool,
     /// Greatest index of an object plus 1.
     index_limit: usize,
     viewcells: Viewcells,
@@ -75,8 +85,15 @@ pub enum BakedSetError {
         /// Number of rows.
         rows: usize,
     },
-    /// The objects of the scene are not, or not where, they were when the set was baked.
+    /// The objects of the scene are not what they were when the set was baked, or not where they were.
     OtherScene,
+    /// The level is of another version than that from which the set was baked.
+    OtherVersion {
+        /// Version from which the set was baked.
+        baked: u64,
+        /// Version of the level.
+        level: u64,
+    },
 }
 
 impl fmt::Display for BakedSetError {
@@ -85,9 +102,16 @@ impl fmt::Display for BakedSetError {
             Self::Format(error) => write!(f, "{error}"),
             Self::Pvs(error) => write!(f, "{error}"),
             Self::Rows { viewcells, rows } => write!(f, "{viewcells} viewcells, but {rows} rows"),
-            Self::OtherScene => {
-                write!(f, "the set was baked from a scene with other objects, or objects in other places")
-            }
+            Self::OtherScene => write!(
+                f,
+                "the set was baked from a scene with other objects, or with other triangles, occluders, flags \
+                 or places of objects: bake again"
+            ),
+            Self::OtherVersion { baked, level } => write!(
+                f,
+                "the set was baked from version {baked:016x} of the level, which is now {level:016x}: bake \
+                 again"
+            ),
         }
     }
 }
@@ -106,10 +130,9 @@ impl From<PvsError> for BakedSetError {
     }
 }
 
-/// Returns a hash of the origin of a scene, and of the indices and bounds of its objects.
-fn scene_fingerprint(scene: &Scene) -> u64 {
-    let bounds = |id: ObjectId| scene.bounds(id).ok().map(|bounds| (id.index() as u32, bounds));
-    bounds_fingerprint(scene.origin(), scene.ids().filter_map(bounds))
+/// Returns the indices and bounds of the objects of a scene.
+fn boxes(scene: &Scene) -> impl Iterator<Item = (u32, Aabb)> {
+    scene.ids().filter_map(|id| Some((id.index() as u32, scene.bounds(id).ok()?)))
 }
 
 impl BakedSet {
@@ -123,7 +146,8 @@ impl BakedSet {
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
-        Self::compress(scene.index_limit(), scene_fingerprint(scene), viewcells, rows)
+        let hashes = [level_version(scene), bounds_fingerprint(scene.origin(), boxes(scene))];
+        Self::compress(scene.index_limit(), hashes, viewcells, rows)
     }
 
     /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level of which no scene is in
@@ -136,12 +160,13 @@ impl BakedSet {
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
-        Self::compress(level.index_limit(), level.bounds_fingerprint(), viewcells, rows)
+        let hashes = [level.version(), level.bounds_fingerprint()];
+        Self::compress(level.index_limit(), hashes, viewcells, rows)
     }
 
     fn compress<R: AsRef<[u32]>>(
         index_limit: usize,
-        fingerprint: u64,
+        [version, bounds]: [u64; 2],
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
@@ -165,7 +190,13 @@ impl BakedSet {
             });
             bases
         })?;
-        Ok(Self { fingerprint, index_limit, viewcells, classes, pvs })
+        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, pvs })
+    }
+
+    /// Returns the version of the level from which the set was baked: its
+    /// [`level_version`](crate::level_version) at that time.
+    pub fn version(&self) -> u64 {
+        self.version
     }
 
     /// Returns the viewcells.
@@ -196,18 +227,33 @@ impl BakedSet {
     }
 
     /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that were inserted
-    /// since the bake count as visible.
+    /// since the bake count as visible. Time is linear in the number of triangles.
+    ///
+    /// # Errors
+    /// [`BakedSetError::OtherScene`] unless the scene has the [version](crate::level_version) from which the
+    /// set was baked: just the objects of the bake, with the same indices, bounds, flags, triangles and
+    /// occluder meshes.
+    pub fn for_scene(self, scene: &Scene) -> Result<ScenePvs, BakedSetError> {
+        if self.version != level_version(scene) {
+            return Err(BakedSetError::OtherScene);
+        }
+        let version = Some(self.version);
+        self.for_level(scene, version)
+    }
+
+    /// Returns the sets as [`for_scene`](Self::for_scene) does, for a scene with the boxes of the objects
+    /// alone. `version` is the one that the level carries, as `bake` printed it. Without one, cullers are
+    /// [approximate](ScenePvs::unchecked): they hide what an edit inside of a box has made visible.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has just the objects of the bake, with the same indices
-    /// and bounds.
-    pub fn for_scene(self, scene: &Scene) -> Result<ScenePvs, BakedSetError> {
-        if self.index_limit != scene.index_limit() || self.fingerprint != scene_fingerprint(scene) {
+    /// and bounds; [`BakedSetError::OtherVersion`].
+    pub fn for_level(self, scene: &Scene, version: Option<u64>) -> Result<ScenePvs, BakedSetError> {
+        if self.index_limit != scene.index_limit() {
             return Err(BakedSetError::OtherScene);
         }
-        let targets = self.targets();
-        let pairs: Vec<_> = scene.ids().map(|id| (id, targets[id.index()])).collect();
-        Ok(ScenePvs::new(scene, self.pvs, self.viewcells, pairs))
+        let set = self.compared(version, scene.origin(), boxes(scene))?;
+        Ok(set.for_objects(scene, scene.ids().map(|id| (id, id.index() as u32))))
     }
 
     /// Returns the sets for a scene that has the objects of the bake under other indices, or others among
@@ -216,45 +262,62 @@ impl BakedSet {
     /// [`index_limit`](Self::index_limit). An index may be that of several objects: the parts of one.
     ///
     /// The scene is not compared with that of the bake, as [`for_scene`](Self::for_scene) does. An object
-    /// that is elsewhere than in the bake is hidden from where it is seen; see
-    /// [`check_bounds`](Self::check_bounds).
+    /// that is elsewhere than in the bake is hidden from where it is seen. Cullers are
+    /// [approximate](ScenePvs::unchecked) unless the set was [compared](Self::compared) with the version of
+    /// the level: then the caller promises that the objects are those of the level.
     pub fn for_objects(&self, scene: &Scene, objects: impl IntoIterator<Item = (ObjectId, u32)>) -> ScenePvs {
         let targets = self.targets();
-        // No set has a target `u32::MAX`, so that its objects are never hidden.
-        let target = |index: u32| targets.get(index as usize).copied().unwrap_or(u32::MAX);
+        // An object of no class has the target that no viewcell sees. No set has a target `u32::MAX`, so that
+        // its objects are never hidden.
+        let target = |index: u32| match targets.binary_search_by_key(&index, |&(of, _)| of) {
+            Ok(at) => targets[at].1,
+            Err(_) if (index as usize) < self.index_limit => self.classes.len() as u32,
+            Err(_) => u32::MAX,
+        };
         let pairs = objects.into_iter().map(|(id, index)| (id, target(index)));
-        ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs)
+        let sets = ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs);
+        if self.is_checked { sets } else { sets.unchecked() }
     }
 
-    /// Checks that the set was baked from objects with these bounds: the index of each object and its bounds
-    /// relative to the scene's `origin`, by ascending index.
+    /// Returns the set for a level of this version, as the level carries it, with objects of these bounds:
+    /// the index of each object and its bounds relative to the scene's `origin`, by ascending index. Without
+    /// a version only the bounds are compared, and cullers stay [approximate](ScenePvs::unchecked).
     ///
     /// # Errors
-    /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds.
-    pub fn check_bounds(
-        &self,
+    /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds;
+    /// [`BakedSetError::OtherVersion`].
+    pub fn compared(
+        self,
+        version: Option<u64>,
         origin: DVec3,
         bounds: impl IntoIterator<Item = (u32, Aabb)>,
-    ) -> Result<(), BakedSetError> {
-        match bounds_fingerprint(origin, bounds) == self.fingerprint {
-            true => Ok(()),
-            false => Err(BakedSetError::OtherScene),
+    ) -> Result<Self, BakedSetError> {
+        if bounds_fingerprint(origin, bounds) != self.bounds {
+            return Err(BakedSetError::OtherScene);
+        }
+        match version {
+            Some(level) if level != self.version => {
+                Err(BakedSetError::OtherVersion { baked: self.version, level })
+            }
+            _ => Ok(Self { is_checked: version.is_some(), ..self }),
         }
     }
 
-    /// Returns the target of each object, by index. An object of no class has the target that no viewcell
-    /// sees.
-    fn targets(&self) -> Vec<u32> {
-        let mut targets = vec![self.classes.len() as u32; self.index_limit];
-        for (class, objects) in self.classes.iter().enumerate() {
-            objects.iter().for_each(|&index| targets[index as usize] = class as u32);
+    /// Returns each object of a class with the number of the class, by ascending index. The
+    /// [index limit](Self::index_limit) may be forged: memory follows the objects in classes.
+    fn targets(&self) -> Vec<(u32, u32)> {
+        let mut targets = Vec::new();
+        for (class, objects) in (0..).zip(&self.classes) {
+            targets.extend(objects.iter().map(|&index| (index, class)));
         }
+        targets.sort_unstable();
         targets
     }
 
     /// Returns the bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut to = Writer::new(FORMAT, 0, self.fingerprint);
+        let mut to = Writer::new(FORMAT, 0, self.version);
+        to.u64(self.bounds);
         to.u32(self.index_limit as u32);
         to.u32(self.viewcells.cells().len() as u32);
         // One coordinate of all viewcells after another: equal numbers are near each other.
@@ -273,7 +336,7 @@ impl BakedSet {
         to.bytes(&classes);
         to.u32(self.pvs.as_bytes().len() as u32);
         to.bytes(self.pvs.as_bytes());
-        deflated(FORMAT, self.fingerprint, to)
+        deflated(FORMAT, self.version, to)
     }
 
     /// Reads the bytes of a file.
@@ -284,9 +347,14 @@ impl BakedSet {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, BakedSetError> {
         let plain = inflated(bytes, FORMAT)?;
         let mut from = Reader::new(&plain, FORMAT)?;
-        let fingerprint = from.fingerprint();
-        from.expect(0, fingerprint)?;
-        let (index_limit, count) = (from.u32()? as usize, from.u32()? as usize);
+        let version = from.fingerprint();
+        from.expect(0, version)?;
+        let (bounds, index_limit, count) = (from.u64()?, from.u32()? as usize, from.u32()? as usize);
+        if index_limit > INDEX_LIMIT {
+            return Err(from
+                .content_error("the greatest index of an object is beyond those of any set")
+                .into());
+        }
         let floats = |from: &mut Reader<'_>, count| -> Result<Vec<f64>, FormatError> {
             Ok(from.u64s(count)?.into_iter().map(f64::from_bits).collect())
         };
@@ -314,7 +382,8 @@ impl BakedSet {
         if pvs.target_count() != classes.len() + 1 {
             return Err(from.content_error("the numbers of classes and of targets differ").into());
         }
-        Ok(Self { fingerprint, index_limit, viewcells: Viewcells::new(cells), classes, pvs })
+        let viewcells = Viewcells::new(cells);
+        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, pvs })
     }
 }
 

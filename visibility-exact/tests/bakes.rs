@@ -147,7 +147,7 @@ fn state_of_another_bake_and_damaged_state_are_refused() {
     }
     // Random content under a true checksum: refused or loaded, without panic.
     let baker = ExactBaker::new(&triangles, &cells, settings());
-    let format = visibility_core::binary_format::Format { magic: *b"VISIBAKE", version: 3 };
+    let format = visibility_core::binary_format::Format { magic: *b"VISIBAKE", version: 4 };
     for _ in 0..300 {
         let mut state =
             visibility_core::binary_format::Writer::new(format, ExactBaker::KIND, baker.fingerprint());

@@ -132,7 +132,7 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
     let forged = |change: &dyn Fn(&mut [u8])| {
         let mut content = saved[HEADER_LENGTH..].to_vec();
         change(&mut content);
-        let format = Format { magic: saved[..8].try_into().unwrap(), version: 3 };
+        let format = Format { magic: saved[..8].try_into().unwrap(), version: 4 };
         let fingerprint = u64::from_le_bytes(saved[16..24].try_into().unwrap());
         let mut writer = Writer::new(format, 0, fingerprint);
         writer.bytes(&content);

@@ -7,6 +7,7 @@
 pub mod allocations;
 pub mod cameras;
 mod exact;
+mod forged_counts;
 mod hash;
 mod octree;
 mod plain_map;
@@ -15,6 +16,7 @@ mod slabs;
 pub mod swapped;
 
 pub use exact::sign_of_sum;
+pub use forged_counts::{forge_counts, mend_header};
 pub use hash::{FNV_START, fnv};
 pub use octree::Octree;
 pub use plain_map::PlainMap;
