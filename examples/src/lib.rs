@@ -11,6 +11,7 @@ mod gltf_buffers;
 pub mod gltf_file;
 pub mod load;
 pub mod occlusion;
+pub mod output_file;
 pub mod picture_size;
 pub mod plan;
 pub mod plp;

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 use visibility_examples::occlusion::frame::Stage;
 use visibility_examples::occlusion::{picture, visb, visc};
+use visibility_examples::output_file::write;
 use visibility_examples::picture_size::parse_size;
 use visibility_hzb::Coverage;
 
@@ -123,14 +124,12 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         if let Some(folder) = &arguments.pictures {
             let folder = folder.join(format!("view-{number}"));
-            picture::save(stage.map(), &folder)
-                .map_err(|error| format!("cannot write pictures to {}: {error}", folder.display()))?;
+            picture::save(stage.map(), &folder)?;
         }
         answers.push(answer);
     }
     if let Some(path) = &arguments.dump {
-        std::fs::write(path, visb::write(&answers))
-            .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        write(path, &visb::write(&answers))?;
     }
     Ok(())
 }
