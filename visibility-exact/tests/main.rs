@@ -13,3 +13,7 @@ mod planted_gaps;
 mod quick_looks;
 mod rims;
 mod shares;
+
+#[global_allocator]
+static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
+    visibility_testing::allocations::CountingAllocator;
