@@ -65,8 +65,10 @@ pub struct BakedSet {
     /// Greatest index of an object plus 1.
     index_limit: usize,
     viewcells: Viewcells,
-    /// By class, the indices of its objects, ascending. Objects that no viewcell sees are in no class.
-    classes: Vec<Vec<u32>>,
+    /// By class, the indices of its objects, ascending, as [`class_bytes`] has written them: a class of one
+    /// object takes a byte or two. Objects that no viewcell sees are in no class.
+    classes: Vec<u8>,
+    class_count: usize,
     /// By viewcell, the numbers of the classes seen. The last target is no class, and seen from no viewcell.
     pvs: Pvs,
 }
@@ -190,7 +192,8 @@ impl BakedSet {
             });
             bases
         })?;
-        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, pvs })
+        let (class_count, classes) = (classes.len(), class_bytes(&classes));
+        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, class_count, pvs })
     }
 
     /// Returns the version of the level from which the set was baked: its
@@ -209,16 +212,19 @@ impl BakedSet {
     pub fn row(&self, viewcell: ViewcellId) -> Vec<u32> {
         let mut bits = Vec::new();
         self.pvs.write_bits(viewcell, &mut bits);
-        let is_seen = |class: &usize| bits[class / 64] >> (class % 64) & 1 == 1;
-        let seen = (0..self.classes.len()).filter(is_seen).flat_map(|class| &self.classes[class]);
-        let mut row: Vec<u32> = seen.copied().collect();
+        let mut row = Vec::new();
+        for_each_in_classes(&self.classes, self.index_limit, |class, index| {
+            if bits[class / 64] >> (class % 64) & 1 == 1 {
+                row.push(index);
+            }
+        });
         row.sort_unstable();
         row
     }
 
     /// Returns the number of bytes of the sets in memory, without the viewcells.
     pub fn set_bytes(&self) -> usize {
-        class_bytes(&self.classes).len() + self.pvs.as_bytes().len()
+        self.classes.len() + self.pvs.as_bytes().len()
     }
 
     /// Returns an exclusive upper bound on the indices of the objects that the set was baked from.
@@ -266,15 +272,28 @@ impl BakedSet {
     /// [approximate](ScenePvs::unchecked) unless the set was [compared](Self::compared) with the version of
     /// the level: then the caller promises that the objects are those of the level.
     pub fn for_objects(&self, scene: &Scene, objects: impl IntoIterator<Item = (ObjectId, u32)>) -> ScenePvs {
-        let targets = self.targets();
-        // An object of no class has the target that no viewcell sees. No set has a target `u32::MAX`, so that
-        // its objects are never hidden.
-        let target = |index: u32| match targets.binary_search_by_key(&index, |&(of, _)| of) {
-            Ok(at) => targets[at].1,
-            Err(_) if (index as usize) < self.index_limit => self.classes.len() as u32,
-            Err(_) => u32::MAX,
-        };
-        let pairs = objects.into_iter().map(|(id, index)| (id, target(index)));
+        let objects: Vec<(ObjectId, u32)> = objects.into_iter().collect();
+        // By index asked for, its target. An object of no class has the target that no viewcell sees. The set
+        // may be forged: memory follows the objects of the caller.
+        let mut targets: Vec<(u32, u32)> = objects
+            .iter()
+            .map(|&(_, index)| index)
+            .map(|index| {
+                let is_known = (index as usize) < self.index_limit;
+                // No set has a target `u32::MAX`, so that its objects are never hidden.
+                (index, if is_known { self.class_count as u32 } else { u32::MAX })
+            })
+            .collect();
+        targets.sort_unstable();
+        targets.dedup();
+        let place = |targets: &[(u32, u32)], index| targets.binary_search_by_key(&index, |&(of, _)| of).ok();
+        for_each_in_classes(&self.classes, self.index_limit, |class, index| {
+            if let Some(at) = place(&targets, index) {
+                targets[at].1 = class as u32;
+            }
+        });
+        let target = |index| place(&targets, index).map_or(u32::MAX, |at| targets[at].1);
+        let pairs = objects.iter().map(|&(id, index)| (id, target(index)));
         let sets = ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs);
         if self.is_checked { sets } else { sets.unchecked() }
     }
@@ -303,17 +322,6 @@ impl BakedSet {
         }
     }
 
-    /// Returns each object of a class with the number of the class, by ascending index. The
-    /// [index limit](Self::index_limit) may be forged: memory follows the objects in classes.
-    fn targets(&self) -> Vec<(u32, u32)> {
-        let mut targets = Vec::new();
-        for (class, objects) in (0..).zip(&self.classes) {
-            targets.extend(objects.iter().map(|&index| (index, class)));
-        }
-        targets.sort_unstable();
-        targets
-    }
-
     /// Returns the bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut to = Writer::new(FORMAT, 0, self.version);
@@ -331,9 +339,8 @@ impl BakedSet {
                 to.u64s(plane.normal.to_array().into_iter().chain([plane.offset]).map(f64::to_bits));
             }
         }
-        let classes = class_bytes(&self.classes);
-        to.u32(classes.len() as u32);
-        to.bytes(&classes);
+        to.u32(self.classes.len() as u32);
+        to.bytes(&self.classes);
         to.u32(self.pvs.as_bytes().len() as u32);
         to.bytes(self.pvs.as_bytes());
         deflated(FORMAT, self.version, to)
@@ -371,7 +378,8 @@ impl BakedSet {
             cells.push(cell);
         }
         let length = from.u32()? as usize;
-        let classes = read_classes(from.bytes(length)?, index_limit)
+        let classes = from.bytes(length)?.to_vec();
+        let class_count = count_classes(&classes, index_limit)
             .ok_or_else(|| from.content_error("classes of objects are out of order, repeated or cut off"))?;
         let length = from.u32()? as usize;
         let pvs = Pvs::from_bytes(from.bytes(length)?.to_vec())?;
@@ -379,11 +387,11 @@ impl BakedSet {
         if pvs.viewcell_count() != cells.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: pvs.viewcell_count() });
         }
-        if pvs.target_count() != classes.len() + 1 {
+        if pvs.target_count() != class_count + 1 {
             return Err(from.content_error("the numbers of classes and of targets differ").into());
         }
         let viewcells = Viewcells::new(cells);
-        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, pvs })
+        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, class_count, pvs })
     }
 }
 
@@ -494,28 +502,35 @@ fn signed_code(number: i64) -> u64 {
     if number < 0 { number.unsigned_abs() * 2 - 1 } else { number.unsigned_abs() * 2 }
 }
 
-/// Reads what [`class_bytes`] has written. `None` if an object is in two classes or not below `limit`, or if
-/// the bytes end within a class.
-fn read_classes(bytes: &[u8], limit: usize) -> Option<Vec<Vec<u32>>> {
-    let (mut rest, mut first) = (bytes, 0u32);
-    let (mut classes, mut all) = (Vec::new(), Vec::new());
+/// Calls `each` with the class and the index of each object in what [`class_bytes`] has written, class by class.
+/// Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end within a class.
+fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u32)) -> Option<usize> {
+    let (mut rest, mut first, mut count) = (bytes, 0u32, 0);
     while !rest.is_empty() {
         let code = take_number(&mut rest)?;
         let (number, mut has_more) = (code / 2, code % 2 == 1);
         let step = if number % 2 == 1 { -i64::from(number / 2) - 1 } else { i64::from(number / 2) };
         first = u32::try_from(i64::from(first) + step).ok().filter(|&index| (index as usize) < limit)?;
-        let (mut class, mut last) = (vec![first], first);
+        each(count, first);
+        let mut last = first;
         while has_more {
             let code = take_number(&mut rest)?;
             has_more = code % 2 == 1;
             last = last.checked_add(1)?.checked_add(code / 2).filter(|&index| (index as usize) < limit)?;
-            class.push(last);
+            each(count, last);
         }
-        all.extend_from_slice(&class);
-        classes.push(class);
+        count += 1;
     }
+    Some(count)
+}
+
+/// Checks what [`class_bytes`] has written, and returns the number of classes. `None` if an object is in two
+/// classes or not below `limit`, or if the bytes end within a class.
+fn count_classes(bytes: &[u8], limit: usize) -> Option<usize> {
+    let mut all = Vec::new();
+    let count = for_each_in_classes(bytes, limit, |_, index| all.push(index))?;
     all.sort_unstable();
-    all.windows(2).all(|pair| pair[0] < pair[1]).then_some(classes)
+    all.windows(2).all(|pair| pair[0] < pair[1]).then_some(count)
 }
 
 #[cfg(test)]
@@ -528,13 +543,16 @@ mod tests {
         let (classes, by_class) = classes(&rows, 9);
         assert_eq!(classes, [vec![1, 2], vec![7], vec![0]]);
         assert_eq!(by_class, [vec![0, 1], vec![0], vec![1, 2], vec![]]);
-        assert_eq!(read_classes(&class_bytes(&classes), 9), Some(classes));
+        let mut read = vec![Vec::new(); 3];
+        let bytes = class_bytes(&classes);
+        assert_eq!(for_each_in_classes(&bytes, 9, |class, index| read[class].push(index)), Some(3));
+        assert_eq!((read, count_classes(&bytes, 9)), (classes, Some(3)));
     }
 
     #[test]
     fn classes_that_make_no_sense_are_refused() {
         let read = |classes: &[&[u32]]| {
-            read_classes(&class_bytes(&classes.iter().map(|class| class.to_vec()).collect::<Vec<_>>()), 400)
+            count_classes(&class_bytes(&classes.iter().map(|class| class.to_vec()).collect::<Vec<_>>()), 400)
         };
         assert!(read(&[&[1, 2, 300], &[399]]).is_some());
         assert_eq!(read(&[&[1, 2, 300], &[400]]), None, "unknown");
@@ -542,7 +560,7 @@ mod tests {
         for cut_off in
             [&[5][..], &[4, 0x80], &[0x80], &[1, 0xff, 0xff, 0xff, 0xff, 0x8f], &[2], &[5, 0x80, 0]]
         {
-            assert_eq!(read_classes(cut_off, 400), None, "{cut_off:?}");
+            assert_eq!(count_classes(cut_off, 400), None, "{cut_off:?}");
         }
     }
 }

@@ -123,7 +123,7 @@ impl Grid {
         if !min.cmple(max).all() {
             return Ok(Vec::new());
         }
-        let first = self.place(min)?;
+        let (first, _) = (self.place(min)?, self.place(max)?);
         let end = ((max - self.origin) / self.size).ceil().to_array();
         let mut counts = [0u64; 3];
         for axis in 0..3 {

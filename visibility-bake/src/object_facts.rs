@@ -158,7 +158,9 @@ mod tests {
             hash(|scene, _| mesh(scene, 1.5, true, Affine3A::IDENTITY)),
             hash(|scene, _| mesh(scene, 1.5, false, moved)),
             hash(|scene, _| scene.set_origin(DVec3::X).unwrap()),
-            hash(|scene, _| drop(scene.insert(Aabb::from_arrays([1.0; 3], [2.0; 3])))),
+            hash(|scene, _| {
+                scene.insert(Aabb::from_arrays([1.0; 3], [2.0; 3]));
+            }),
             hash(|scene, id| scene.remove(id).unwrap()),
         ];
         for (number, hash) in hashes.iter().enumerate() {

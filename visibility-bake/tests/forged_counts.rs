@@ -112,6 +112,36 @@ fn shards_states_and_caches_take_the_memory_of_their_bytes_and_their_scene() {
     });
 }
 
+/// A file that is compressed a thousandfold has as many objects as it says, and takes a small multiple of its
+/// size before compression.
+#[test]
+fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
+    let mut scene = Scene::new();
+    let id = scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
+    let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+    let file = BakedSet::new(&scene, cells, &[vec![0]]).unwrap().to_bytes();
+    let mut content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
+    // The classes are the byte after two hashes and numbers, six coordinates, and the counts of planes and
+    // classes. Each further object is a class of its own, by the code of a step of one.
+    let (classes, count) = (8 + 4 + 4 + 6 * 8 + 4 + 4, 1u32 << 20);
+    assert_eq!(content[classes - 4..=classes], [1, 0, 0, 0, 0]);
+    content[8..12].copy_from_slice(&(count + 1).to_le_bytes());
+    content[classes - 4..classes].copy_from_slice(&(count + 1).to_le_bytes());
+    content.splice(classes + 1..classes + 1, std::iter::repeat_n(4, count as usize));
+    let inner = content.windows(8).position(|window| window == b"VISI-PVS").unwrap();
+    content[inner + 20..inner + 24].copy_from_slice(&(count + 2).to_le_bytes());
+    mend_header(&mut content, inner);
+    let length = (content.len() as u64).to_le_bytes();
+    let mut file = [&file[..40], &length, &compress_to_vec(&content, 9)].concat();
+    mend_header(&mut file, 0);
+    assert!(file.len() < 4000, "{}", file.len());
+    // Twice the content, once more its classes, and four to eight bytes an object to find those that repeat.
+    forge_counts(&[0], 0, 12 * content.len(), |_| {
+        let set = BakedSet::from_bytes(&file).unwrap();
+        drop(set.for_objects(&scene, [(id, 0), (id, count)]));
+    });
+}
+
 /// A PVS has no less than 32 bits for the number of its targets, and few bytes for rows that see none. Only
 /// [`Pvs::write_bits`] and [`Pvs::write_union`] have a bit for each.
 #[test]

@@ -2,9 +2,12 @@
 
 use super::runs::Runs;
 use super::{BITS, BLOCK, DEPTH, DIFFERS, FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
-use crate::binary_format::{HEADER_LENGTH, Reader, take_number};
+use crate::binary_format::{FormatError, HEADER_LENGTH, Reader, take_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
+
+/// Number of bytes of a source.
+const SOURCE_BYTES: usize = 8;
 
 impl Pvs {
     /// Loads the bytes of a stored PVS, which [`as_bytes`](Self::as_bytes) returned. All bytes are read once
@@ -27,7 +30,19 @@ impl Pvs {
             let depth = pvs.check_row(viewcell, &depths);
             depths.push(depth.map_err(|problem| PvsError::Row { viewcell, problem })?);
         }
+        let rest = pvs.bytes.len().saturating_sub(pvs.rows_end());
+        if rest != 0 && rest != SOURCE_BYTES {
+            let (offset, problem) = (pvs.rows_end(), "neither the end nor a source follows the last row");
+            return Err(FormatError::Content { offset, problem }.into());
+        }
         Ok(pvs)
+    }
+
+    /// Returns the offset of the first byte after the last row.
+    pub(super) fn rows_end(&self) -> usize {
+        let blocks = self.viewcell_count().div_ceil(BLOCK);
+        let rows = HEADER_LENGTH + (blocks + 1) * 4;
+        rows.saturating_add(self.word(HEADER_LENGTH + blocks * 4) as usize)
     }
 
     /// Checks a row after all rows before it. Returns the number of other rows that it takes to read it,
