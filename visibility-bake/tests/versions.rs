@@ -40,8 +40,10 @@ fn baked(scene: &Scene, cells: &Viewcells) -> BakedSet {
         .unwrap()
 }
 
+type Edit = (&'static str, fn(&mut Scene));
+
 /// Changes that leave all boxes as they were.
-fn edits() -> [(&'static str, fn(&mut Scene)); 6] {
+fn edits() -> [Edit; 6] {
     [
         ("a door", |scene| {
             let id = scene.id_at(0).unwrap();
@@ -143,10 +145,11 @@ fn what_was_not_compared_is_not_promised() {
         assert_eq!(lacks, expected);
     }
     let level = set.version() ^ 1;
-    let wrong = Some(BakedSetError::OtherVersion { baked: set.version(), level });
+    let wrong = BakedSetError::OtherVersion { baked: set.version(), level };
+    assert!(wrong.to_string().ends_with("bake again"));
+    let wrong = Some(wrong);
     assert_eq!(set.clone().for_level(&boxes, Some(level)).err(), wrong);
     assert_eq!(set.clone().compared(Some(level), DVec3::ZERO, bounds()).err(), wrong);
-    assert!(wrong.unwrap().to_string().ends_with("bake again"));
     boxes.set_bounds(ids[0], Aabb::from_arrays([1.0; 3], [2.0; 3])).unwrap();
     assert_eq!(set.for_level(&boxes, version).err(), Some(BakedSetError::OtherScene));
 }
