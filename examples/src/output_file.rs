@@ -57,7 +57,8 @@ pub fn write_with<E: Display + From<std::io::Error>>(
     written.map_err(told)
 }
 
-/// Returns whether a path, or what a link at it leads to, is there and is neither a regular file nor a folder.
+/// Returns whether a path, or what a link at it leads to, is there and is neither a regular file nor a
+/// folder.
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
@@ -118,8 +119,8 @@ fn lock(beside: &Path, path: &Path) -> Result<File, String> {
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(told(error)),
         }
-        // The program that held the lock has removed or renamed its file meanwhile, and another may lock a new
-        // one.
+        // The program that held the lock may have removed or renamed its file meanwhile, and another may lock
+        // a new one.
         if is_at(&file, beside) {
             return Ok(file);
         }

@@ -1,4 +1,5 @@
-//! Tests of the program `bake` as a user runs it: where it writes, what it refuses, and what it says in the end.
+//! Tests of the program `bake` as a user runs it: where it writes, what it refuses, and what it says in the
+//! end.
 
 use std::fs;
 use std::path::{Path, PathBuf};

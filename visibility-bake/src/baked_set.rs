@@ -37,8 +37,8 @@ const BASES: usize = 12;
 /// Viewcells and their potentially visible sets, for a scene with the objects that it was baked from.
 ///
 /// A set is right for one [version](Self::version) of its level: a hash of all that the bake rests on. A wall
-/// with a new door, whose box is as before, is another version. [`for_scene`](Self::for_scene) compares all of
-/// it. A game whose scene has boxes alone carries the version in its level, as `bake` prints it, and hands it
+/// with a new door, whose box is as before, is another version. [`for_scene`](Self::for_scene) compares all
+/// of it. A game whose scene has boxes alone carries the version in its level, as `bake` prints it, and hands it
 /// to [`for_level`](Self::for_level) or [`compared`](Self::compared). Cullers of a set that was not compared
 /// with a version are [approximate](visibility_core::Accuracy::Approximate).
 ///
@@ -502,8 +502,9 @@ fn signed_code(number: i64) -> u64 {
     if number < 0 { number.unsigned_abs() * 2 - 1 } else { number.unsigned_abs() * 2 }
 }
 
-/// Calls `each` with the class and the index of each object in what [`class_bytes`] has written, class by class.
-/// Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end within a class.
+/// Calls `each` with the class and the index of each object in what [`class_bytes`] has written, class by
+/// class. Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end within
+/// a class.
 fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u32)) -> Option<usize> {
     let (mut rest, mut first, mut count) = (bytes, 0u32, 0);
     while !rest.is_empty() {

@@ -1,5 +1,5 @@
-//! Tests that a set is used for the level that it was baked from alone, and that results of earlier versions of
-//! the bake are refused.
+//! Tests that a set is used for the level that it was baked from alone, and that results of earlier versions
+//! of the bake are refused.
 
 use std::sync::Arc;
 use visibility_bake::{

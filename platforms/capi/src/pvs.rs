@@ -194,8 +194,8 @@ pub unsafe extern "C" fn vis_scene_pvs_create(
 /// Loads the `length` bytes of a file that the program `bake` has written for a scene, for
 /// `vis_pipeline_add_pvs`. They are checked. The scene must have just the objects of the baked scene,
 /// inserted in the same order and with the same bounds; returns `VIS_ERROR_ARGUMENT` for another. Objects
-/// that change later are never hidden. `version` is that of the level, as `bake` prints it: a hash of all that
-/// the bake rests on, triangles included. Returns `VIS_ERROR_ARGUMENT` if the set is of another version.
+/// that change later are never hidden. `version` is that of the level, as `bake` prints it: a hash of all
+/// that the bake rests on, triangles included. Returns `VIS_ERROR_ARGUMENT` if the set is of another version.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_pvs_read_version(
     scene: *const vis_scene,
@@ -208,8 +208,8 @@ pub unsafe extern "C" fn vis_scene_pvs_read_version(
     unsafe { read(scene, bytes, length, Some(version), scene_pvs) }
 }
 
-/// Loads a file as `vis_scene_pvs_read_version` does, for a level that carries no version. An edit that leaves
-/// all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is hidden:
+/// Loads a file as `vis_scene_pvs_read_version` does, for a level that carries no version. An edit that
+/// leaves all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is hidden:
 /// pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` says why.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_pvs_read(

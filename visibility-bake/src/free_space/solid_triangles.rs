@@ -14,7 +14,8 @@ use visibility_core::Scene;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::Triangle;
 
-/// Most pairs of a triangle and a column that it touches: at 64 bytes for a column of its own, four gigabytes.
+/// Most pairs of a triangle and a column that it touches. A column of its own takes about 64 bytes, and all
+/// together four gigabytes.
 const MOST_ENTRIES: usize = 1 << 26;
 
 /// Most voxels of a box of the grid.

@@ -180,8 +180,9 @@ impl Pvs {
         Ok(Self { bytes: writer.finish(), stamp: Stamp::new() })
     }
 
-    /// Returns the PVS with a hash of what it was made from, which is stored with it, in place of the one that
-    /// it had: for a PVS whose targets are cells, the [`CellGraph::version`](crate::cells::CellGraph::version).
+    /// Returns the PVS with a hash of what it was made from, in place of the one that it had. The hash is
+    /// stored with it. For a PVS whose targets are cells it is the
+    /// [`CellGraph::version`](crate::cells::CellGraph::version).
     #[must_use]
     pub fn with_source(self, source: u64) -> Self {
         let counts = u64::from(self.word(16)) | u64::from(self.word(20)) << 32;
@@ -191,8 +192,8 @@ impl Pvs {
         Self { bytes: writer.finish(), stamp: Stamp::new() }
     }
 
-    /// Returns the hash of what the PVS was made from. `None` if it [has none](Self::with_source): then nobody
-    /// can tell whether it is of a graph or a scene as that is now.
+    /// Returns the hash of what the PVS was made from. `None` if it [has none](Self::with_source): then
+    /// nobody can tell whether it is of a graph or a scene as that is now.
     pub fn source(&self) -> Option<u64> {
         let bytes = self.bytes.get(self.rows_end()..)?;
         Some(u64::from_le_bytes(bytes.try_into().ok()?))
