@@ -38,9 +38,9 @@ const BASES: usize = 12;
 ///
 /// A set is right for one [version](Self::version) of its level: a hash of all that the bake rests on. A wall
 /// with a new door, whose box is as before, is another version. [`for_scene`](Self::for_scene) compares all
-/// of it. A game whose scene has boxes alone carries the version in its level, as `bake` prints it, and hands it
-/// to [`for_level`](Self::for_level) or [`compared`](Self::compared). Cullers of a set that was not compared
-/// with a version are [approximate](visibility_core::Accuracy::Approximate).
+/// of it. A game whose scene has boxes alone carries the version in its level, as `bake` prints it, and hands
+/// it to [`for_level`](Self::for_level) or [`compared`](Self::compared). Cullers of a set that was not
+/// compared with a version are [approximate](visibility_core::Accuracy::Approximate).
 ///
 /// ```
 /// use std::sync::Arc;

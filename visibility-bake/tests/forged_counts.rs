@@ -81,6 +81,15 @@ fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
         Err(_) => refused += 1,
     });
     assert!(read > 100 && refused > 100, "{read} read, {refused} refused");
+    // Callers may size arrays by the limit of indices.
+    let mut content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
+    for (limit, is_read) in [(12, true), (1 << 29, true), ((1 << 29) + 1, false), (u32::MAX, false)] {
+        content[8..12].copy_from_slice(&limit.to_le_bytes());
+        let length = (content.len() as u64).to_le_bytes();
+        let mut forged = [&file[..40], &length, &compress_to_vec(&content, 1)].concat();
+        mend_header(&mut forged, 0);
+        assert_eq!(BakedSet::from_bytes(&forged).is_ok(), is_read, "{limit}");
+    }
 }
 
 #[test]

@@ -34,8 +34,8 @@ pub struct BakedObject(pub u32);
 /// so; all others are visible. An eye outside of the set's viewcells sees everything.
 ///
 /// What hid others in the bake must stay as it was: the set does not know of a wall that is taken away. A
-/// set is of one [version](BakedSet::version) of the level: `bake` prints it, and the game's level carries it. The
-/// culler of a set that was not compared with a version is [approximate](Accuracy::Approximate).
+/// set is of one [version](BakedSet::version) of the level: `bake` prints it, and the game's level carries
+/// it. The culler of a set that was not compared with a version is [approximate](Accuracy::Approximate).
 ///
 /// ```
 /// use bevy_camera::Camera3d;

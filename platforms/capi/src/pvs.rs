@@ -209,8 +209,8 @@ pub unsafe extern "C" fn vis_scene_pvs_read_version(
 }
 
 /// Loads a file as `vis_scene_pvs_read_version` does, for a level that carries no version. An edit that
-/// leaves all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is hidden:
-/// pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` says why.
+/// leaves all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is
+/// hidden: pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` says why.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_pvs_read(
     scene: *const vis_scene,
