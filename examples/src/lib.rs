@@ -14,7 +14,7 @@ mod gltf_buffers;
 pub mod gltf_file;
 pub mod load;
 pub mod occlusion;
-
+pub mod output_file;
 pub mod plan;
 pub mod plp;
 pub mod print;

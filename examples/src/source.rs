@@ -153,11 +153,44 @@ impl SourceObject {
         }
     }
 
+    /// Takes the hints for objects whose names contain a text, in their order. Sets `is_named` of those that
+    /// were for this object.
+    pub fn take_all(&mut self, hints: &[(Hint, String)], is_named: &mut [bool]) {
+        for ((hint, part), is_named) in hints.iter().zip(is_named) {
+            if self.name.contains(part) {
+                self.take(*hint);
+                *is_named = true;
+            }
+        }
+    }
+
     /// Returns the box around the finite coordinates. `None` when one of the axes has no finite coordinate,
     /// as for an object without triangles.
     pub fn bounds(&self) -> Option<Corners> {
         Bounds::from_iter([self]).corners()
     }
+}
+
+/// Checks that each of some hints was for an object.
+///
+/// # Errors
+///
+/// Returns a message for the first that was for none.
+pub fn check_hints(hints: &[(Hint, String)], is_named: &[bool]) -> Result<(), String> {
+    match hints.iter().zip(is_named).find(|&(_, is_named)| !is_named) {
+        Some(((_, part), _)) => Err(format!("no name of an object contains `{part}`")),
+        None => Ok(()),
+    }
+}
+
+/// Reads a hint and the text that names of objects contain, as in mover=Lift.
+///
+/// # Errors
+///
+/// Returns a message for another text.
+pub fn parse_hint(text: &str) -> Result<(Hint, String), String> {
+    let (hint, part) = text.split_once('=').ok_or("a hint is HINT=TEXT, as in mover=Lift")?;
+    Ok((hint.parse()?, part.to_owned()))
 }
 
 impl SceneSource {

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
 
-const FORMAT: Format = Format { magic: *b"VISCACHE", version: 2 };
+const FORMAT: Format = Format { magic: *b"VISCACHE", version: 3 };
 
 /// Answer for an object that a line of sight reaches.
 pub(crate) const SEEN: u8 = 0;

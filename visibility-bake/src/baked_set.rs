@@ -7,7 +7,7 @@
 //! The format of the file is described in `docs/formats.md` of the repository.
 
 use crate::deflated::{deflated, inflated};
-use crate::object_facts::bounds_fingerprint;
+use crate::object_facts::{bounds_fingerprint, level_version};
 use crate::tiled_scene::TiledScene;
 use std::collections::HashMap;
 use std::fmt;
@@ -19,7 +19,7 @@ use visibility_core::pvs::{
 };
 use visibility_core::{Aabb, ObjectId, Scene};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 4 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
 
 /// Greatest number of columns before a column, and after it, that are compared with it to find the most
 /// similar.
@@ -36,6 +36,12 @@ const BASES: usize = 12;
 
 /// Viewcells and their potentially visible sets, for a scene with the objects that it was baked from.
 ///
+/// A set is right for one [version](Self::version) of its level: a hash of all that the bake rests on. A wall
+/// with a new door, whose box is as before, is another version. [`for_scene`](Self::for_scene) compares all
+/// of it. A game whose scene has boxes alone carries the version in its level, as `bake` prints it, and hands
+/// it to [`for_level`](Self::for_level) or [`compared`](Self::compared). Cullers of a set that was not
+/// compared with a version are [approximate](visibility_core::Accuracy::Approximate).
+///
 /// ```
 /// use std::sync::Arc;
 /// use visibility_bake::BakedSet;
@@ -50,13 +56,19 @@ const BASES: usize = 12;
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct BakedSet {
+    /// Hash of all that the bake rests on: see [`level_version`].
+    version: u64,
     /// Hash of the origin of the scene, and of the indices and bounds of its objects.
-    fingerprint: u64,
+    bounds: u64,
+    /// Whether the set was compared with the version of the level that it is used for.
+    is_checked: bool,
     /// Greatest index of an object plus 1.
     index_limit: usize,
     viewcells: Viewcells,
-    /// By class, the indices of its objects, ascending. Objects that no viewcell sees are in no class.
-    classes: Vec<Vec<u32>>,
+    /// By class, the indices of its objects, ascending, as [`class_bytes`] has written them: a class of one
+    /// object takes a byte or two. Objects that no viewcell sees are in no class.
+    classes: Vec<u8>,
+    class_count: usize,
     /// By viewcell, the numbers of the classes seen. The last target is no class, and seen from no viewcell.
     pvs: Pvs,
 }
@@ -75,8 +87,15 @@ pub enum BakedSetError {
         /// Number of rows.
         rows: usize,
     },
-    /// The objects of the scene are not, or not where, they were when the set was baked.
+    /// The objects of the scene are not what they were when the set was baked, or not where they were.
     OtherScene,
+    /// The level is of another version than that from which the set was baked.
+    OtherVersion {
+        /// Version from which the set was baked.
+        baked: u64,
+        /// Version of the level.
+        level: u64,
+    },
 }
 
 impl fmt::Display for BakedSetError {
@@ -85,9 +104,16 @@ impl fmt::Display for BakedSetError {
             Self::Format(error) => write!(f, "{error}"),
             Self::Pvs(error) => write!(f, "{error}"),
             Self::Rows { viewcells, rows } => write!(f, "{viewcells} viewcells, but {rows} rows"),
-            Self::OtherScene => {
-                write!(f, "the set was baked from a scene with other objects, or objects in other places")
-            }
+            Self::OtherScene => write!(
+                f,
+                "the set was baked from a scene with other objects, or with other triangles, occluders, flags \
+                 or places of objects: bake again"
+            ),
+            Self::OtherVersion { baked, level } => write!(
+                f,
+                "the set was baked from version {baked:016x} of the level, which is now {level:016x}: bake \
+                 again"
+            ),
         }
     }
 }
@@ -106,10 +132,9 @@ impl From<PvsError> for BakedSetError {
     }
 }
 
-/// Returns a hash of the origin of a scene, and of the indices and bounds of its objects.
-fn scene_fingerprint(scene: &Scene) -> u64 {
-    let bounds = |id: ObjectId| scene.bounds(id).ok().map(|bounds| (id.index() as u32, bounds));
-    bounds_fingerprint(scene.origin(), scene.ids().filter_map(bounds))
+/// Returns the indices and bounds of the objects of a scene.
+fn boxes(scene: &Scene) -> impl Iterator<Item = (u32, Aabb)> {
+    scene.ids().filter_map(|id| Some((id.index() as u32, scene.bounds(id).ok()?)))
 }
 
 impl BakedSet {
@@ -123,7 +148,8 @@ impl BakedSet {
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
-        Self::compress(scene.index_limit(), scene_fingerprint(scene), viewcells, rows)
+        let hashes = [level_version(scene), bounds_fingerprint(scene.origin(), boxes(scene))];
+        Self::compress(scene.index_limit(), hashes, viewcells, rows)
     }
 
     /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level of which no scene is in
@@ -136,12 +162,13 @@ impl BakedSet {
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
-        Self::compress(level.index_limit(), level.bounds_fingerprint(), viewcells, rows)
+        let hashes = [level.version(), level.bounds_fingerprint()];
+        Self::compress(level.index_limit(), hashes, viewcells, rows)
     }
 
     fn compress<R: AsRef<[u32]>>(
         index_limit: usize,
-        fingerprint: u64,
+        [version, bounds]: [u64; 2],
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
@@ -165,7 +192,14 @@ impl BakedSet {
             });
             bases
         })?;
-        Ok(Self { fingerprint, index_limit, viewcells, classes, pvs })
+        let (class_count, classes) = (classes.len(), class_bytes(&classes));
+        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, class_count, pvs })
+    }
+
+    /// Returns the version of the level from which the set was baked: its
+    /// [`level_version`](crate::level_version) at that time.
+    pub fn version(&self) -> u64 {
+        self.version
     }
 
     /// Returns the viewcells.
@@ -178,16 +212,19 @@ impl BakedSet {
     pub fn row(&self, viewcell: ViewcellId) -> Vec<u32> {
         let mut bits = Vec::new();
         self.pvs.write_bits(viewcell, &mut bits);
-        let is_seen = |class: &usize| bits[class / 64] >> (class % 64) & 1 == 1;
-        let seen = (0..self.classes.len()).filter(is_seen).flat_map(|class| &self.classes[class]);
-        let mut row: Vec<u32> = seen.copied().collect();
+        let mut row = Vec::new();
+        for_each_in_classes(&self.classes, self.index_limit, |class, index| {
+            if bits[class / 64] >> (class % 64) & 1 == 1 {
+                row.push(index);
+            }
+        });
         row.sort_unstable();
         row
     }
 
     /// Returns the number of bytes of the sets in memory, without the viewcells.
     pub fn set_bytes(&self) -> usize {
-        class_bytes(&self.classes).len() + self.pvs.as_bytes().len()
+        self.classes.len() + self.pvs.as_bytes().len()
     }
 
     /// Returns an exclusive upper bound on the indices of the objects that the set was baked from.
@@ -196,18 +233,33 @@ impl BakedSet {
     }
 
     /// Returns the sets for a [`PvsCuller`](visibility_core::pvs::PvsCuller). Objects that were inserted
-    /// since the bake count as visible.
+    /// since the bake count as visible. Time is linear in the number of triangles.
+    ///
+    /// # Errors
+    /// [`BakedSetError::OtherScene`] unless the scene has the [version](crate::level_version) from which the
+    /// set was baked: just the objects of the bake, with the same indices, bounds, flags, triangles and
+    /// occluder meshes.
+    pub fn for_scene(self, scene: &Scene) -> Result<ScenePvs, BakedSetError> {
+        if self.version != level_version(scene) {
+            return Err(BakedSetError::OtherScene);
+        }
+        let version = Some(self.version);
+        self.for_level(scene, version)
+    }
+
+    /// Returns the sets as [`for_scene`](Self::for_scene) does, for a scene with the boxes of the objects
+    /// alone. `version` is the one that the level carries, as `bake` printed it. Without one, cullers are
+    /// [approximate](ScenePvs::unchecked): they hide what an edit inside of a box has made visible.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has just the objects of the bake, with the same indices
-    /// and bounds.
-    pub fn for_scene(self, scene: &Scene) -> Result<ScenePvs, BakedSetError> {
-        if self.index_limit != scene.index_limit() || self.fingerprint != scene_fingerprint(scene) {
+    /// and bounds; [`BakedSetError::OtherVersion`].
+    pub fn for_level(self, scene: &Scene, version: Option<u64>) -> Result<ScenePvs, BakedSetError> {
+        if self.index_limit != scene.index_limit() {
             return Err(BakedSetError::OtherScene);
         }
-        let targets = self.targets();
-        let pairs: Vec<_> = scene.ids().map(|id| (id, targets[id.index()])).collect();
-        Ok(ScenePvs::new(scene, self.pvs, self.viewcells, pairs))
+        let set = self.compared(version, scene.origin(), boxes(scene))?;
+        Ok(set.for_objects(scene, scene.ids().map(|id| (id, id.index() as u32))))
     }
 
     /// Returns the sets for a scene that has the objects of the bake under other indices, or others among
@@ -216,45 +268,64 @@ impl BakedSet {
     /// [`index_limit`](Self::index_limit). An index may be that of several objects: the parts of one.
     ///
     /// The scene is not compared with that of the bake, as [`for_scene`](Self::for_scene) does. An object
-    /// that is elsewhere than in the bake is hidden from where it is seen; see
-    /// [`check_bounds`](Self::check_bounds).
+    /// that is elsewhere than in the bake is hidden from where it is seen. Cullers are
+    /// [approximate](ScenePvs::unchecked) unless the set was [compared](Self::compared) with the version of
+    /// the level: then the caller promises that the objects are those of the level.
     pub fn for_objects(&self, scene: &Scene, objects: impl IntoIterator<Item = (ObjectId, u32)>) -> ScenePvs {
-        let targets = self.targets();
-        // No set has a target `u32::MAX`, so that its objects are never hidden.
-        let target = |index: u32| targets.get(index as usize).copied().unwrap_or(u32::MAX);
-        let pairs = objects.into_iter().map(|(id, index)| (id, target(index)));
-        ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs)
+        let objects: Vec<(ObjectId, u32)> = objects.into_iter().collect();
+        // By index asked for, its target. An object of no class has the target that no viewcell sees. The set
+        // may be forged: memory follows the objects of the caller.
+        let mut targets: Vec<(u32, u32)> = objects
+            .iter()
+            .map(|&(_, index)| index)
+            .map(|index| {
+                let is_known = (index as usize) < self.index_limit;
+                // No set has a target `u32::MAX`, so that its objects are never hidden.
+                (index, if is_known { self.class_count as u32 } else { u32::MAX })
+            })
+            .collect();
+        targets.sort_unstable();
+        targets.dedup();
+        let place = |targets: &[(u32, u32)], index| targets.binary_search_by_key(&index, |&(of, _)| of).ok();
+        for_each_in_classes(&self.classes, self.index_limit, |class, index| {
+            if let Some(at) = place(&targets, index) {
+                targets[at].1 = class as u32;
+            }
+        });
+        let target = |index| place(&targets, index).map_or(u32::MAX, |at| targets[at].1);
+        let pairs = objects.iter().map(|&(id, index)| (id, target(index)));
+        let sets = ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs);
+        if self.is_checked { sets } else { sets.unchecked() }
     }
 
-    /// Checks that the set was baked from objects with these bounds: the index of each object and its bounds
-    /// relative to the scene's `origin`, by ascending index.
+    /// Returns the set for a level of this version, as the level carries it, with objects of these bounds:
+    /// the index of each object and its bounds relative to the scene's `origin`, by ascending index. Without
+    /// a version only the bounds are compared, and cullers stay [approximate](ScenePvs::unchecked).
     ///
     /// # Errors
-    /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds.
-    pub fn check_bounds(
-        &self,
+    /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds;
+    /// [`BakedSetError::OtherVersion`].
+    pub fn compared(
+        self,
+        version: Option<u64>,
         origin: DVec3,
         bounds: impl IntoIterator<Item = (u32, Aabb)>,
-    ) -> Result<(), BakedSetError> {
-        match bounds_fingerprint(origin, bounds) == self.fingerprint {
-            true => Ok(()),
-            false => Err(BakedSetError::OtherScene),
+    ) -> Result<Self, BakedSetError> {
+        if bounds_fingerprint(origin, bounds) != self.bounds {
+            return Err(BakedSetError::OtherScene);
         }
-    }
-
-    /// Returns the target of each object, by index. An object of no class has the target that no viewcell
-    /// sees.
-    fn targets(&self) -> Vec<u32> {
-        let mut targets = vec![self.classes.len() as u32; self.index_limit];
-        for (class, objects) in self.classes.iter().enumerate() {
-            objects.iter().for_each(|&index| targets[index as usize] = class as u32);
+        match version {
+            Some(level) if level != self.version => {
+                Err(BakedSetError::OtherVersion { baked: self.version, level })
+            }
+            _ => Ok(Self { is_checked: version.is_some(), ..self }),
         }
-        targets
     }
 
     /// Returns the bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut to = Writer::new(FORMAT, 0, self.fingerprint);
+        let mut to = Writer::new(FORMAT, 0, self.version);
+        to.u64(self.bounds);
         to.u32(self.index_limit as u32);
         to.u32(self.viewcells.cells().len() as u32);
         // One coordinate of all viewcells after another: equal numbers are near each other.
@@ -268,12 +339,11 @@ impl BakedSet {
                 to.u64s(plane.normal.to_array().into_iter().chain([plane.offset]).map(f64::to_bits));
             }
         }
-        let classes = class_bytes(&self.classes);
-        to.u32(classes.len() as u32);
-        to.bytes(&classes);
+        to.u32(self.classes.len() as u32);
+        to.bytes(&self.classes);
         to.u32(self.pvs.as_bytes().len() as u32);
         to.bytes(self.pvs.as_bytes());
-        deflated(FORMAT, self.fingerprint, to)
+        deflated(FORMAT, self.version, to)
     }
 
     /// Reads the bytes of a file.
@@ -284,9 +354,14 @@ impl BakedSet {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, BakedSetError> {
         let plain = inflated(bytes, FORMAT)?;
         let mut from = Reader::new(&plain, FORMAT)?;
-        let fingerprint = from.fingerprint();
-        from.expect(0, fingerprint)?;
-        let (index_limit, count) = (from.u32()? as usize, from.u32()? as usize);
+        let version = from.fingerprint();
+        from.expect(0, version)?;
+        let (bounds, index_limit, count) = (from.u64()?, from.u32()? as usize, from.u32()? as usize);
+        if index_limit > INDEX_LIMIT {
+            return Err(from
+                .content_error("the greatest index of an object is beyond those of any set")
+                .into());
+        }
         let floats = |from: &mut Reader<'_>, count| -> Result<Vec<f64>, FormatError> {
             Ok(from.u64s(count)?.into_iter().map(f64::from_bits).collect())
         };
@@ -303,7 +378,8 @@ impl BakedSet {
             cells.push(cell);
         }
         let length = from.u32()? as usize;
-        let classes = read_classes(from.bytes(length)?, index_limit)
+        let classes = from.bytes(length)?.to_vec();
+        let class_count = count_classes(&classes, index_limit)
             .ok_or_else(|| from.content_error("classes of objects are out of order, repeated or cut off"))?;
         let length = from.u32()? as usize;
         let pvs = Pvs::from_bytes(from.bytes(length)?.to_vec())?;
@@ -311,10 +387,11 @@ impl BakedSet {
         if pvs.viewcell_count() != cells.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: pvs.viewcell_count() });
         }
-        if pvs.target_count() != classes.len() + 1 {
+        if pvs.target_count() != class_count + 1 {
             return Err(from.content_error("the numbers of classes and of targets differ").into());
         }
-        Ok(Self { fingerprint, index_limit, viewcells: Viewcells::new(cells), classes, pvs })
+        let viewcells = Viewcells::new(cells);
+        Ok(Self { version, bounds, is_checked: false, index_limit, viewcells, classes, class_count, pvs })
     }
 }
 
@@ -425,28 +502,36 @@ fn signed_code(number: i64) -> u64 {
     if number < 0 { number.unsigned_abs() * 2 - 1 } else { number.unsigned_abs() * 2 }
 }
 
-/// Reads what [`class_bytes`] has written. `None` if an object is in two classes or not below `limit`, or if
-/// the bytes end within a class.
-fn read_classes(bytes: &[u8], limit: usize) -> Option<Vec<Vec<u32>>> {
-    let (mut rest, mut first) = (bytes, 0u32);
-    let (mut classes, mut all) = (Vec::new(), Vec::new());
+/// Calls `each` with the class and the index of each object in what [`class_bytes`] has written, class by
+/// class. Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end within
+/// a class.
+fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u32)) -> Option<usize> {
+    let (mut rest, mut first, mut count) = (bytes, 0u32, 0);
     while !rest.is_empty() {
         let code = take_number(&mut rest)?;
         let (number, mut has_more) = (code / 2, code % 2 == 1);
         let step = if number % 2 == 1 { -i64::from(number / 2) - 1 } else { i64::from(number / 2) };
         first = u32::try_from(i64::from(first) + step).ok().filter(|&index| (index as usize) < limit)?;
-        let (mut class, mut last) = (vec![first], first);
+        each(count, first);
+        let mut last = first;
         while has_more {
             let code = take_number(&mut rest)?;
             has_more = code % 2 == 1;
             last = last.checked_add(1)?.checked_add(code / 2).filter(|&index| (index as usize) < limit)?;
-            class.push(last);
+            each(count, last);
         }
-        all.extend_from_slice(&class);
-        classes.push(class);
+        count += 1;
     }
+    Some(count)
+}
+
+/// Checks what [`class_bytes`] has written, and returns the number of classes. `None` if an object is in two
+/// classes or not below `limit`, or if the bytes end within a class.
+fn count_classes(bytes: &[u8], limit: usize) -> Option<usize> {
+    let mut all = Vec::new();
+    let count = for_each_in_classes(bytes, limit, |_, index| all.push(index))?;
     all.sort_unstable();
-    all.windows(2).all(|pair| pair[0] < pair[1]).then_some(classes)
+    all.windows(2).all(|pair| pair[0] < pair[1]).then_some(count)
 }
 
 #[cfg(test)]
@@ -459,13 +544,16 @@ mod tests {
         let (classes, by_class) = classes(&rows, 9);
         assert_eq!(classes, [vec![1, 2], vec![7], vec![0]]);
         assert_eq!(by_class, [vec![0, 1], vec![0], vec![1, 2], vec![]]);
-        assert_eq!(read_classes(&class_bytes(&classes), 9), Some(classes));
+        let mut read = vec![Vec::new(); 3];
+        let bytes = class_bytes(&classes);
+        assert_eq!(for_each_in_classes(&bytes, 9, |class, index| read[class].push(index)), Some(3));
+        assert_eq!((read, count_classes(&bytes, 9)), (classes, Some(3)));
     }
 
     #[test]
     fn classes_that_make_no_sense_are_refused() {
         let read = |classes: &[&[u32]]| {
-            read_classes(&class_bytes(&classes.iter().map(|class| class.to_vec()).collect::<Vec<_>>()), 400)
+            count_classes(&class_bytes(&classes.iter().map(|class| class.to_vec()).collect::<Vec<_>>()), 400)
         };
         assert!(read(&[&[1, 2, 300], &[399]]).is_some());
         assert_eq!(read(&[&[1, 2, 300], &[400]]), None, "unknown");
@@ -473,7 +561,7 @@ mod tests {
         for cut_off in
             [&[5][..], &[4, 0x80], &[0x80], &[1, 0xff, 0xff, 0xff, 0xff, 0x8f], &[2], &[5, 0x80, 0]]
         {
-            assert_eq!(read_classes(cut_off, 400), None, "{cut_off:?}");
+            assert_eq!(count_classes(cut_off, 400), None, "{cut_off:?}");
         }
     }
 }

@@ -38,7 +38,7 @@ impl Grid {
     ///
     /// # Errors
     /// [`GridError::Radius`] if the radius is not positive, or less than about a hundredth of a viewcell;
-    /// [`GridError::TooMany`].
+    /// [`GridError::TooMany`], [`GridError::Stopped`].
     ///
     /// ```
     /// use visibility_bake::{CameraRange, Grid};
@@ -97,7 +97,7 @@ impl Grid {
     /// box counts as that.
     ///
     /// # Errors
-    /// [`GridError::TooMany`].
+    /// [`GridError::Count`], [`GridError::TooMany`], [`GridError::Stopped`].
     ///
     /// ```
     /// use visibility_bake::{CameraRange, Grid};
@@ -129,9 +129,12 @@ impl Grid {
         if walks.iter().all(|walk| walk.is_empty()) {
             return Ok(Vec::new());
         }
+        // Before anything takes time: a walk may pass more boxes than can be kept.
+        let counted = walks.iter().try_fold(0, |sum, walk| Ok(sum + self.count_passed(walk)?))?;
+        Self::check_count(counted)?;
         let solids = SolidTriangles::new(self, scene, &camera, [min, max])?;
         let (counts, voxel_size) = (solids.counts, solids.voxel_size());
-        let fine = Grid::new(self.origin, voxel_size)?;
+        let fine = Grid { size: voxel_size, ..*self };
         // Places of the boxes that walks pass, and by place the numbers of the voxels passed.
         let (mut places, mut passed) = (Vec::new(), HashMap::new());
         for walk in walks {
@@ -141,7 +144,11 @@ impl Grid {
                     Vec::new()
                 });
             }
-            for voxel in fine.passed(walk)? {
+            let is_too_many = |error| matches!(error, GridError::Count { .. });
+            let voxels = fine.passed(walk);
+            for voxel in
+                voxels.map_err(|error| if is_too_many(error) { GridError::TooMany } else { error })?
+            {
                 let axes = [0, 1, 2];
                 let place = axes.map(|axis| voxel[axis].div_euclid(counts[axis] as i64));
                 let inside = axes.map(|axis| voxel[axis].rem_euclid(counts[axis] as i64) as usize);
@@ -155,6 +162,7 @@ impl Grid {
         let around = (camera.radius / voxel_size).ceil().to_array().map(|count| count as usize);
         let mut all = Vec::new();
         for place in places {
+            self.stop.check(0)?;
             let mut left = passed.remove(&place).unwrap_or_default();
             if left.is_empty() {
                 all.push(self.cell(place));

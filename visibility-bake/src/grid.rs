@@ -23,6 +23,30 @@ pub struct Grid {
     pub(crate) origin: DVec3,
     /// Size of a box in metres.
     pub(crate) size: DVec3,
+    pub(crate) stop: Stop,
+}
+
+/// Returns whether viewcells that are being made should be given up. Grids are equal whatever they ask.
+#[derive(Clone, Copy)]
+pub(crate) struct Stop(fn() -> bool);
+
+impl PartialEq for Stop {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl fmt::Debug for Stop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Stop")
+    }
+}
+
+impl Stop {
+    /// Asks at every 1024th `number`, from 0 on. [`GridError::Stopped`] if the work should end.
+    pub(crate) fn check(self, number: usize) -> Result<(), GridError> {
+        if number.is_multiple_of(1024) && (self.0)() { Err(GridError::Stopped) } else { Ok(()) }
+    }
 }
 
 /// Why a grid or its viewcells cannot be made.
@@ -30,9 +54,17 @@ pub struct Grid {
 pub enum GridError {
     /// The size of a box is not positive and finite on each axis, or the origin is not finite.
     Size,
+    /// There would be more viewcells than [`Grid::LIMIT`].
+    Count {
+        /// Number of viewcells of a box, or of those that a walk passes, each as often as it is passed.
+        /// Counts beyond the greatest number count as that.
+        count: u128,
+    },
     /// The box or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or a flood of
-    /// free space would take more than four gigabytes.
+    /// free space, or the triangles in columns of viewcells, would take more than four gigabytes.
     TooMany,
+    /// The function of [`Grid::with_stop`] has returned true.
+    Stopped,
     /// The distance that a camera keeps from surfaces is not positive, or too small for viewcells so large.
     Radius,
 }
@@ -41,6 +73,8 @@ impl fmt::Display for GridError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Size => write!(f, "the size of viewcells must be positive and finite"),
+            Self::Count { count } => write!(f, "{count} viewcells, where at most {} are kept", Grid::LIMIT),
+            Self::Stopped => write!(f, "the viewcells were not made in time"),
             Self::TooMany => write!(
                 f,
                 "more than {} viewcells, or more memory than a flood may take, or a place that is not finite",
@@ -66,14 +100,22 @@ impl Grid {
     /// [`GridError::Size`].
     pub fn new(origin: DVec3, size: DVec3) -> Result<Self, GridError> {
         let is_positive = size.is_finite() && size.cmpgt(DVec3::ZERO).all();
-        if is_positive && origin.is_finite() { Ok(Self { origin, size }) } else { Err(GridError::Size) }
+        let stop = Stop(|| false);
+        if is_positive && origin.is_finite() { Ok(Self { origin, size, stop }) } else { Err(GridError::Size) }
+    }
+
+    /// Returns the grid with a function that is asked now and then while viewcells are made: once it returns
+    /// true, they are given up with [`GridError::Stopped`].
+    #[must_use]
+    pub fn with_stop(self, stop: fn() -> bool) -> Self {
+        Self { stop: Stop(stop), ..self }
     }
 
     /// Returns the viewcells that together contain the box from `min` to `max`, along x first. A box of the
     /// grid that only touches it from outside is left out. None if the box is inverted.
     ///
     /// # Errors
-    /// [`GridError::TooMany`].
+    /// [`GridError::Count`], [`GridError::TooMany`].
     pub fn over(&self, min: DVec3, max: DVec3) -> Result<Vec<Viewcell>, GridError> {
         if !min.is_finite() || !max.is_finite() {
             return Err(GridError::TooMany);
@@ -83,10 +125,8 @@ impl Grid {
         }
         let [first, last] = self.places([min, max])?;
         let counts = [0, 1, 2].map(|axis| last[axis].abs_diff(first[axis]) + 1);
-        let count = counts.iter().try_fold(1u64, |product, &count| product.checked_mul(count));
-        if count.is_none_or(|count| count > Self::LIMIT as u64) {
-            return Err(GridError::TooMany);
-        }
+        let count = counts.iter().fold(1u128, |product, &count| product.saturating_mul(count.into()));
+        Self::check_count(count)?;
         let [nx, ny, nz] = counts.map(|count| count as i64);
         let places = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
         Ok(places.map(|at| self.cell([0, 1, 2].map(|axis| first[axis] + at[axis]))).collect())
@@ -96,17 +136,19 @@ impl Grid {
     /// z, y and x. Cost is in proportion to the number of boxes passed.
     ///
     /// # Errors
-    /// [`GridError::TooMany`].
+    /// [`GridError::Count`], [`GridError::TooMany`], [`GridError::Stopped`].
     pub fn along(&self, walk: &[DVec3]) -> Result<Vec<Viewcell>, GridError> {
         Ok(self.passed(walk)?.into_iter().map(|place| self.cell(place)).collect())
     }
 
     /// Returns the places in the grid of the boxes that a walk passes, in ascending order of z, y and x.
     pub(crate) fn passed(&self, walk: &[DVec3]) -> Result<Vec<[i64; 3]>, GridError> {
-        let mut found = BTreeSet::new();
+        Self::check_count(self.count_passed(walk)?)?;
+        let (mut found, mut asked) = (BTreeSet::new(), 0);
         let mut add = |[x, y, z]: [i64; 3]| {
             found.insert([z, y, x]);
-            if found.len() > Self::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
+            asked += 1;
+            self.stop.check(asked)
         };
         for (number, &to) in walk.iter().enumerate() {
             let from = walk[number.saturating_sub(1)];
@@ -115,9 +157,6 @@ impl Grid {
             let mut crossings = Vec::new();
             for axis in 0..3 {
                 let (a, b) = (start[axis].min(end[axis]), start[axis].max(end[axis]));
-                if b.abs_diff(a) > Self::LIMIT as u64 {
-                    return Err(GridError::TooMany);
-                }
                 let length = to[axis] - from[axis];
                 crossings.extend((a + 1..=b).map(|place| (self.face(axis, place) - from[axis]) / length));
             }
@@ -131,6 +170,22 @@ impl Grid {
             }
         }
         Ok(found.into_iter().map(|[z, y, x]| [x, y, z]).collect())
+    }
+
+    /// Returns the number of boxes that a walk passes, each as often as it is passed, without a list of them.
+    pub(crate) fn count_passed(&self, walk: &[DVec3]) -> Result<u128, GridError> {
+        let mut count = 0u128;
+        for (number, &to) in walk.iter().enumerate() {
+            let (start, end) = (self.place(walk[number.saturating_sub(1)])?, self.place(to)?);
+            // A segment passes one box, and one more for each face that it crosses.
+            count += 1 + (0..3).map(|axis| u128::from(start[axis].abs_diff(end[axis]))).sum::<u128>();
+        }
+        Ok(count)
+    }
+
+    /// Returns [`GridError::Count`] for more viewcells than [`LIMIT`](Self::LIMIT).
+    pub(crate) fn check_count(count: u128) -> Result<(), GridError> {
+        if count > Self::LIMIT as u128 { Err(GridError::Count { count }) } else { Ok(()) }
     }
 
     /// Returns the place in the grid of the box that contains a point: the numbers of boxes from the origin
@@ -262,10 +317,20 @@ mod tests {
         assert!((volume - 1.0).abs() < 1e-9);
         assert_eq!(grid.over(DVec3::ONE, DVec3::ZERO).unwrap(), []);
         assert_eq!(grid.over(DVec3::ZERO, DVec3::ZERO).unwrap().len(), 1);
-        for far in [1e9, 1e300, f64::INFINITY, f64::NAN] {
+        for far in [1e300, f64::INFINITY, f64::NAN] {
             assert_eq!(grid.over(DVec3::ZERO, DVec3::splat(far)), Err(GridError::TooMany));
             assert_eq!(grid.along(&[DVec3::ZERO, DVec3::splat(far)]), Err(GridError::TooMany));
         }
+        // From a corner of the grid at 0, boxes of half a metre over 2^25 m.
+        let (grid, far) =
+            (Grid::new(DVec3::ZERO, DVec3::splat(0.5)).unwrap(), DVec3::splat(f64::from(1 << 25)));
+        assert_eq!(grid.over(DVec3::ZERO, far), Err(GridError::Count { count: 1 << 78 }));
+        assert_eq!(grid.along(&[DVec3::ZERO, far]), Err(GridError::Count { count: 2 + 3 * (1 << 26) }));
+        let said = grid.along(&[DVec3::ZERO, far]).unwrap_err().to_string();
+        assert_eq!(said, "201326594 viewcells, where at most 16777216 are kept");
+        let stopped = grid.with_stop(|| true).along(&[DVec3::ZERO, DVec3::splat(1024.0)]);
+        assert_eq!(stopped, Err(GridError::Stopped));
+        assert_eq!(grid.with_stop(|| true), grid);
         for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert_eq!(Grid::new(DVec3::ZERO, DVec3::splat(size)), Err(GridError::Size));
         }

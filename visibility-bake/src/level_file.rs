@@ -76,9 +76,14 @@ pub(crate) struct ContentWriter {
 }
 
 impl ContentWriter {
-    /// Creates the file, or overwrites it.
+    /// Creates the file, or overwrites it if it is a regular file.
     pub(crate) fn create(path: PathBuf) -> Result<Self, LevelError> {
-        let file = File::options().read(true).write(true).create(true).truncate(true).open(&path);
+        let file = File::options().read(true).write(true).create(true).truncate(false).open(&path);
+        let file = file.and_then(|file| match file.metadata()?.is_file() && !path.is_symlink() {
+            true => file.set_len(0).map(|()| file),
+            // A device or a link would be lost at the end.
+            false => Err(std::io::ErrorKind::AlreadyExists.into()),
+        });
         let file = file.map_err(|error| LevelError::File { path: path.clone(), kind: error.kind() })?;
         let scratch = ScratchFile { path, file };
         let to = BufWriter::new(scratch.file.try_clone().map_err(|error| scratch.error(&error))?);

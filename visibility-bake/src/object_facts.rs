@@ -3,7 +3,7 @@
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::scene::Triangle;
-use visibility_core::{Aabb, Object, OccluderMesh};
+use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
 /// An object without its triangles and its occluder mesh.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -32,6 +32,13 @@ impl ObjectFacts {
         let hash = object_hash(object, triangles, mesh);
         let triangles = triangles.len() as u32;
         Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder }
+    }
+
+    /// Returns the facts of an object of a scene. `None` if the scene has no such object.
+    pub(crate) fn of(scene: &Scene, id: ObjectId) -> Option<Self> {
+        let object = scene.object(id).ok()?;
+        let triangles = scene.triangles(id).unwrap_or_default();
+        Some(Self::new(id.index() as u32, &object, triangles, scene.occluder(id)))
     }
 
     pub(crate) fn object(&self) -> Object {
@@ -66,13 +73,31 @@ fn object_hash(object: &Object, triangles: &[Triangle], mesh: Option<(&OccluderM
     hash.value()
 }
 
-/// Returns a hash of the origin of a scene, and of the indices and the content of its objects.
-pub(crate) fn content_fingerprint<'a>(
-    origin: DVec3,
-    objects: impl IntoIterator<Item = &'a ObjectFacts>,
-) -> u64 {
-    let with = |hash: Fingerprint, object: &ObjectFacts| hash.with(object.index).with_u64(object.hash);
+/// Returns the version of a level: a hash of the origin, and of the index and the [content
+/// hash](ObjectFacts::hash) of each object.
+pub(crate) fn version(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) -> u64 {
+    let with = |hash: Fingerprint, (index, content): (u32, u64)| hash.with(index).with_u64(content);
     objects.into_iter().fold(with_origin(origin), with).value()
+}
+
+/// Returns the version of a scene as a level: a hash of its origin, and of all objects with their indices,
+/// bounds, layers, costs, flags, triangles, occluder meshes and transforms. A [`BakedSet`](crate::BakedSet)
+/// of the scene has the same [version](crate::BakedSet::version). Time is linear in the number of triangles.
+///
+/// ```
+/// use visibility_bake::{BakedSet, level_version};
+/// use visibility_core::{Aabb, Object, Scene, pvs::Viewcells};
+/// let mut scene = Scene::new();
+/// let wall = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([5.0; 3], [6.0; 3])) });
+/// let version = level_version(&scene);
+/// assert_eq!(BakedSet::new(&scene, Viewcells::new([]), &[[0; 0]; 0])?.version(), version);
+/// scene.set_occluder(wall, false)?;
+/// assert_ne!(level_version(&scene), version);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn level_version(scene: &Scene) -> u64 {
+    let object = |id: ObjectId| ObjectFacts::of(scene, id).map(|facts| (facts.index, facts.hash));
+    version(scene.origin(), scene.ids().filter_map(object))
 }
 
 /// Returns a hash of the origin of a scene, and of the indices and bounds of its objects.
@@ -93,22 +118,20 @@ fn point(hash: Fingerprint, p: Vec3) -> Fingerprint {
 
 #[cfg(test)]
 mod tests {
-    use crate::tiled_scene::TiledScene;
-    use visibility_core::glam::{Affine3A, Vec3};
-    use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
+    use super::*;
 
-    /// Makes a scene of one object, which `change` may change, and returns the hash of the object.
+    /// Makes a scene of one object, which `change` may change, and returns its version.
     fn hash(change: impl Fn(&mut Scene, ObjectId)) -> u64 {
         let mut scene = Scene::new();
         let id =
             scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([1.0; 3], [2.0; 3])) });
         scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Y]]).unwrap();
         change(&mut scene, id);
-        TiledScene::new(&scene).objects[0].hash
+        level_version(&scene)
     }
 
     #[test]
-    fn every_change_of_an_object_changes_its_hash() {
+    fn every_change_of_a_level_changes_its_version() {
         let mesh = |scene: &mut Scene, high: f32, two_sided: bool, transform: Affine3A| {
             let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([1.0; 3], [1.5, 1.5, high])).unwrap();
             let mesh = scene.add_mesh(mesh.with_two_sided(two_sided));
@@ -136,6 +159,11 @@ mod tests {
             hash(|scene, _| mesh(scene, 1.6, false, Affine3A::IDENTITY)),
             hash(|scene, _| mesh(scene, 1.5, true, Affine3A::IDENTITY)),
             hash(|scene, _| mesh(scene, 1.5, false, moved)),
+            hash(|scene, _| scene.set_origin(DVec3::X).unwrap()),
+            hash(|scene, _| {
+                scene.insert(Aabb::from_arrays([1.0; 3], [2.0; 3]));
+            }),
+            hash(|scene, id| scene.remove(id).unwrap()),
         ];
         for (number, hash) in hashes.iter().enumerate() {
             assert!(!hashes[..number].contains(hash), "change {number}");

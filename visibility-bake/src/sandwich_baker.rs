@@ -24,7 +24,7 @@ use visibility_region::ExtendedProjectionCuller;
 
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
-const METHODS: u32 = 9;
+const METHODS: u32 = 10;
 
 /// Number of stages of a bake. All viewcells are swept; then all are looked from along rays, and boxes are
 /// proven hidden; then, where the gap is not met, triangles are.
@@ -500,7 +500,7 @@ pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Setting
 }
 
 fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &Settings) -> u64 {
-    let hash = Fingerprint::new().with(METHODS).with_u64(level.fingerprint());
+    let hash = Fingerprint::new().with(METHODS).with_u64(level.version());
     viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
 }
 

@@ -7,7 +7,7 @@ use std::fmt;
 use visibility_core::bake::Bake;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
 
-const FORMAT: Format = Format { magic: *b"VISSHARD", version: 2 };
+const FORMAT: Format = Format { magic: *b"VISSHARD", version: 3 };
 
 /// The sandwiches of a range of viewcells: a pure function of the scene, all viewcells, the settings and the
 /// range. Its bytes carry a checksum and the

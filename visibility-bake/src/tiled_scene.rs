@@ -2,7 +2,7 @@
 
 use crate::level_error::LevelError;
 use crate::level_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
-use crate::object_facts::{ObjectFacts, bounds_fingerprint, content_fingerprint};
+use crate::object_facts::{ObjectFacts, bounds_fingerprint, version};
 use crate::tile_tree::TileTree;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -68,12 +68,7 @@ pub(crate) struct PreparedScene {
 impl<'a> TiledScene<'a> {
     /// Sorts the objects of a scene. Time is linear in the number of triangles.
     pub fn new(scene: &'a Scene) -> Self {
-        let facts = |id: ObjectId| {
-            let object = scene.object(id).ok()?;
-            let triangles = scene.triangles(id).unwrap_or_default();
-            Some(ObjectFacts::new(id.index() as u32, &object, triangles, scene.occluder(id)))
-        };
-        let objects: Vec<ObjectFacts> = scene.ids().filter_map(facts).collect();
+        let objects: Vec<ObjectFacts> = scene.ids().filter_map(|id| ObjectFacts::of(scene, id)).collect();
         let (tree, origin, index_limit) = (TileTree::new(&objects), scene.origin(), scene.index_limit());
         Self::with_store(origin, objects, tree, index_limit, Store::Scene(scene))
     }
@@ -139,10 +134,10 @@ impl<'a> TiledScene<'a> {
         Ok(look(&self.scene_with_triangles(&numbers)?))
     }
 
-    /// Returns a hash of all that a bake depends on: the origin, and for each object its index, bounds,
-    /// layers, cost, flags, triangles and occluder mesh.
-    pub(crate) fn fingerprint(&self) -> u64 {
-        content_fingerprint(self.origin, &self.objects)
+    /// Returns the version of the level, which is that of a scene of the same objects: see
+    /// [`level_version`](crate::level_version).
+    pub fn version(&self) -> u64 {
+        version(self.origin, self.objects.iter().map(|object| (object.index, object.hash)))
     }
 
     /// Returns a hash of the origin, and of the indices and bounds of the objects.

@@ -327,9 +327,10 @@ fn sets_are_taken_for_objects_of_other_indices() {
         scene.ids().map(|id| (id.index() as u32, scene.bounds(id).unwrap())).collect()
     };
     let mut boxes = bounds(&scene);
-    assert_eq!(set.check_bounds(DVec3::ZERO, boxes.clone()), Ok(()));
-    assert_eq!(set.check_bounds(DVec3::X, boxes.clone()), Err(BakedSetError::OtherScene));
-    assert_eq!(set.check_bounds(DVec3::ZERO, bounds(&other)), Err(BakedSetError::OtherScene));
+    let compared = |origin, boxes: Vec<(u32, Aabb)>| set.clone().compared(None, origin, boxes).err();
+    assert_eq!(compared(DVec3::ZERO, boxes.clone()), None);
+    assert_eq!(compared(DVec3::X, boxes.clone()), Some(BakedSetError::OtherScene));
+    assert_eq!(compared(DVec3::ZERO, bounds(&other)), Some(BakedSetError::OtherScene));
     boxes[3].1.max.x += 1e-3;
-    assert_eq!(set.check_bounds(DVec3::ZERO, boxes), Err(BakedSetError::OtherScene));
+    assert_eq!(compared(DVec3::ZERO, boxes), Some(BakedSetError::OtherScene));
 }

@@ -50,7 +50,7 @@ use crate::binary_format::{Format, FormatError, Reader, Writer};
 use alloc::vec::Vec;
 
 /// Format of saved bakes. Versions 1 and 2 held cell-to-cell bakes only and cannot be read.
-const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 3 };
+const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 4 };
 
 /// Progress of a bake: the number of items done and the cost so far.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]

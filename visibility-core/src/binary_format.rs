@@ -102,7 +102,8 @@ impl fmt::Display for FormatError {
                 write!(f, "the bytes do not begin with \"{}\"", expected.escape_ascii())
             }
             Self::Version { found, expected } => {
-                write!(f, "version {found} of the format, where only version {expected} is known")
+                let then = if found < expected { "bake again" } else { "it is of a later release" };
+                write!(f, "version {found} of the format, where only version {expected} is known: {then}")
             }
             Self::Kind { found, expected } => {
                 write!(f, "a structure of kind {found}, where one of kind {expected} is expected")
@@ -444,7 +445,9 @@ mod tests {
         let good = sample();
         let of = |magic, version| Reader::new(&good, Format { magic, version }).unwrap_err().to_string();
         assert_eq!(of(*b"EXAMPLES", 3), "the bytes do not begin with \"EXAMPLES\"");
-        assert_eq!(of(FORMAT.magic, 4), "version 3 of the format, where only version 4 is known");
+        assert_eq!(of(FORMAT.magic, 4), "version 3 of the format, where only version 4 is known: bake again");
+        let later = "version 3 of the format, where only version 2 is known: it is of a later release";
+        assert_eq!(of(FORMAT.magic, 2), later);
         let mut reader = Reader::new(&good, FORMAT).unwrap();
         assert_eq!(reader.expect(5, 1 << 40), Ok(()));
         assert_eq!(reader.expect(6, 0), Err(FormatError::Kind { found: 5, expected: 6 }));

@@ -177,7 +177,8 @@ impl Baker for ExactBaker<'_> {
                 .planes
                 .iter()
                 .flat_map(move |plane| vector(plane.normal).into_iter().chain([plane.offset.to_bits()]));
-            vector(cell.min).into_iter().chain(vector(cell.max)).chain(planes)
+            let count = [cell.planes.len() as u64];
+            vector(cell.min).into_iter().chain(vector(cell.max)).chain(count).chain(planes)
         });
         let settings = [rays.into(), aimed_rays.into(), proves.into(), share.to_bits(), clearance.to_bits()];
         let numbers = settings.into_iter().chain(cells).chain(self.triangles.numbers());

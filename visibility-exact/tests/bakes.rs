@@ -3,10 +3,11 @@
 use crate::common::{cuboid, scene};
 use std::cell::Cell;
 use visibility_core::bake::{Bake, Baker};
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::{Viewcell, ViewcellId, Viewcells};
+use visibility_core::{Aabb, Scene};
 use visibility_exact::{BakeScratch, CellQuery, Effort, ExactBaker, SceneTriangles, Settings, Verdict};
-use visibility_testing::Random;
+use visibility_testing::{Random, forge_counts, mend_header};
 
 /// Blocks on a plain, and viewcells between them.
 fn town() -> (SceneTriangles, Viewcells) {
@@ -147,7 +148,7 @@ fn state_of_another_bake_and_damaged_state_are_refused() {
     }
     // Random content under a true checksum: refused or loaded, without panic.
     let baker = ExactBaker::new(&triangles, &cells, settings());
-    let format = visibility_core::binary_format::Format { magic: *b"VISIBAKE", version: 3 };
+    let format = visibility_core::binary_format::Format { magic: *b"VISIBAKE", version: 4 };
     for _ in 0..300 {
         let mut state =
             visibility_core::binary_format::Writer::new(format, ExactBaker::KIND, baker.fingerprint());
@@ -156,4 +157,20 @@ fn state_of_another_bake_and_damaged_state_are_refused() {
         state.u32s((0..random.below(90)).map(|_| random.below(4) as u32 * random.below(60) as u32));
         let _ = Bake::resume(ExactBaker::new(&triangles, &cells, settings()), &state.finish());
     }
+}
+
+#[test]
+fn forged_counts_of_states_take_no_memory() {
+    let mut scene = Scene::new();
+    let id = scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
+    scene.set_triangles(id, [[Vec3::splat(5.0), Vec3::splat(5.5), Vec3::new(6.0, 5.0, 6.0)]]).unwrap();
+    let triangles = SceneTriangles::new(&scene);
+    let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+    let baker = || ExactBaker::new(&triangles, &cells, settings());
+    let mut bake = Bake::new(baker());
+    bake.advance();
+    forge_counts(&bake.save(), 0, 1 << 16, |mut state| {
+        mend_header(&mut state, 0);
+        drop(Bake::resume(baker(), &state).map(|bake| bake.finish()));
+    });
 }

@@ -14,3 +14,7 @@ mod quick_looks;
 mod rims;
 mod shares;
 mod slots;
+
+#[global_allocator]
+static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
+    visibility_testing::allocations::CountingAllocator;

@@ -8,7 +8,7 @@ use visibility_core::{Aabb, Culler, Object, Scene, VisibleSet};
 use visibility_plp::{
     Budget, Content, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Tessellation,
 };
-use visibility_testing::{FNV_START, fnv};
+use visibility_testing::{FNV_START, fnv, forge_counts, mend_header};
 
 /// Small leaves, so that small test scenes have many cells.
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
@@ -257,4 +257,20 @@ fn forged_cells_harm_nobody() {
     forged(&scene, &bytes, |bytes| OctreeTessellation::from_bytes(bytes, &scene));
     let bytes = DelaunayTessellation::with_fineness(&scene, FINE).to_bytes(&scene);
     forged(&scene, &bytes, |bytes| DelaunayTessellation::from_bytes(bytes, &scene));
+}
+
+#[test]
+fn forged_counts_take_no_memory() {
+    let scene = triangles(4, 20);
+    let coarse = Fineness { vertices: 40, halvings: 3 };
+    let bytes = OctreeTessellation::with_fineness(&scene, coarse).to_bytes(&scene);
+    forge_counts(&bytes, 0, 1 << 20, |mut bytes| {
+        mend_header(&mut bytes, 0);
+        let _ = OctreeTessellation::from_bytes(&bytes, &scene);
+    });
+    let bytes = DelaunayTessellation::with_fineness(&scene, coarse).to_bytes(&scene);
+    forge_counts(&bytes, 0, 1 << 20, |mut bytes| {
+        mend_header(&mut bytes, 0);
+        let _ = DelaunayTessellation::from_bytes(&bytes, &scene);
+    });
 }

@@ -112,7 +112,7 @@ impl CellBaker {
         let mut baker = Self {
             rows: alloc::vec![0; directed * stride],
             stride,
-            seen: CellMatrix::new(cells),
+            seen: CellMatrix::new(cells).with_source(graph.version()),
             counts: alloc::vec![0; directed],
             steps: alloc::vec![0; cells],
             fallbacks: alloc::vec![0; cells],

@@ -20,19 +20,35 @@ use visibility_core::{
 /// assert_eq!(matrix.mean_visible(), 1.5);
 /// assert_eq!(matrix.to_bytes(), [0b01, 0b11]);
 /// ```
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, Debug)]
 pub struct CellMatrix {
     cells: usize,
     /// Number of 64-bit words in a row of `words`: `ceil(cells / 64)`.
     stride: usize,
     pub(crate) words: Vec<u64>,
+    /// [Version](CellGraph::version) of the graph that the matrix was baked from. `None` if nobody knows it.
+    source: Option<u64>,
 }
+
+impl PartialEq for CellMatrix {
+    /// Compares the bits. What the matrices were baked from is not compared.
+    fn eq(&self, other: &Self) -> bool {
+        (self.cells, &self.words) == (other.cells, &other.words)
+    }
+}
+
+impl Eq for CellMatrix {}
 
 impl CellMatrix {
     /// Returns a matrix for `cells` cells with all bits clear: no cell sees any cell, not even itself.
     pub fn new(cells: usize) -> Self {
         let stride = cells.div_ceil(64);
-        Self { cells, stride, words: alloc::vec![0; stride * cells] }
+        Self { cells, stride, words: alloc::vec![0; stride * cells], source: None }
+    }
+
+    /// Returns the matrix with the version of the graph that it is baked from.
+    pub(crate) fn with_source(self, source: u64) -> Self {
+        Self { source: Some(source), ..self }
     }
 
     /// Reads a matrix for `cells` cells in the `.vismat` format: row by row, each of `ceil(cells / 8)` bytes,
@@ -103,7 +119,7 @@ impl CellMatrix {
     /// Returns the matrix of mutual pairs: cell a sees cell b in the result if each sees the other in `self`.
     /// A line can be walked both ways, so the result is conservative if `self` is.
     pub fn both_ways(&self) -> Self {
-        let mut both = Self::new(self.cells);
+        let mut both = Self { source: self.source, ..Self::new(self.cells) };
         for a in 0..self.cells {
             for b in self.seen_from(CellId(a as u32)) {
                 if self.sees(b, CellId(a as u32)) {
@@ -117,13 +133,20 @@ impl CellMatrix {
     /// Converts the matrix to a compressed PVS whose viewcells and whose targets are the cells. Rows of cells
     /// that share a portal in `graph` may be stored as differences from each other.
     ///
+    /// The PVS has the version of the graph as its [source](Pvs::source) if the matrix was baked from it. A
+    /// matrix of [bytes](Self::from_bytes) does not tell what it was baked from, and its PVS has no source.
+    ///
     /// # Errors
     /// [`PvsError::TooLarge`] if the PVS exceeds its storage limits.
     pub fn to_pvs(&self, graph: &CellGraph) -> Result<Pvs, PvsError> {
         let cells = (0..self.cells as u32).map(CellId);
         let rows: Vec<Vec<u32>> =
             cells.map(|cell| self.seen_from(cell).map(|seen| seen.0).collect()).collect();
-        Pvs::new(PvsTargets::Cells, self.cells, &rows, |viewcell| neighbours(graph, viewcell))
+        let pvs = Pvs::new(PvsTargets::Cells, self.cells, &rows, |viewcell| neighbours(graph, viewcell))?;
+        Ok(match self.source {
+            Some(source) if source == graph.version() => pvs.with_source(source),
+            _ => pvs,
+        })
     }
 
     /// Returns the row of cell `from`: bit i % 64 of word i / 64 is set if `from` sees cell i. Empty if the

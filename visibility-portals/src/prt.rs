@@ -24,6 +24,10 @@ use visibility_core::{
 /// Maximum number of vertices of a portal in a file, as in the compilers that write these files.
 pub const MAX_VERTICES: usize = 64;
 
+/// Greatest number of cells, and of leaves, that a file may have beyond one for each of its bytes: cells
+/// without portals, and leaves without cells, which no line names. Memory is reserved for each.
+const UNNAMED: usize = 1 << 16;
+
 /// Content of a portal file: cells, portals and leaves.
 #[derive(Clone, PartialEq, Debug)]
 pub struct PortalFile {
@@ -123,6 +127,11 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
         _ => return Err(lines.error("this is not a portal file: PRT1, PRT2 or PRT1-AM should stand here")),
     };
     let header = lines.number;
+    for (count, what) in [(cells, "cells"), (leaves, "leaves")] {
+        if count > text.len().saturating_add(UNNAMED) {
+            return Err(lines.error(&format!("{count} {what} are too many")));
+        }
+    }
     let (mut all, mut numbers) = (Vec::new(), Vec::new());
     for id in 0..portals as u32 {
         let line = lines.next("the line of a portal")?;

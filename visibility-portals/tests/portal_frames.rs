@@ -3,15 +3,18 @@
 
 use crate::maze::{Camera, Maze, Style};
 use crate::room_row::{along, boxes, row_of_rooms, seen};
+use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Culler, ObjectId, Pose, Scene, View, VisibleSet,
+    Aabb, Accuracy, Culler, ObjectId, Pose, Scene, View, VisibleSet,
     cells::{CellGraph, CellId, PortalId},
     geometry::{ConvexPolygon, Plane},
     pvs::{Pvs, PvsTargets, Viewcell, Viewcells},
     view::Window,
 };
-use visibility_portals::{NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError};
+use visibility_portals::{
+    CellBaker, CellMatrix, NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError, Settings,
+};
 use visibility_testing::{Random, cameras::DEPTHS};
 
 /// Returns a [row of rooms](row_of_rooms), and a scene with one box in each room.
@@ -246,6 +249,47 @@ fn sets_limit_the_walk() {
     assert_eq!(seen(&mut eye, &cells, &scene, &view), [1, 2, 3]);
     let few = Pvs::new(PvsTargets::Cells, 4, &rows[..1], |_| []).unwrap();
     assert!(matches!(cells.with_pvs(few), Err(SceneCellsError::Pvs { cells: 5, viewcells: 1, targets: 4 })));
+}
+
+/// A door that is moved in its wall leaves cells, portals and volumes as many as before.
+#[test]
+fn sets_of_another_graph_are_refused_and_unknown_ones_promise_nothing() {
+    let (cells, scene, _) = row(3);
+    let bake =
+        |graph: &CellGraph| Bake::new(CellBaker::new(graph, Settings::default()).unwrap()).run().matrix;
+    let moved = |by: f64| {
+        let portals = cells.graph().portals().iter().map(|portal| {
+            let vertices = portal.polygon().vertices().iter().map(|&v| v + DVec3::Y * by);
+            (ConvexPolygon::new(vertices).unwrap(), portal.cells())
+        });
+        CellGraph::new(3, portals).unwrap()
+    };
+    let edited = moved(0.125);
+    assert_eq!(moved(0.0).version(), cells.graph().version());
+    assert!(edited.version() != cells.graph().version());
+    assert!(CellGraph::new(2, []).unwrap().version() != CellGraph::new(3, []).unwrap().version());
+    let pvs = |graph: &CellGraph| Pvs::from_bytes(bake(graph).to_pvs(graph).unwrap().as_bytes()).unwrap();
+    let accuracy = |cells: SceneCells| {
+        let (culler, mut lacks) = (PortalCuller::new(cells), Vec::new());
+        culler.for_each_lack(&scene, &mut |lack| lacks.push(lack.to_string()));
+        (culler.accuracy(), lacks)
+    };
+    let with = |pvs: Pvs| cells.clone().with_pvs(pvs);
+    assert_eq!(accuracy(with(pvs(cells.graph())).unwrap()), (Accuracy::Conservative, Vec::new()));
+    let refused = with(pvs(&edited)).err();
+    assert_eq!(refused, Some(SceneCellsError::OtherGraph));
+    assert!(refused.unwrap().to_string().ends_with("bake again"));
+    // A matrix of bytes, or baked from another graph than that of the call, is of nobody knows which.
+    let matrix = CellMatrix::from_bytes(3, &bake(&edited).to_bytes()).unwrap();
+    assert_eq!(matrix, bake(&edited));
+    for unknown in [matrix.to_pvs(cells.graph()), bake(&edited).to_pvs(cells.graph())] {
+        let unknown = unknown.unwrap();
+        assert_eq!(unknown.source(), None);
+        let lack = "cells with a PVS that may be of another graph: 3".to_owned();
+        assert_eq!(accuracy(with(unknown.clone()).unwrap()), (Accuracy::Approximate, vec![lack]));
+        let promised = unknown.with_source(cells.graph().version());
+        assert_eq!(accuracy(with(promised).unwrap()).0, Accuracy::Conservative);
+    }
 }
 
 #[test]

@@ -8,7 +8,8 @@ use visibility_core::{
     cells::{CellGraph, CellId},
     geometry::ConvexPolygon,
 };
-use visibility_portals::{CellBaker, ObjectBaker, Settings};
+use visibility_portals::{CellBaker, CellMatrix, ObjectBaker, Settings};
+use visibility_testing::{forge_counts, mend_header};
 
 /// Returns a grid of 7 by 7 rooms with doors at irregular positions, displaced by `shift` along each axis.
 fn rooms(shift: f64) -> CellGraph {
@@ -132,7 +133,7 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
     let forged = |change: &dyn Fn(&mut [u8])| {
         let mut content = saved[HEADER_LENGTH..].to_vec();
         change(&mut content);
-        let format = Format { magic: saved[..8].try_into().unwrap(), version: 3 };
+        let format = Format { magic: saved[..8].try_into().unwrap(), version: 4 };
         let fingerprint = u64::from_le_bytes(saved[16..24].try_into().unwrap());
         let mut writer = Writer::new(format, 0, fingerprint);
         writer.bytes(&content);
@@ -153,4 +154,41 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
         let error = forged(&|content| content[16..20].copy_from_slice(&portal.to_le_bytes())).unwrap_err();
         assert!(error.to_string().contains("unknown or out of order"), "{error}");
     }
+}
+
+#[test]
+fn forged_counts_of_states_take_no_memory() {
+    let graph = small();
+    let mut bake = Bake::new(baker(&graph, Settings::default()));
+    let first = bake.save();
+    bake.advance();
+    for state in [first, bake.save()] {
+        forge_counts(&state, 0, 1 << 18, |mut state| {
+            mend_header(&mut state, 0);
+            let bake = Bake::resume(baker(&graph, Settings::default()), &state);
+            drop(bake.map(|bake| bake.finish()));
+        });
+    }
+    let cells = bake.run();
+    let objects = || ObjectBaker::new(&graph, &cells, |_| None, Settings::default()).unwrap();
+    let mut bake = Bake::new(objects());
+    bake.advance();
+    forge_counts(&bake.save(), 0, 1 << 18, |mut state| {
+        mend_header(&mut state, 0);
+        drop(Bake::resume(objects(), &state).map(|bake| bake.finish()));
+    });
+    // A matrix has no counts of its own: the bytes must be as many as the cells ask for.
+    for cells in [usize::MAX, 1 << 32, 1 << 20, 50] {
+        assert!(CellMatrix::from_bytes(cells, &[0; 64]).is_none());
+    }
+}
+
+/// Returns three rooms in a row.
+fn small() -> CellGraph {
+    let door = |x: f64| {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]];
+        ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z))).unwrap()
+    };
+    let portals = [(door(4.0), [CellId(0), CellId(1)]), (door(8.0), [CellId(1), CellId(2)])];
+    CellGraph::new(3, portals).unwrap()
 }

@@ -9,6 +9,7 @@ pub mod cameras;
 pub mod enclosures;
 mod ends;
 mod exact;
+mod forged_counts;
 mod hash;
 mod octree;
 mod plain_map;
@@ -19,6 +20,7 @@ pub mod swapped;
 
 pub use ends::{End, UNIT, ends, ends_f32};
 pub use exact::sign_of_sum;
+pub use forged_counts::{forge_counts, mend_header};
 pub use hash::{FNV_START, fnv};
 pub use octree::Octree;
 pub use plain_map::PlainMap;

@@ -2,6 +2,7 @@
 
 use super::viewcells::Places;
 use crate::Hint;
+use crate::source::parse_hint;
 use clap::Args;
 
 /// What is baked: the same for all shards of a bake.
@@ -19,7 +20,7 @@ pub struct Job {
     /// What objects are whose names contain TEXT: `occluder`, `detail` or `door` (hide nothing), `mover`
     /// (hides nothing, and is visible from everywhere) or `never-cull`. May be given several times. Nodes of
     /// glTF files may say it themselves, by the extra `visibility`.
-    #[arg(long = "hint", value_name = "HINT=TEXT", value_parser = hint)]
+    #[arg(long = "hint", value_name = "HINT=TEXT", value_parser = parse_hint)]
     pub hints: Vec<(Hint, String)>,
 
     /// Part of the reported triangles that may be neither seen nor proven hidden, as in 5% or 0.05.
@@ -62,12 +63,6 @@ fn share(text: &str) -> Result<f64, String> {
         Ok(number) if (0.0..=1.0).contains(&(number * unit)) => Ok(number * unit),
         _ => Err("a part is a number from 0 to 1, or a percentage up to 100%".to_owned()),
     }
-}
-
-/// Reads a hint and the text that names of objects contain, as in mover=Lift.
-fn hint(text: &str) -> Result<(Hint, String), String> {
-    let (hint, part) = text.split_once('=').ok_or("a hint is HINT=TEXT, as in mover=Lift")?;
-    Ok((hint.parse()?, part.to_owned()))
 }
 
 #[cfg(test)]

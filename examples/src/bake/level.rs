@@ -5,7 +5,7 @@ use super::job::Job;
 use super::run::clock;
 use super::viewcells::{self, Solids};
 use crate::region::world;
-use crate::source::{Bounds, Corners};
+use crate::source::{Bounds, Corners, check_hints};
 use crate::walkthrough::World;
 use crate::{SceneSource, SourceObject, open_by_object};
 use glam::DVec3;
@@ -44,14 +44,14 @@ enum Content {
 }
 
 impl Level {
-    /// Loads the scene of a job and makes its viewcells. `scratch` is the path of the file that has the
-    /// triangles if the job limits the memory.
+    /// Loads the scene of a job and makes its viewcells, which are given up once `stop` returns true.
+    /// `scratch` is the path of the file that has the triangles if the job limits the memory.
     ///
     /// # Errors
     ///
     /// [`Failure`] if the scene cannot be loaded, a hint is for no object, there are no viewcells or too
-    /// many, or the memory is too small.
-    pub fn open(job: &Job, scratch: &Path) -> Result<Self, Failure> {
+    /// many, or the memory or the time is too small.
+    pub fn open(job: &Job, scratch: &Path, stop: fn() -> bool) -> Result<Self, Failure> {
         let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
         let (name, content, viewcells) = match job.memory {
             None => {
@@ -59,7 +59,7 @@ impl Level {
                 let (source, bounds) = read(job, &mut |object| objects.push(object))?;
                 let world = world(SceneSource { objects, ..source });
                 let solids = Solids::Scene(&world.scene);
-                let viewcells = viewcells::make(&job.places, &world.source, bounds, &solids)?;
+                let viewcells = viewcells::make(&job.places, &world.source, bounds, &solids, stop)?;
                 (world.source.name.clone(), Content::World(Box::new(world)), viewcells)
             }
             Some(memory) => {
@@ -72,7 +72,7 @@ impl Level {
                 })?;
                 written?;
                 let level = writer.finish(memory, PROGRAM_BYTES)?;
-                let viewcells = viewcells::make(&job.places, &source, bounds, &Solids::Level(&level))?;
+                let viewcells = viewcells::make(&job.places, &source, bounds, &Solids::Level(&level), stop)?;
                 (source.name, Content::File(Arc::new(level)), viewcells)
             }
         };
@@ -89,7 +89,10 @@ impl Level {
         let named = |error: &dyn fmt::Display| format!("{}: {error}", path.display());
         match std::fs::read(path) {
             Ok(bytes) => {
-                self.cache = Arc::new(BakeCache::from_bytes(&bytes).map_err(|error| named(&error))?);
+                self.cache = Arc::new(
+                    BakeCache::from_bytes(&bytes)
+                        .map_err(|error| named(&format!("{error}; remove the file to begin anew")))?,
+                );
                 Ok(())
             }
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
@@ -104,6 +107,11 @@ impl Level {
             Content::File(level) => SandwichBaker::of_level(level.clone(), &self.viewcells, self.settings),
         };
         baker.with_clock(clock).with_cache(self.cache.clone())
+    }
+
+    /// Returns the gap that the bake is asked for.
+    pub fn gap(&self) -> f64 {
+        self.settings.gap
     }
 
     /// Returns the fingerprint that all shards of the bake have.
@@ -162,20 +170,13 @@ fn read(job: &Job, each: &mut dyn FnMut(SourceObject)) -> Result<(SceneSource, O
     let mut bounds = Bounds::default();
     let mut is_named = vec![false; job.hints.len()];
     let source = open_by_object(&job.scene, &mut |mut object| {
-        for ((hint, part), is_named) in job.hints.iter().zip(&mut is_named) {
-            if object.name.contains(part) {
-                object.take(*hint);
-                *is_named = true;
-            }
-        }
+        object.take_all(&job.hints, &mut is_named);
         bounds.add(&object);
         each(object);
     });
     let source = source.map_err(|error| error.to_string())?;
-    match job.hints.iter().zip(is_named).find(|&(_, is_named)| !is_named) {
-        Some(((_, part), _)) => Err(format!("no name of an object contains `{part}`")),
-        None => Ok((source, bounds.corners())),
-    }
+    check_hints(&job.hints, &is_named)?;
+    Ok((source, bounds.corners()))
 }
 
 /// Appends an object to a level in a file, with its occluder mesh.
@@ -205,7 +206,7 @@ mod tests {
     fn hints_change_what_they_name_or_are_refused() {
         let open = |hint: &str| {
             let Only { job } = clap::Parser::try_parse_from(["", "london:2,2", "--hint", hint]).ok()?;
-            Level::open(&job, Path::new("")).ok()
+            Level::open(&job, Path::new(""), || false).ok()
         };
         let level = open("mover=b1").unwrap();
         let scene = &level.world().unwrap().scene;
@@ -222,7 +223,7 @@ mod tests {
         let refused = |hints: &[&str]| {
             let arguments = ["", "london:2,2", "--memory", "64M"].iter().chain(hints);
             let Only { job } = clap::Parser::parse_from(arguments);
-            let error = Level::open(&job, &scratch).err();
+            let error = Level::open(&job, &scratch, || false).err();
             assert!(error.is_none() || !scratch.exists());
             error.map(|error| error.to_string())
         };
@@ -241,7 +242,7 @@ mod tests {
                 let Only { job } = clap::Parser::parse_from(arguments.chain(memory));
                 let path =
                     |end: &str| std::env::temp_dir().join(format!("bake-level-{}.{end}", std::process::id()));
-                let level = Level::open(&job, &path("scratch")).unwrap();
+                let level = Level::open(&job, &path("scratch"), || false).unwrap();
                 let save_every = Duration::from_secs(60);
                 let settings = Run { threads: 1, limit: None, save_every, state: path("state") };
                 let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();
@@ -252,7 +253,7 @@ mod tests {
         }
         let Only { job } = clap::Parser::parse_from(["", "london:2,2", "--memory", "32M"]);
         let scratch = std::env::temp_dir().join(format!("bake-few-{}", std::process::id()));
-        assert!(matches!(Level::open(&job, &scratch), Err(Failure::Memory(_))));
+        assert!(matches!(Level::open(&job, &scratch, || false), Err(Failure::Memory(_))));
         assert!(!scratch.exists());
     }
 }

@@ -12,4 +12,4 @@ pub mod viewcells;
 pub use failure::Failure;
 pub use job::Job;
 pub use level::Level;
-pub use run::{Run, forget, run, write};
+pub use run::{Run, forget, run};

@@ -55,12 +55,15 @@ pub fn draw(level: &Level, cells: &[CellSandwich], report: &Report, folder: &Pat
     let title = title(report);
     let [none, half, all] = [0.0, greatest * 50.0, greatest * 100.0].map(|part| format!("{part:.1} %"));
     legend(&mut canvas, &map, &title, &[(RAMP[0], &none), (RAMP[1], &half), (RAMP[2], &all)]);
-    save(&canvas, &folder.join("gaps.png"))?;
-    super::run::write(&folder.join("gaps.svg"), svg([map.width, map.height], &title, &tiles).as_bytes())?;
+    canvas.save(&folder.join("gaps.png"))?;
+    crate::output_file::write(
+        &folder.join("gaps.svg"),
+        svg([map.width, map.height], &title, &tiles).as_bytes(),
+    )?;
 
     for &(number, cell) in order.iter().rev().take(WORST).filter(|(_, cell)| cell.gap > 0.0) {
         let picture = draw_viewcell(level, world, number, &cells[number], cell)?;
-        save(&picture, &folder.join(format!("worst-{number}.png")))?;
+        picture.save(&folder.join(format!("worst-{number}.png")))?;
     }
     Ok(())
 }
@@ -163,10 +166,6 @@ fn legend(canvas: &mut Canvas, map: &Map, title: &str, entries: &[(Color, &str)]
     canvas.legend(10, top + 20, entries, INK);
 }
 
-fn save(canvas: &Canvas, path: &Path) -> Result<(), String> {
-    canvas.save(path).map_err(|error| format!("cannot write {}: {error}", path.display()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -190,7 +189,7 @@ mod tests {
         }
         let arguments = "bake london:1,1 --size 16,16,4 --over 0,0,0,64,32,4 --gap 100% --rays 20";
         let Arguments { job } = clap::Parser::parse_from(arguments.split(' '));
-        let level = Level::open(&job, Path::new("")).unwrap();
+        let level = Level::open(&job, Path::new(""), || false).unwrap();
         let settings =
             Run { threads: 1, limit: None, save_every: Duration::from_secs(60), state: folder.join("state") };
         let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();

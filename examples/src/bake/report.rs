@@ -19,6 +19,12 @@ pub struct Report {
     pub complete: bool,
     /// Sum over all viewcells of the triangles neither seen nor proven hidden, as a part of those reported.
     pub gap: f64,
+    /// Version of the level, in hexadecimal digits: what a game carries whose scene has boxes alone.
+    pub version: String,
+    /// The gap that was asked for.
+    pub asked_gap: f64,
+    /// Number of viewcells whose gap exceeds the one asked for.
+    pub viewcells_over_gap: usize,
     /// Bytes of the file that a game loads, viewcells included.
     pub bytes: usize,
     /// Bytes of the sets in the memory of the game, without the viewcells.
@@ -97,7 +103,11 @@ impl Report {
             }
         });
         let viewcells: Vec<Cell> = viewcells.collect();
+        let asked_gap = level.gap();
         Self {
+            version: format!("{:016x}", set.version()),
+            asked_gap,
+            viewcells_over_gap: viewcells.iter().filter(|cell| cell.gap > asked_gap).count(),
             scene: level.name.clone(),
             objects: level.object_count(),
             seconds,
@@ -143,7 +153,21 @@ impl Report {
             let [a, b, c, d, e, f] = worst.cell;
             text += &format!("worst: {:.1} % from {a},{b},{c} to {d},{e},{f}\n", worst.gap * 100.0);
         }
-        text
+        if self.viewcells_over_gap > 0 {
+            let then = if self.complete {
+                "their proofs were given up: more --rays, smaller viewcells (--size) or a larger --clearance \
+                 close more"
+            } else {
+                "the time was over: the same command goes on"
+            };
+            text += &format!(
+                "{} of {} viewcells miss the gap of {:.2} %; what is open there counts as visible; {then}\n",
+                self.viewcells_over_gap,
+                self.viewcells.len(),
+                self.asked_gap * 100.0,
+            );
+        }
+        text + &format!("version of the level: {}\n", self.version)
     }
 }
 

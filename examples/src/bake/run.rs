@@ -1,6 +1,7 @@
 //! The run of a bake: on threads, with a limit of time, and its state kept in a file.
 
 use super::failure::Failure;
+use crate::output_file::write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -84,17 +85,4 @@ pub fn run<'a>(
 pub fn forget(state: &Path) {
     // Without a state file there is nothing to remove.
     let _ = std::fs::remove_file(state);
-}
-
-/// Writes a file so that it is there whole or not at all.
-///
-/// # Errors
-///
-/// Returns a message with the path.
-pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    std::fs::write(&part, bytes)
-        .and_then(|()| std::fs::rename(&part, path))
-        .map_err(|error| format!("cannot write {}: {error}", path.display()))
 }

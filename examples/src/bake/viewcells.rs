@@ -129,7 +129,8 @@ impl Solids<'_> {
     }
 }
 
-/// Makes the viewcells of a scene. `bounds` are those of all its objects, `None` if there are none.
+/// Makes the viewcells of a scene, and gives up once `stop` returns true. `bounds` are those of all its
+/// objects, `None` if there are none.
 ///
 /// # Errors
 ///
@@ -139,6 +140,7 @@ pub fn make(
     source: &SceneSource,
     bounds: Option<Corners>,
     solids: &Solids<'_>,
+    stop: fn() -> bool,
 ) -> Result<Vec<Viewcell>, Failure> {
     let text = |error: GridError| error.to_string();
     let double = |point: Vec3| point.as_dvec3();
@@ -160,7 +162,7 @@ pub fn make(
         (Placement::Grid, Some((min, _))) => min,
         _ => eyes.next().map_or(low, |first| first - size * 0.5),
     };
-    let grid = Grid::new(corner, size).map_err(text)?;
+    let grid = Grid::new(corner, size).map_err(text)?.with_stop(stop);
     let camera = CameraRange {
         radius: places.radius,
         heights: (!places.fly).then_some(places.heights),

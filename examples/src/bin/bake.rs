@@ -6,14 +6,18 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 use visibility_bake::{CellSandwich, Shard, assemble};
 use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
-use visibility_examples::bake::{Failure, Job, Level, Run, forget, run, write};
+use visibility_examples::bake::{Failure, Job, Level, Run, forget, run};
+use visibility_examples::output_file::{Lock, beside, is_special, target, write};
 use visibility_examples::{eprintln, print, println};
 
-/// Bake what can be seen from each viewcell of a scene. A bake that was interrupted goes on where it was.
+/// Bake what can be seen from each viewcell of a scene. A bake that was interrupted goes on where it was. The
+/// last lines say how many viewcells miss the gap, and the version of the level, which a game whose scene has
+/// boxes alone hands to the loader of the file.
 ///
 /// `bake assemble` puts the parts of a bake with --shard together. `bake fingerprint` prints the hash that
 /// all parts of a bake have in common, and the number of viewcells.
@@ -27,7 +31,8 @@ struct Arguments {
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
 
-    /// Seconds after which what is not done counts as visible. By default there is no limit.
+    /// Seconds after which what is not done counts as visible. By default there is no limit. Viewcells that
+    /// are not made by then, and after a second, are an error.
     #[arg(long, value_name = "SECONDS")]
     time: Option<f64>,
 
@@ -93,6 +98,16 @@ struct Identity {
     job: Job,
 }
 
+/// Least time that the making of viewcells may take, whatever the limit of time.
+const LEAST_TIME: Duration = Duration::from_secs(1);
+
+/// When viewcells must have been made. Empty without a limit of time.
+static VIEWCELLS_END: OnceLock<Instant> = OnceLock::new();
+
+fn is_too_late_for_viewcells() -> bool {
+    VIEWCELLS_END.get().is_some_and(|&end| Instant::now() >= end)
+}
+
 /// Exit code if the memory is too small.
 const MEMORY_EXIT_CODE: u8 = 3;
 
@@ -151,7 +166,13 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string());
     let limit = arguments.time.map(duration).transpose()?;
     let save_every = duration(arguments.save)?;
-    let mut level = Level::open(&arguments.job, &beside(&arguments.out, ".tiles"))?;
+    let base = base(&arguments.out);
+    let _lock = Lock::new(&base)?;
+    let begun = Instant::now();
+    if let Some(end) = limit.and_then(|limit| begun.checked_add(limit.max(LEAST_TIME))) {
+        let _ = VIEWCELLS_END.set(end);
+    }
+    let mut level = Level::open(&arguments.job, &beside(&base, ".tiles"), is_too_late_for_viewcells)?;
     if let Some(cache) = &arguments.cache {
         level.take_cache(cache)?;
     }
@@ -161,8 +182,8 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         let at = |i: usize| (count as u128 * i as u128 / n as u128) as usize;
         at(i)..at(i + 1)
     });
-    let settings =
-        Run { threads: arguments.threads, limit, save_every, state: beside(&arguments.out, ".state") };
+    let limit = limit.map(|limit| limit.saturating_sub(begun.elapsed()));
+    let settings = Run { threads: arguments.threads, limit, save_every, state: beside(&base, ".state") };
     // The bar is drawn on standard error, and only if that is a terminal.
     let bar = ProgressBar::new(range.len() as u64);
     let template = "{msg} {bar:40} {pos}/{len} viewcells, {elapsed}, {eta} to go in this step";
@@ -206,24 +227,29 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Returns a path with `end` appended to the name of the file.
-fn beside(path: &Path, end: &str) -> PathBuf {
-    let mut path = path.to_owned().into_os_string();
-    path.push(end);
-    PathBuf::from(path)
+/// Returns the path beside which the program keeps files of its own: that of the file to write, or of what a
+/// link there leads to; a path of this process if a device or pipe is written.
+fn base(out: &Path) -> PathBuf {
+    if is_special(out) {
+        std::env::temp_dir().join(format!("bake-{}", std::process::id()))
+    } else {
+        target(out)
+    }
 }
 
 /// Prints the fingerprint of a bake and the number of its viewcells.
 fn identify(arguments: &Identity) -> Result<(), Failure> {
     let scratch = std::env::temp_dir().join(format!("bake-{}.tiles", std::process::id()));
-    let level = Level::open(&arguments.job, &scratch)?;
+    let level = Level::open(&arguments.job, &scratch, || false)?;
     println!("{:016x} {}", level.fingerprint(), level.viewcells.cells().len());
     Ok(())
 }
 
 /// Assembles shards, and writes the file and the report.
 fn put_together(arguments: &Assembly) -> Result<(), Failure> {
-    let level = Level::open(&arguments.job, &beside(&arguments.out, ".tiles"))?;
+    let base = base(&arguments.out);
+    let _lock = Lock::new(&base)?;
+    let level = Level::open(&arguments.job, &beside(&base, ".tiles"), || false)?;
     let fingerprint = level.fingerprint();
     let mut shards = Vec::new();
     for file in &arguments.shards {

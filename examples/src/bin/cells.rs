@@ -5,6 +5,7 @@ use clap::{Parser, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+use visibility_examples::output_file::write;
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::walkthrough::cell_sets::{CELL_STEPS, OBJECT_STEPS, cell_rows, objects, settings};
 use visibility_examples::walkthrough::{World, world::objects_in_cells};
@@ -82,8 +83,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         println!("not as it should be: {error}");
     }
     if let Some(path) = &arguments.out {
-        std::fs::write(path, prt::write(&cells.graph))
-            .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        write(path, prt::write(&cells.graph).as_ref())?;
     }
     let start = Instant::now();
     let limit = |steps| settings(&cells.viewcells, arguments.limit.unwrap_or(steps));

@@ -9,6 +9,7 @@ use std::time::Duration;
 use visibility_examples::arguments::parse_size;
 use visibility_examples::occlusion::frame::Stage;
 use visibility_examples::occlusion::{picture, visb, visc};
+use visibility_examples::output_file::write;
 use visibility_examples::{eprintln, println};
 use visibility_hzb::Coverage;
 
@@ -124,14 +125,12 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         if let Some(folder) = &arguments.pictures {
             let folder = folder.join(format!("view-{number}"));
-            picture::save(stage.map(), &folder)
-                .map_err(|error| format!("cannot write pictures to {}: {error}", folder.display()))?;
+            picture::save(stage.map(), &folder)?;
         }
         answers.push(answer);
     }
     if let Some(path) = &arguments.dump {
-        std::fs::write(path, visb::write(&answers))
-            .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        write(path, &visb::write(&answers))?;
     }
     Ok(())
 }

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_core::cells::CellId;
+use visibility_examples::output_file::write;
 use visibility_examples::plan::drawing::Drawing;
 use visibility_examples::plan::forest_walk::ForestWalk;
 use visibility_examples::plan::{PlanFile, load};
@@ -133,10 +134,10 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     }
     write_json(arguments, &json)?;
     if let Some(path) = &arguments.svg {
-        write(path, &draw(arguments, &file, &plan)?)?;
+        write(path, draw(arguments, &file, &plan)?.as_bytes())?;
     }
     if let Some(path) = &arguments.cells {
-        write(path, &draw_cells(&file, &plan)?)?;
+        write(path, draw_cells(&file, &plan)?.as_bytes())?;
     }
     Ok(())
 }
@@ -158,7 +159,7 @@ fn walk(arguments: &Arguments, trees: usize) -> Result<(), Box<dyn std::error::E
     }
     write_json(arguments, &json)?;
     match &arguments.svg {
-        Some(path) => Ok(write(path, &walk.draw())?),
+        Some(path) => Ok(write(path, walk.draw().as_bytes())?),
         None => Ok(()),
     }
 }
@@ -166,7 +167,7 @@ fn walk(arguments: &Arguments, trees: usize) -> Result<(), Box<dyn std::error::E
 fn write_json(arguments: &Arguments, json: &str) -> Result<(), String> {
     match &arguments.json {
         Some(path) if path.as_os_str() == "-" => print!("{json}"),
-        Some(path) => write(path, json)?,
+        Some(path) => write(path, json.as_bytes())?,
         None => {}
     }
     Ok(())
@@ -183,10 +184,6 @@ fn time(plan: &Plan, view: &PlanView, answer: &mut Visibility) -> Result<f64, vi
     }
     times.sort_unstable_by(f64::total_cmp);
     Ok(times[2])
-}
-
-fn write(path: &std::path::Path, content: &str) -> Result<(), String> {
-    std::fs::write(path, content).map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 
 fn draw(

@@ -4,6 +4,7 @@ use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use visibility_examples::output_file::write;
 use visibility_examples::pvs::{Line, bake, read, summary};
 use visibility_examples::{eprintln, print, println};
 use visibility_portals::{CellMatrix, Settings};
@@ -89,9 +90,6 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         bar.set_position(progress.done as u64);
     })?;
     bar.finish_and_clear();
-    let write = |path: &PathBuf, bytes: &[u8]| {
-        std::fs::write(path, bytes).map_err(|error| format!("cannot write {}: {error}", path.display()))
-    };
     if let Some(path) = &arguments.matrix {
         write(path, &baked.outcome.matrix.to_bytes())?;
     }

@@ -3,13 +3,12 @@
 
 use clap::Parser;
 use std::error::Error;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use visibility_bake::BakedSet;
 use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_examples::arguments::count;
+use visibility_examples::output_file::{write, write_with};
 use visibility_examples::region::cells::TurnedBox;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
@@ -166,22 +165,20 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let first =
             |judged: &Judged| judged.trials.first().map_or_else(Vec::new, |trial| trial.reported.clone());
         let rows: Vec<Vec<u32>> = results.iter().map(first).collect();
-        std::fs::write(path, BakedSet::new(&world.scene, cells, &rows)?.to_bytes())?;
+        write(path, &BakedSet::new(&world.scene, cells, &rows)?.to_bytes())?;
     }
     let (eyes, side) = (arguments.eyes, arguments.side);
     let mean = cubes / results.len() as f64;
     println!("for comparison: {eyes} item-buffer cubes of {side}x{side} took {mean:.3} s for a viewcell");
     let points = plot::points(&world.source.name, &results);
     if let Some(path) = &arguments.csv {
-        plot::csv(File::create(path)?, &points)?;
+        write_with(path, |out| plot::csv(out, &points))?;
     }
     if let Some(path) = &arguments.plot {
         plot::plot(path, &world.source.name, &points)?;
     }
     if let Some(path) = &arguments.json {
-        let mut out = BufWriter::new(File::create(path)?);
-        output::json(&mut out, &world, &results)?;
-        out.flush()?;
+        write_with(path, |out| output::json(out, &world, &results))?;
     }
     Ok(())
 }

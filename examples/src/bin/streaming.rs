@@ -4,11 +4,11 @@
 use clap::Parser;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use visibility_bake::BakedSet;
 use visibility_core::VisibleSet;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Prefetch;
 use visibility_examples::built_in;
+use visibility_examples::region::read_sets;
 use visibility_examples::streaming::Cache;
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{eprintln, println};
@@ -60,7 +60,7 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let (_, mut pipeline) = cullers::parse(&arguments.culler, &world)?.remove(0);
     let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(arguments.patience));
     let sets = match &arguments.prefetch {
-        Some(file) => Some(BakedSet::from_bytes(&std::fs::read(file)?)?.for_scene(&world.scene)?),
+        Some(file) => Some(read_sets(file, &world)?),
         None => None,
     };
     let mut prefetch = Prefetch::new();

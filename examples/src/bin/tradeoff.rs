@@ -4,11 +4,12 @@
 use clap::Parser;
 use peak_alloc::PeakAlloc;
 use std::error::Error;
-use std::fs::{self, File};
+use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::open;
+use visibility_examples::output_file::write_with;
 use visibility_examples::tradeoff::{Effort, output, plot, sweep};
 use visibility_examples::walkthrough::auto::advise;
 use visibility_examples::walkthrough::cullers::quick_entries;
@@ -100,7 +101,7 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         plot::plots(&arguments.out, &name, &swept.points)?;
         all.extend(swept.points);
         // The table is rewritten after each scene, so that a failure in a later scene loses no results.
-        output::csv(File::create(&table)?, &all)?;
+        write_with(&table, |out| output::csv(out, &all))?;
     }
     println!("{}", output::LEGEND);
     println!("{} points in {:.0} s; {}", all.len(), start.elapsed().as_secs_f64(), table.display());

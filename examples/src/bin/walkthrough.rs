@@ -3,20 +3,20 @@
 
 use clap::Parser;
 use std::error::Error;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::description::Description;
+use visibility_examples::output_file::write_with;
 use visibility_examples::progress::Steps;
+use visibility_examples::source::{check_hints, parse_hint};
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
     Trial, World, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
 };
-use visibility_examples::{SceneSource, SourceError, load, load_walks, open};
+use visibility_examples::{Hint, SceneSource, SourceError, load, load_walks, open};
 use visibility_examples::{eprintln, print, println};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
@@ -35,6 +35,11 @@ struct Arguments {
     /// File whose objects are appended to the scene; may be given several times.
     #[arg(long, value_name = "FILE")]
     with: Vec<PathBuf>,
+
+    /// What objects are whose names contain TEXT, as of the program `bake`: a set that was baked with hints
+    /// is of a scene with them. May be given several times.
+    #[arg(long = "hint", value_name = "HINT=TEXT", value_parser = parse_hint)]
+    hints: Vec<(Hint, String)>,
 
     /// JSON description whose camera walks replace the scene's own.
     #[arg(long, value_name = "FILE.json")]
@@ -97,6 +102,9 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     for file in &arguments.with {
         source.objects.extend(load(file)?.objects);
     }
+    let mut is_named = vec![false; arguments.hints.len()];
+    source.objects.iter_mut().for_each(|object| object.take_all(&arguments.hints, &mut is_named));
+    check_hints(&arguments.hints, &is_named)?;
     let (objects, triangles) = (source.objects.len(), source.triangle_count());
     let loaded = start.elapsed();
     let start = Instant::now();
@@ -138,10 +146,10 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
     println!("{}\n{}", output::table(&world, &trials, &judgement), output::LEGEND);
     if let Some(path) = &arguments.json {
-        write_file(path, |out| output::json(out, &world, &trials, &judgement))?;
+        write_with(path, |out| output::json(out, &world, &trials, &judgement))?;
     }
     if let Some(path) = &arguments.dump {
-        write_file(path, |out| output::dump(out, &trials))?;
+        write_with(path, |out| output::dump(out, &trials))?;
     }
     if let Some(object) = marked {
         println!("object {object}, {}:", world.source.objects[object as usize].name);
@@ -175,17 +183,6 @@ fn scene(name: &str, cameras: Option<&Path>) -> Result<SceneSource, SourceError>
     Ok(source)
 }
 
-/// Creates a file and writes it through a buffer. Errors name the path.
-fn write_file(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-) -> Result<(), Box<dyn Error>> {
-    let told = |error: std::io::Error| format!("cannot write {}: {error}", path.display());
-    let mut out = BufWriter::new(File::create(path).map_err(told)?);
-    write(&mut out).and_then(|()| out.flush()).map_err(told)?;
-    Ok(())
-}
-
 /// Writer of pictures of a world into a folder. `marked` is the index of the object that is marked in the
 /// pictures.
 struct Album<'a> {
@@ -205,7 +202,7 @@ impl Album<'_> {
             |letter: char| if letter.is_alphanumeric() || "-_.+".contains(letter) { letter } else { '_' };
         let stem: String = format!("{}-{name}", self.world.source.name).chars().map(plain).collect();
         let path = self.folder.join(format!("{stem}.png"));
-        canvas.save(&path).map_err(|error| format!("cannot write {}: {error}", path.display()))
+        canvas.save(&path)
     }
 
     /// Writes pictures of the middle frame of each walk: one from the eye, and one from above for each

@@ -1,7 +1,6 @@
 //! Pictures of a hierarchical z-buffer: its pixels, and each level of its pyramid.
 
 use crate::walkthrough::canvas::Canvas;
-use std::io;
 use std::path::Path;
 use visibility_hzb::Hzb;
 
@@ -11,9 +10,9 @@ use visibility_hzb::Hzb;
 ///
 /// # Errors
 ///
-/// Returns the error of the file system when the folder or a file cannot be written.
-pub fn save(hzb: &Hzb, folder: &Path) -> io::Result<()> {
-    std::fs::create_dir_all(folder)?;
+/// Returns a message when the folder or a file cannot be written.
+pub fn save(hzb: &Hzb, folder: &Path) -> Result<(), String> {
+    std::fs::create_dir_all(folder).map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
     let pixels: Vec<f32> = (0..hzb.height())
         .flat_map(|row| (0..hzb.width()).map(move |column| hzb.depth_key(column, row)))
         .collect();

@@ -16,15 +16,45 @@ pub mod trial;
 use crate::SceneSource;
 use crate::walkthrough::World;
 use glam::DVec3;
+use std::fmt::Display;
+use std::path::Path;
+use visibility_bake::{BakedSet, level_version};
+use visibility_core::Scene;
+use visibility_core::pvs::ScenePvs;
 
 /// Makes the world of a source for visibility from viewcells. Doors do not occlude, unlike in walks.
 pub fn world(source: SceneSource) -> World {
-    let doors: Vec<usize> = (0..source.objects.len()).filter(|&i| source.objects[i].door).collect();
     let mut world = World::with_views(source, DVec3::ZERO, Vec::new(), Vec::new(), (1, 1));
-    for door in doors {
-        if let Some(id) = world.scene.id_at(door) {
-            world.scene.set_occluder(id, false).expect("an object of the scene");
+    open_doors(&world.source, &mut world.scene);
+    world
+}
+
+/// Lets the doors of a source hide nothing in its scene.
+fn open_doors(source: &SceneSource, scene: &mut Scene) {
+    for (index, _) in source.objects.iter().enumerate().filter(|(_, object)| object.door) {
+        if let Some(id) = scene.id_at(index) {
+            scene.set_occluder(id, false).expect("an object of the scene");
         }
     }
-    world
+}
+
+/// Reads the file of a [`BakedSet`] that the program `bake` or `region` has written for the scene of a world,
+/// in which doors may be closed since.
+///
+/// # Errors
+///
+/// Returns a message with the path if the file cannot be read, or is of another scene: with another triangle,
+/// occluder or hint.
+pub fn read_sets(path: &Path, world: &World) -> Result<ScenePvs, String> {
+    let named = |error: &dyn Display| format!("{}: {error}", path.display());
+    let bytes = std::fs::read(path).map_err(|error| named(&error))?;
+    let set = BakedSet::from_bytes(&bytes).map_err(|error| named(&error))?;
+    let version = if world.source.objects.iter().any(|object| object.door) {
+        let mut as_baked = world.scene.clone();
+        open_doors(&world.source, &mut as_baked);
+        level_version(&as_baked)
+    } else {
+        level_version(&world.scene)
+    };
+    set.for_level(&world.scene, Some(version)).map_err(|error| named(&error))
 }

@@ -1,8 +1,7 @@
 //! Picture in memory with pixels, lines, discs and small text, saved as PNG.
 
+use crate::output_file::write_with;
 use font8x8::legacy::BASIC_LEGACY;
-use std::fs::File;
-use std::io::{self, BufWriter};
 use std::path::Path;
 
 /// Color as red, green and blue, 0 to 255 each.
@@ -115,15 +114,16 @@ impl Canvas {
         }
     }
 
-    /// Writes the picture as a PNG file, replacing a file of that name. Returns the error of the file system
-    /// or the encoder.
-    pub fn save(&self, path: &Path) -> io::Result<()> {
-        let mut encoder = png::Encoder::new(BufWriter::new(File::create(path)?), self.width, self.height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(self.pixels.as_flattened())?;
-        writer.finish()?;
-        Ok(())
+    /// Writes the picture as a PNG [file](write_with), replacing a file of that name. Returns a message with
+    /// the path if that fails.
+    pub fn save(&self, path: &Path) -> Result<(), String> {
+        write_with(path, |out| {
+            let mut encoder = png::Encoder::new(out, self.width, self.height);
+            encoder.set_color(png::ColorType::Rgb);
+            encoder.set_depth(png::BitDepth::Eight);
+            let mut writer = encoder.write_header()?;
+            writer.write_image_data(self.pixels.as_flattened())?;
+            writer.finish()
+        })
     }
 }

@@ -33,7 +33,9 @@ pub struct BakedObject(pub u32);
 /// [`CullingPipeline`](crate::CullingPipeline). Entities with a [`BakedObject`] are hidden where the set says
 /// so; all others are visible. An eye outside of the set's viewcells sees everything.
 ///
-/// What hid others in the bake must stay as it was: the set does not know of a wall that is taken away.
+/// What hid others in the bake must stay as it was: the set does not know of a wall that is taken away. A
+/// set is of one [version](BakedSet::version) of the level: `bake` prints it, and the game's level carries
+/// it. The culler of a set that was not compared with a version is [approximate](Accuracy::Approximate).
 ///
 /// ```
 /// use bevy_camera::Camera3d;
@@ -43,9 +45,10 @@ pub struct BakedObject(pub u32);
 /// # scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
 /// # let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
 /// # let file = visibility_bake::BakedSet::new(&scene, cells, &[vec![]])?.to_bytes();
+/// # let version = visibility_bake::level_version(&scene);
 /// # let mut world = bevy_ecs::world::World::new();
-/// // The file that `bake` has written, and the boxes of the level's objects.
-/// let level = BakedLevel::read(&file, [[[5.0; 3], [6.0; 3]]])?;
+/// // The file that `bake` has written, the version that the level carries, and the boxes of its objects.
+/// let level = BakedLevel::read(&file, Some(version), [[[5.0; 3], [6.0; 3]]])?;
 /// world.spawn((Camera3d::default(), CullingPipeline::frustum().with(level.culler())));
 /// world.insert_resource(level);
 /// world.spawn(BakedObject(0)); // with a mesh, in its place
@@ -54,6 +57,8 @@ pub struct BakedObject(pub u32);
 #[derive(Resource)]
 pub struct BakedLevel {
     set: BakedSet,
+    /// Whether the set was compared with the version of the level.
+    is_checked: bool,
     /// World box of each object in the bake, by index. `None` if places are not checked.
     boxes: Option<Vec<Aabb>>,
     shared: Arc<Mutex<Option<Arc<ScenePvs>>>>,
@@ -73,30 +78,38 @@ enum Place {
 }
 
 impl BakedLevel {
-    /// Reads the bytes of a file that `bake` has written for objects with these boxes: the least and the
-    /// greatest corner of each, in world space, by index. An entity counts as its [`BakedObject`] only if its
-    /// own box contains that of the object.
+    /// Reads the bytes of a file that `bake` has written for a level of this version, with objects of these
+    /// boxes: the least and the greatest corner of each, in world space, by index. An entity counts as its
+    /// [`BakedObject`] only if its own box contains that of the object. Without a version an edit inside of a
+    /// box, such as a new door, is not noticed, and the culler is approximate.
     ///
     /// # Errors
-    /// [`BakedSetError::OtherScene`] if the boxes are not, to the bit, those that the set was baked from.
-    /// Others if the bytes are damaged or something else.
-    pub fn read(file: &[u8], boxes: impl IntoIterator<Item = [[f32; 3]; 2]>) -> Result<Self, BakedSetError> {
+    /// [`BakedSetError::OtherScene`] if the boxes are not, to the bit, those that the set was baked from;
+    /// [`BakedSetError::OtherVersion`]. Others if the bytes are damaged or something else.
+    pub fn read(
+        file: &[u8],
+        version: Option<u64>,
+        boxes: impl IntoIterator<Item = [[f32; 3]; 2]>,
+    ) -> Result<Self, BakedSetError> {
         let boxes: Vec<Aabb> = boxes.into_iter().map(|[min, max]| Aabb::from_arrays(min, max)).collect();
         let mut level = Self::read_unchecked(file)?;
-        level.set.check_bounds(DVec3::ZERO, (0..).zip(boxes.iter().copied()))?;
+        level.set = level.set.compared(version, DVec3::ZERO, (0..).zip(boxes.iter().copied()))?;
+        level.is_checked = version.is_some();
         level.boxes = Some(boxes);
         Ok(level)
     }
 
     /// Reads the bytes of a file that `bake` has written, and takes the game's word that each entity with a
     /// [`BakedObject`] is where that object was baked when its `Aabb` becomes known. Entities that are
-    /// elsewhere vanish from where they are seen.
+    /// elsewhere, or that an edit has made visible, vanish from where they are seen: the culler is
+    /// approximate.
     ///
     /// # Errors
     /// [`BakedSetError`] if the bytes are damaged or something else.
     pub fn read_unchecked(file: &[u8]) -> Result<Self, BakedSetError> {
         Ok(Self {
             set: BakedSet::from_bytes(file)?,
+            is_checked: false,
             boxes: None,
             shared: Arc::default(),
             entities: HashMap::new(),
@@ -108,7 +121,7 @@ impl BakedLevel {
     /// Makes a culler for the [`CullingPipeline`](crate::CullingPipeline) of one camera. It hides nothing
     /// until the level is a resource.
     pub fn culler(&self) -> BakedCuller {
-        BakedCuller { shared: self.shared.clone(), culler: None }
+        BakedCuller { shared: self.shared.clone(), culler: None, is_checked: self.is_checked }
     }
 
     /// Returns the set: its viewcells, and what is seen from each.
@@ -146,6 +159,8 @@ pub struct BakedCuller {
     /// What the level knows of the scene, from the first frame on.
     shared: Arc<Mutex<Option<Arc<ScenePvs>>>>,
     culler: Option<PvsCuller<Arc<ScenePvs>>>,
+    /// Whether the set was compared with the version of the level.
+    is_checked: bool,
 }
 
 impl Culler for BakedCuller {
@@ -154,7 +169,7 @@ impl Culler for BakedCuller {
     }
 
     fn accuracy(&self) -> Accuracy {
-        Accuracy::Conservative
+        if self.is_checked { Accuracy::Conservative } else { Accuracy::Approximate }
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {

@@ -16,7 +16,7 @@ use visibility_bake::BakedSet;
 use visibility_bevy::{BakedLevel, BakedObject, BakedSetError, CullingPipeline};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
-use visibility_core::{Aabb as Bounds, Scene};
+use visibility_core::{Aabb as Bounds, Accuracy, Culler, Scene};
 use visibility_testing::Random;
 
 /// Culls by the frustum and the baked set.
@@ -32,6 +32,7 @@ struct Level {
     boxes: Vec<[[f32; 3]; 2]>,
     rows: Vec<Vec<u32>>,
     file: Vec<u8>,
+    version: u64,
 }
 
 /// Makes a level of random boxes, and a file as `bake` writes it, with random rows.
@@ -50,8 +51,8 @@ fn level(random: &mut Random) -> Level {
         let min = DVec3::new(10.0 * i as f64, -5.0, -5.0);
         Viewcell::from_box(min, min + 10.0)
     }));
-    let file = BakedSet::new(&scene, viewcells, &rows).unwrap().to_bytes();
-    Level { boxes, rows, file }
+    let set = BakedSet::new(&scene, viewcells, &rows).unwrap();
+    Level { boxes, rows, file: set.to_bytes(), version: set.version() }
 }
 
 /// Returns a box of an entity, and its transform, for a world box.
@@ -151,7 +152,8 @@ fn entities_are_hidden_as_the_rows_say() {
     for (seed, level_first) in [(1, true), (2, false)] {
         let random = &mut Random(seed);
         let level = level(random);
-        let checked = BakedLevel::read(&level.file, level.boxes.iter().copied()).unwrap();
+        let checked =
+            BakedLevel::read(&level.file, Some(level.version), level.boxes.iter().copied()).unwrap();
         let mut world = World::new(level, random, checked, level_first);
         walk(&mut world);
         assert!(world.hidden > 500, "{}", world.hidden);
@@ -170,7 +172,7 @@ fn without_boxes_the_game_is_taken_at_its_word() {
 fn what_changes_is_visible_from_then_on() {
     let random = &mut Random(4);
     let level = level(random);
-    let baked = BakedLevel::read(&level.file, level.boxes.iter().copied()).unwrap();
+    let baked = BakedLevel::read(&level.file, Some(level.version), level.boxes.iter().copied()).unwrap();
     let mut world = World::new(level, random, baked, true);
     world.check(5.0, Some(0));
     let known: Vec<u32> = (0..OBJECTS).filter(|number| !world.free.contains(number)).collect();
@@ -239,7 +241,7 @@ fn what_changes_is_visible_from_then_on() {
 fn entities_elsewhere_than_in_the_bake_are_visible() {
     let random = &mut Random(5);
     let level = level(random);
-    let baked = BakedLevel::read(&level.file, level.boxes.iter().copied()).unwrap();
+    let baked = BakedLevel::read(&level.file, Some(level.version), level.boxes.iter().copied()).unwrap();
     let mut world = World::new(level, random, baked, true);
     let known: Vec<u32> = (0..OBJECTS).filter(|number| !world.free.contains(number)).collect();
     // Numbers of other objects, and of none.
@@ -268,7 +270,8 @@ fn entities_elsewhere_than_in_the_bake_are_visible() {
 fn files_of_other_levels_are_refused() {
     let random = &mut Random(6);
     let (one, mut other) = (level(random), level(random));
-    let read = |level: &Level| BakedLevel::read(&one.file, level.boxes.iter().copied()).err();
+    let read =
+        |level: &Level| BakedLevel::read(&one.file, Some(one.version), level.boxes.iter().copied()).err();
     assert_eq!(read(&one), None);
     assert_eq!(read(&other), Some(BakedSetError::OtherScene));
     other.boxes.clone_from(&one.boxes);
@@ -278,4 +281,14 @@ fn files_of_other_levels_are_refused() {
     other.boxes.pop();
     assert_eq!(read(&other), Some(BakedSetError::OtherScene));
     assert!(BakedLevel::read_unchecked(&one.file[1..]).is_err());
+    // An edit inside of a box leaves all boxes as they are.
+    let (baked, level) = (one.version, one.version ^ 1);
+    other = Level { boxes: one.boxes.clone(), version: level, rows: Vec::new(), file: one.file.clone() };
+    let refused = BakedLevel::read(&other.file, Some(other.version), other.boxes.iter().copied()).err();
+    assert_eq!(refused, Some(BakedSetError::OtherVersion { baked, level }));
+    let accuracy = |level: BakedLevel| level.culler().accuracy();
+    let read = |version| BakedLevel::read(&one.file, version, one.boxes.iter().copied()).unwrap();
+    assert_eq!(accuracy(read(Some(baked))), Accuracy::Conservative);
+    assert_eq!(accuracy(read(None)), Accuracy::Approximate);
+    assert_eq!(accuracy(BakedLevel::read_unchecked(&one.file).unwrap()), Accuracy::Approximate);
 }

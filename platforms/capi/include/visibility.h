@@ -443,7 +443,7 @@ enum vis_status vis_pipeline_lacks(const struct vis_pipeline *pipeline,
                                    size_t *count);
 
 // Loads a set from the `length` bytes that `vis_pvs_write` has stored. They are checked. Files of the
-// program `bake` are read by `vis_scene_pvs_read`.
+// program `bake` are read by `vis_scene_pvs_read_version`.
 enum vis_status vis_pvs_read(const uint8_t *bytes, size_t length, struct vis_pvs **pvs);
 
 // Makes a set of objects from rows, for bakers of your own: viewcell `i` sees the targets from
@@ -496,7 +496,17 @@ enum vis_status vis_scene_pvs_create(const struct vis_scene *scene,
 // Loads the `length` bytes of a file that the program `bake` has written for a scene, for
 // `vis_pipeline_add_pvs`. They are checked. The scene must have just the objects of the baked scene,
 // inserted in the same order and with the same bounds; returns `VIS_ERROR_ARGUMENT` for another. Objects
-// that change later are never hidden.
+// that change later are never hidden. `version` is that of the level, as `bake` prints it: a hash of all that
+// the bake rests on, triangles included. Returns `VIS_ERROR_ARGUMENT` if the set is of another version.
+enum vis_status vis_scene_pvs_read_version(const struct vis_scene *scene,
+                                           const uint8_t *bytes,
+                                           size_t length,
+                                           uint64_t version,
+                                           struct vis_scene_pvs **scene_pvs);
+
+// Loads a file as `vis_scene_pvs_read_version` does, for a level that carries no version. An edit that leaves
+// all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is hidden:
+// pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` says why.
 enum vis_status vis_scene_pvs_read(const struct vis_scene *scene,
                                    const uint8_t *bytes,
                                    size_t length,

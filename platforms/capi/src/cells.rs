@@ -170,7 +170,9 @@ pub unsafe extern "C" fn vis_cells_destroy(cells: *mut vis_cells) {
 }
 
 /// Limits what is seen from a cell to its row of a baked set, whose targets must be the cells of the graph.
-/// The set may be destroyed afterwards.
+/// The set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set that was baked from another
+/// graph. Of one made by `vis_pvs_create` nobody knows: pipelines with the cells are then
+/// `VIS_ACCURACY_APPROXIMATE`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_set_pvs(cells: *mut vis_cells, pvs: *const vis_pvs) -> vis_status {
     border(|| {
@@ -250,7 +252,10 @@ impl Culler for SharedPortals {
     }
 
     fn accuracy(&self) -> Accuracy {
-        Accuracy::Conservative
+        match self.cells.read() {
+            Ok(cells) if !cells.is_pvs_checked() => Accuracy::Approximate,
+            _ => Accuracy::Conservative,
+        }
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {

@@ -104,7 +104,7 @@ codes! {
         _ => VIS_ERROR_ARGUMENT,
     };
     BakedSetError, kind => match kind {
-        BakedSetError::OtherScene => VIS_ERROR_ARGUMENT,
+        BakedSetError::OtherScene | BakedSetError::OtherVersion { .. } => VIS_ERROR_ARGUMENT,
         _ => VIS_ERROR_FORMAT,
     };
     BitsError, kind => match kind {

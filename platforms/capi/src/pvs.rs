@@ -23,7 +23,7 @@ impl vis_scene_pvs {
 }
 
 /// Loads a set from the `length` bytes that `vis_pvs_write` has stored. They are checked. Files of the
-/// program `bake` are read by `vis_scene_pvs_read`.
+/// program `bake` are read by `vis_scene_pvs_read_version`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pvs_read(bytes: *const u8, length: usize, pvs: *mut *mut vis_pvs) -> vis_status {
     border(|| {
@@ -134,12 +134,17 @@ pub unsafe extern "C" fn vis_pvs_write_row(
     border(|| {
         // SAFETY: the header's rules for pointers.
         let (pvs, words) = unsafe { (reference(pvs, "pvs")?, buffer(words, capacity, count)?) };
-        let mut row = Vec::new();
-        if !pvs.0.write_bits(ViewcellId(viewcell), &mut row) {
+        if viewcell as usize >= pvs.0.viewcell_count() {
             let message = format_args!("the set has no viewcell {viewcell}");
             return Err(Error::new(vis_status::VIS_ERROR_UNKNOWN_ID, message));
         }
-        let halves = row.into_iter().flat_map(|word| [word as u32, (word >> 32) as u32]);
+        // The number of targets may be forged: bits are written only where there is room for them.
+        let row = std::iter::once_with(|| {
+            let mut row = Vec::new();
+            pvs.0.write_bits(ViewcellId(viewcell), &mut row);
+            row
+        });
+        let halves = row.flatten().flat_map(|word| [word as u32, (word >> 32) as u32]);
         words.fill(pvs.0.target_count().div_ceil(32), halves)
     })
 }
@@ -189,7 +194,23 @@ pub unsafe extern "C" fn vis_scene_pvs_create(
 /// Loads the `length` bytes of a file that the program `bake` has written for a scene, for
 /// `vis_pipeline_add_pvs`. They are checked. The scene must have just the objects of the baked scene,
 /// inserted in the same order and with the same bounds; returns `VIS_ERROR_ARGUMENT` for another. Objects
-/// that change later are never hidden.
+/// that change later are never hidden. `version` is that of the level, as `bake` prints it: a hash of all
+/// that the bake rests on, triangles included. Returns `VIS_ERROR_ARGUMENT` if the set is of another version.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_pvs_read_version(
+    scene: *const vis_scene,
+    bytes: *const u8,
+    length: usize,
+    version: u64,
+    scene_pvs: *mut *mut vis_scene_pvs,
+) -> vis_status {
+    // SAFETY: as for this function.
+    unsafe { read(scene, bytes, length, Some(version), scene_pvs) }
+}
+
+/// Loads a file as `vis_scene_pvs_read_version` does, for a level that carries no version. An edit that
+/// leaves all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is
+/// hidden: pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` says why.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_pvs_read(
     scene: *const vis_scene,
@@ -197,12 +218,27 @@ pub unsafe extern "C" fn vis_scene_pvs_read(
     length: usize,
     scene_pvs: *mut *mut vis_scene_pvs,
 ) -> vis_status {
+    // SAFETY: as for this function.
+    unsafe { read(scene, bytes, length, None, scene_pvs) }
+}
+
+/// Loads a file for a level of a version, if that is known.
+///
+/// # Safety
+/// The header's rules for pointers.
+unsafe fn read(
+    scene: *const vis_scene,
+    bytes: *const u8,
+    length: usize,
+    version: Option<u64>,
+    scene_pvs: *mut *mut vis_scene_pvs,
+) -> vis_status {
     border(|| {
         // SAFETY: the header's rules for pointers.
         let (scene, bytes) = unsafe { (reference(scene, "scene")?, array(bytes, length, "bytes")?) };
         // SAFETY: as before.
         let place = unsafe { out(scene_pvs, "scene_pvs") }?;
-        let prepared = BakedSet::from_bytes(bytes)?.for_scene(&scene.read()?.scene)?;
+        let prepared = BakedSet::from_bytes(bytes)?.for_level(&scene.read()?.scene, version)?;
         create(place, vis_scene_pvs(Arc::new(prepared)));
         Ok(())
     })

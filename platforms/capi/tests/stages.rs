@@ -324,7 +324,8 @@ fn a_baked_file_is_read_for_its_scene_alone() {
         baked.insert(Aabb::from_arrays(min, max));
     }
     let viewcells = Viewcells::new([Viewcell::from_box(-viewcell, viewcell)]);
-    let file = BakedSet::new(&baked, viewcells, &[[1]]).expect("rows of the scene").to_bytes();
+    let set = BakedSet::new(&baked, viewcells, &[[1]]).expect("rows of the scene");
+    let (file, version) = (set.to_bytes(), set.version());
 
     let (scene, view, pipeline) = setting();
     let (mut set, visible) = (null_mut(), new_visible(false));
@@ -336,11 +337,29 @@ fn a_baked_file_is_read_for_its_scene_alone() {
     assert_eq!(read(&file, &raw mut set), VIS_ERROR_ARGUMENT, "an object is missing");
     let lamp = insert(scene, vis_object_default(cube_at(9.0)));
     assert_eq!(read(&file[1..], &raw mut set), VIS_ERROR_FORMAT);
-    assert_eq!(read(&file, &raw mut set), VIS_OK);
+    let read_version = |version: u64, set: *mut *mut vis_scene_pvs| {
+        // SAFETY: as before.
+        unsafe { vis_scene_pvs_read_version(scene, file.as_ptr(), file.len(), version, set) }
+    };
+    assert_eq!(read_version(version ^ 1, &raw mut set), VIS_ERROR_ARGUMENT, "the level was edited");
+    assert_eq!(read_version(version, &raw mut set), VIS_OK);
     // SAFETY: handles are live.
     unsafe {
+        let mut accuracy = vis_accuracy::VIS_ACCURACY_EXACT;
+        let before = {
+            assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
+            accuracy
+        };
         assert_eq!(vis_pipeline_add_pvs(pipeline, set), VIS_OK);
         assert_eq!(visible_ids(pipeline, scene, view, visible), [lamp]);
+        assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
+        assert_eq!(accuracy, before);
+        vis_scene_pvs_destroy(set);
+        assert_eq!(read(&file, &raw mut set), VIS_OK);
+        assert_eq!(vis_pipeline_add_pvs(pipeline, set), VIS_OK);
+        assert_eq!(visible_ids(pipeline, scene, view, visible), [lamp]);
+        assert_eq!(vis_pipeline_accuracy(pipeline, &raw mut accuracy), VIS_OK);
+        assert_eq!(accuracy, vis_accuracy::VIS_ACCURACY_APPROXIMATE, "without a version");
         vis_scene_pvs_destroy(set);
         vis_visible_destroy(visible);
         vis_pipeline_destroy(pipeline);

@@ -176,8 +176,10 @@ export interface Visibility {
   /**
    * Loads a file that the program `bake` has written for a scene. The scene must have just the objects of the
    * baked scene, inserted in the same order and with the same bounds. Objects that change later are never hidden.
+   * `version` is that of the level, as `bake` prints it (`BigInt("0x...")`): a set from before an edit is refused.
+   * Without it an edit that leaves all bounds is not noticed, and pipelines with the set are approximate.
    */
-  readScenePvs(scene: Scene, bytes: Uint8Array): ScenePvs;
+  readScenePvs(scene: Scene, bytes: Uint8Array, version?: bigint): ScenePvs;
 }
 
 /** The objects, their hierarchy and their occluder meshes. */

@@ -419,11 +419,13 @@ class Visibility {
     });
   }
 
-  readScenePvs(scene, bytes) {
+  readScenePvs(scene, bytes, version) {
     const wasm = this.#wasm;
     return wasm.call(() => {
       const [pointer, place] = [wasm.put(Uint8Array, bytes), wasm.borrow(8)];
-      wasm.check("vis_scene_pvs_read", wasm.pointer(scene, "scene"), pointer, bytes.length, place);
+      const file = [wasm.pointer(scene, "scene"), pointer, bytes.length];
+      if (version === undefined) wasm.check("vis_scene_pvs_read", ...file, place);
+      else wasm.check("vis_scene_pvs_read_version", ...file, BigInt.asUintN(64, version), place);
       return new ScenePvs(wasm, "scene_pvs", wasm.u32(place));
     });
   }

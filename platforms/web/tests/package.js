@@ -207,6 +207,7 @@ for (const simd128 of [false, true]) {
     assert.throws(() => visible.indices, refused("STATE", /./));
     assert.throws(() => visibility.readPvs(new Uint8Array(9)), refused("FORMAT", /./));
     assert.throws(() => visibility.readScenePvs(scene, new Uint8Array(9)), refused("FORMAT", /./));
+    assert.throws(() => visibility.readScenePvs(scene, new Uint8Array(9), 1n), refused("FORMAT", /./));
     assert.throws(() => visibility.readPrt("PRT9"), refused("FORMAT", /./));
     const pipeline = visibility.createPipeline();
     assert.throws(() => pipeline.cull(view, scene, visible), refused("ARGUMENT", /a scene of this library/));

@@ -73,6 +73,7 @@ impl<'a> Flood<'a> {
     /// [`GridError::TooMany`].
     pub(super) fn run(mut self) -> Result<Vec<([i64; 3], VoxelSet)>, GridError> {
         while let Some(place) = self.queue.pop_front() {
+            self.solids.grid.stop.check(0)?;
             self.spread(place)?;
         }
         let voxels = |place| Some((place, self.boxes.remove(&place)?.reached));

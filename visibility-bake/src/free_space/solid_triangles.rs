@@ -14,6 +14,10 @@ use visibility_core::Scene;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::Triangle;
 
+/// Most pairs of a triangle and a column that it touches. A column of its own takes about 64 bytes, and all
+/// together four gigabytes.
+const MOST_ENTRIES: usize = 1 << 26;
+
 /// Most voxels of a box of the grid.
 const BOX_VOXELS: usize = 1 << 21;
 
@@ -48,7 +52,7 @@ impl<'a> SolidTriangles<'a> {
     ///
     /// # Errors
     /// [`GridError::Radius`] if the radius is not positive or a box would have too many voxels,
-    /// [`GridError::TooMany`].
+    /// [`GridError::TooMany`], [`GridError::Stopped`].
     pub(super) fn new(
         grid: &'a Grid,
         scene: &Scene,
@@ -78,7 +82,8 @@ impl<'a> SolidTriangles<'a> {
                 columns.for_each(corners, [columns.of(first), columns.of(last)], |column, _| {
                     by_column.entry(column).or_default().push(triangles.len() as u32);
                     entries += 1;
-                    if entries > 16 * Grid::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
+                    grid.stop.check(entries)?;
+                    if entries > MOST_ENTRIES { Err(GridError::TooMany) } else { Ok(()) }
                 })?;
                 if entries > before {
                     triangles.push(SolidTriangle { corners, is_floor: is_floor(triangle, up) });

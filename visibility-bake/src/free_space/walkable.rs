@@ -14,7 +14,7 @@ impl Grid {
     /// counts for nothing.
     ///
     /// # Errors
-    /// [`GridError::TooMany`].
+    /// [`GridError::TooMany`], [`GridError::Stopped`].
     ///
     /// ```
     /// use visibility_bake::{CameraRange, Grid};
@@ -29,7 +29,7 @@ impl Grid {
         let columns = Columns::new(camera.up_axis(), self.size);
         let (slack, height) = (columns.slack, self.size[columns.up]);
         let [lowest, highest] = camera.offsets().unwrap_or([0.0; 2]);
-        let mut found = BTreeSet::new();
+        let (mut found, mut asked) = (BTreeSet::new(), 0);
         for triangle in walkable.iter().filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
             let (min, max) = extent(triangle);
             let limits = [columns.of(self.place(min - slack)?), columns.of(self.place(max + slack)?)];
@@ -40,6 +40,8 @@ impl Grid {
                 if !(last - first < Self::LIMIT as f64 && first.abs().max(last.abs()) < 4.5e15) {
                     return Err(GridError::TooMany);
                 }
+                asked += 1;
+                self.stop.check(asked)?;
                 for level in first as i64..=last as i64 {
                     let [x, y, z] = columns.place(column, level);
                     found.insert([z, y, x]);

@@ -23,6 +23,7 @@ pub use leak::Leak;
 
 use crate::{
     ObjectId,
+    binary_format::Fingerprint,
     geometry::{ConvexPolygon, Plane},
     stamp::Stamp,
 };
@@ -147,6 +148,20 @@ impl CellGraph {
             first_object: alloc::vec![0; cells + 1],
             objects: Vec::new(),
         })
+    }
+
+    /// Returns the version of the graph: a hash of the number of cells, and of the cells and the vertices of
+    /// each portal, but not of objects. A [`Pvs`](crate::pvs::Pvs) of the cells has it as its
+    /// [source](crate::pvs::Pvs::source). Time is linear in the number of vertices.
+    pub fn version(&self) -> u64 {
+        let mut hash = Fingerprint::new().with_u64(self.cell_count() as u64);
+        for portal in &self.portals {
+            let vertices = portal.polygon.vertices();
+            hash = portal.cells.iter().fold(hash, |hash, cell| hash.with(cell.0)).with(vertices.len() as u32);
+            let numbers = vertices.iter().flat_map(|v| v.to_array()).map(f64::to_bits);
+            hash = numbers.fold(hash, Fingerprint::with_u64);
+        }
+        hash.value()
     }
 
     /// Like [`new`](Self::new), with each portal given by its vertices in order around its boundary.

@@ -27,10 +27,15 @@ pub struct ScenePvs {
     targets: Vec<u32>,
     /// Each pair of a target and an object that has it, ascending.
     by_target: Vec<(u32, ObjectId)>,
+    /// Greatest target of an object that may be hidden, plus 1. The number of targets of the PVS may be
+    /// forged; this one is bounded by the pairs.
+    target_limit: usize,
     /// Objects of the scene that are never hidden, by ascending index.
     never_hidden: Vec<ObjectId>,
     /// The revision of the scene for which this value was made. Objects that change later are visible.
     cursor: SceneCursor,
+    /// Whether somebody has checked, or the caller promises, that the PVS is of this scene.
+    is_checked: bool,
     stamp: Stamp,
 }
 
@@ -40,6 +45,10 @@ impl ScenePvs {
     /// its targets is visible. An object is never hidden if it has no target, has a target that is not below
     /// [`Pvs::target_count`], or changes in the scene later. Pairs of unknown objects are ignored. Time is
     /// that of sorting the pairs.
+    ///
+    /// The caller promises that the PVS is of this scene as it is now: a PVS has no hash of what it was made
+    /// from. A wall with a new door, whose box is as before, has another PVS. Call
+    /// [`unchecked`](Self::unchecked) for bytes whose scene is not known for certain.
     pub fn new(
         scene: &Scene,
         pvs: Pvs,
@@ -64,16 +73,33 @@ impl ScenePvs {
         let targets = pairs.iter().map(|&(_, target)| target).collect();
         let mut by_target: Vec<_> = pairs.into_iter().map(|(id, target)| (target, id)).collect();
         by_target.sort_unstable();
+        let known = by_target.partition_point(|&(target, _)| (target as usize) < pvs.target_count());
+        let target_limit = by_target[..known].last().map_or(0, |&(target, _)| target as usize + 1);
         Self {
             pvs,
             viewcells,
             objects,
             targets,
             by_target,
+            target_limit,
             never_hidden,
             cursor: SceneCursor::at(scene),
+            is_checked: true,
             stamp: Stamp::new(),
         }
+    }
+
+    /// Returns the value for a PVS that may be of another scene, or of an earlier state of this one. Its
+    /// cullers hide as before, but are [approximate](Accuracy::Approximate), and say so as a
+    /// [lack](Culler::for_each_lack).
+    #[must_use]
+    pub fn unchecked(self) -> Self {
+        Self { is_checked: false, ..self }
+    }
+
+    /// Returns false if the PVS may be of another scene: see [`unchecked`](Self::unchecked).
+    pub fn is_checked(&self) -> bool {
+        self.is_checked
     }
 
     /// Returns the PVS.
@@ -84,6 +110,11 @@ impl ScenePvs {
     /// Returns the regions of the PVS's viewcells, in world space.
     pub fn viewcells(&self) -> &Viewcells {
         &self.viewcells
+    }
+
+    /// Returns the greatest target of an object that may be hidden, plus 1.
+    pub(super) fn target_limit(&self) -> usize {
+        self.target_limit
     }
 
     /// Returns the objects that may be hidden, by ascending index, each with its targets.
@@ -126,7 +157,8 @@ fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
 }
 
 /// Hides objects that the PVS excludes for all viewcells in which lines of sight of the view begin.
-/// Conservative if the PVS is.
+/// Conservative if the PVS is; approximate if nobody knows whether it is [of this
+/// scene](ScenePvs::unchecked).
 ///
 /// Lines of sight begin on the near plane, since nothing nearer is drawn. The near plane of an eye close to a
 /// wall may reach through the wall into the next viewcell, and then the PVS of that viewcell counts too. Clip
@@ -283,7 +315,7 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
     }
 
     fn accuracy(&self) -> Accuracy {
-        Accuracy::Conservative
+        if self.shared.borrow().is_checked { Accuracy::Conservative } else { Accuracy::Approximate }
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
@@ -315,8 +347,8 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         if is_new {
             core::mem::swap(&mut self.entering, &mut self.entered);
             self.is_entered = true;
-            let pvs = &self.shared.borrow().pvs;
-            pvs.write_union(&self.entered, &mut self.seen, &mut self.seen_from_one);
+            let ScenePvs { pvs, target_limit, .. } = self.shared.borrow();
+            pvs.write_first_union(&self.entered, *target_limit, &mut self.seen, &mut self.seen_from_one);
             self.masks_layout = Stamp::NONE;
         }
         if self.masks_layout != scene.layout() {
@@ -326,9 +358,14 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
-        let lost = self.lost || !self.shared.borrow().cursor.is_in(scene);
+        let shared = self.shared.borrow();
+        let lost = self.lost || !shared.cursor.is_in(scene);
         if lost && !scene.is_empty() {
             each(Lack { what: "objects of a scene that the PVS does not know", count: scene.len() });
+        }
+        let unchecked = shared.objects.iter().filter(|(id, _)| id.is_some()).count();
+        if !shared.is_checked && unchecked > 0 {
+            each(Lack { what: "objects that a PVS hides which may be of another level", count: unchecked });
         }
     }
 }

@@ -15,6 +15,8 @@
 //!   targets: as bits, target `t` in bit `t % 8` of byte `t / 8`; or as runs, alternating lengths: of targets
 //!   that are not in the row, of targets that are, and so on. Targets after the last run or bit are not in
 //!   the row.
+//! - After the last row nothing, or eight bytes: a hash of what the PVS was made from
+//!   ([`source`](Pvs::source)).
 //! - Numbers and lengths take [7 bits a byte](crate::binary_format::push_number).
 //!
 //! Neighbouring rooms have similar visible sets, so most rows are shorter as differences (Gotsman, Sudarsky
@@ -34,7 +36,7 @@ pub use error::PvsError;
 pub use prefetch::{Arrival, Prefetch};
 pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 
-use crate::binary_format::{Format, Writer, push_number};
+use crate::binary_format::{Format, HEADER_LENGTH, Writer, push_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 use runs::{word, write_bits, write_runs};
@@ -176,6 +178,25 @@ impl Pvs {
         writer.u32s(starts);
         writer.bytes(&bytes);
         Ok(Self { bytes: writer.finish(), stamp: Stamp::new() })
+    }
+
+    /// Returns the PVS with a hash of what it was made from, in place of the one that it had. The hash is
+    /// stored with it. For a PVS whose targets are cells it is the
+    /// [`CellGraph::version`](crate::cells::CellGraph::version).
+    #[must_use]
+    pub fn with_source(self, source: u64) -> Self {
+        let counts = u64::from(self.word(16)) | u64::from(self.word(20)) << 32;
+        let mut writer = Writer::new(FORMAT, self.targets() as u32, counts);
+        writer.bytes(self.bytes.get(HEADER_LENGTH..self.rows_end()).unwrap_or_default());
+        writer.u64(source);
+        Self { bytes: writer.finish(), stamp: Stamp::new() }
+    }
+
+    /// Returns the hash of what the PVS was made from. `None` if it [has none](Self::with_source): then
+    /// nobody can tell whether it is of a graph or a scene as that is now.
+    pub fn source(&self) -> Option<u64> {
+        let bytes = self.bytes.get(self.rows_end()..)?;
+        Some(u64::from_le_bytes(bytes.try_into().ok()?))
     }
 
     /// Returns the bytes of the PVS, to be stored unchanged and loaded by [`from_bytes`](Self::from_bytes).

@@ -100,10 +100,10 @@ impl Prefetch {
 
         let pvs = sets.pvs();
         self.first.clear();
-        self.first.resize(pvs.target_count(), f64::INFINITY);
+        self.first.resize(sets.target_limit(), f64::INFINITY);
         self.seen.clear();
         for &(part, viewcell) in &self.reached {
-            if !pvs.write_bits(viewcell, &mut self.row) {
+            if !pvs.write_first_bits(viewcell, sets.target_limit(), &mut self.row) {
                 // The PVS does not know the viewcell, and hides nothing from it.
                 self.row.fill(u64::MAX);
             }

@@ -2,9 +2,12 @@
 
 use super::runs::Runs;
 use super::{BITS, BLOCK, DEPTH, DIFFERS, FORMAT, Pvs, PvsError, PvsTargets, ViewcellId};
-use crate::binary_format::{HEADER_LENGTH, Reader, take_number};
+use crate::binary_format::{FormatError, HEADER_LENGTH, Reader, take_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
+
+/// Number of bytes of a source.
+const SOURCE_BYTES: usize = 8;
 
 impl Pvs {
     /// Loads the bytes of a stored PVS, which [`as_bytes`](Self::as_bytes) returned. All bytes are read once
@@ -27,7 +30,19 @@ impl Pvs {
             let depth = pvs.check_row(viewcell, &depths);
             depths.push(depth.map_err(|problem| PvsError::Row { viewcell, problem })?);
         }
+        let rest = pvs.bytes.len().saturating_sub(pvs.rows_end());
+        if rest != 0 && rest != SOURCE_BYTES {
+            let (offset, problem) = (pvs.rows_end(), "neither the end nor a source follows the last row");
+            return Err(FormatError::Content { offset, problem }.into());
+        }
         Ok(pvs)
+    }
+
+    /// Returns the offset of the first byte after the last row.
+    pub(super) fn rows_end(&self) -> usize {
+        let blocks = self.viewcell_count().div_ceil(BLOCK);
+        let rows = HEADER_LENGTH + (blocks + 1) * 4;
+        rows.saturating_add(self.word(HEADER_LENGTH + blocks * 4) as usize)
     }
 
     /// Checks a row after all rows before it. Returns the number of other rows that it takes to read it,
@@ -79,11 +94,20 @@ impl Pvs {
     /// Replaces `words` by the PVS row of a viewcell: bit `t % 64` of word `t / 64` is set if the viewcell
     /// sees target `t`. Returns false, with all bits clear, for an unknown viewcell. Time is linear in the
     /// bytes of the row and in the number of words.
+    ///
+    /// `words` gets a bit for each target. Their [number](Self::target_count) is not bounded by the bytes of
+    /// the PVS, which may be forged: compare it with what you know before you ask for bits.
     pub fn write_bits(&self, viewcell: ViewcellId, words: &mut Vec<u64>) -> bool {
+        self.write_first_bits(viewcell, self.target_count(), words)
+    }
+
+    /// Replaces `words` by the first `count` bits of the PVS row of a viewcell, as
+    /// [`write_bits`](Self::write_bits) does.
+    pub(super) fn write_first_bits(&self, viewcell: ViewcellId, count: usize, words: &mut Vec<u64>) -> bool {
         words.clear();
-        words.resize(self.target_count().div_ceil(64), 0);
+        words.resize(count.div_ceil(64), 0);
         for (start, end) in self.runs(viewcell) {
-            flip(words, start as usize, end as usize);
+            flip(words, start as usize, count.min(end as usize));
         }
         viewcell.index() < self.viewcell_count()
     }
@@ -93,11 +117,23 @@ impl Pvs {
     /// set. `row` is scratch memory. Time is linear in the bytes of the rows and, for each viewcell, in the
     /// number of words.
     pub fn write_union(&self, viewcells: &[ViewcellId], words: &mut Vec<u64>, row: &mut Vec<u64>) {
+        self.write_first_union(viewcells, self.target_count(), words, row);
+    }
+
+    /// Replaces `words` by the first `count` bits of the union of rows, as
+    /// [`write_union`](Self::write_union) does.
+    pub(super) fn write_first_union(
+        &self,
+        viewcells: &[ViewcellId],
+        count: usize,
+        words: &mut Vec<u64>,
+        row: &mut Vec<u64>,
+    ) {
         words.clear();
-        words.resize(self.target_count().div_ceil(64), 0);
+        words.resize(count.div_ceil(64), 0);
         for &viewcell in viewcells {
-            if !self.write_bits(viewcell, row) {
-                flip(row, 0, self.target_count());
+            if !self.write_first_bits(viewcell, count, row) {
+                flip(row, 0, count);
             }
             for (word, more) in words.iter_mut().zip(row.iter()) {
                 *word |= more;

@@ -90,7 +90,10 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
         Pvs::from_bytes(resealed(bytes)).unwrap_err().to_string()
     };
     let last = good.len() - 1;
-    assert_eq!(wrong(8, 3), "version 3 of the format, where only version 2 is known");
+    assert_eq!(
+        wrong(8, 3),
+        "version 3 of the format, where only version 2 is known: it is of a later release"
+    );
     assert_eq!(wrong(12, 7), "at byte 40: the targets are neither cells nor objects");
     assert_eq!(wrong(rows + 1, 9), "the row of viewcell 0: it has no known form");
     let number = "a number is cut off, too large or longer than it need be";
@@ -101,6 +104,31 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
     assert_eq!(wrong(last - 4, 5), "the row of viewcell 3: it lies outside the rows");
     assert_eq!(wrong(20, 99), "the row of viewcell 2: it names an unknown target");
     assert_eq!(wrong(HEADER_LENGTH + 7, 0xff), "the row of viewcell 0: it lies outside the rows");
+}
+
+#[test]
+fn a_source_is_stored_after_the_rows_and_changes_none() {
+    for pvs in [sample(), Pvs::new(PvsTargets::Cells, 0, &[[0; 0]; 0], |_| []).unwrap()] {
+        assert_eq!(pvs.source(), None);
+        let with = pvs.clone().with_source(u64::MAX - 6);
+        assert_eq!(with.source(), Some(u64::MAX - 6));
+        assert!(with.stamp() != pvs.stamp());
+        let loaded = Pvs::from_bytes(with.as_bytes()).unwrap();
+        assert_eq!((loaded.source(), &loaded), (with.source(), &with));
+        assert_eq!(loaded.clone().with_source(0).as_bytes().len(), with.as_bytes().len());
+        assert_eq!(loaded.with_source(0).source(), Some(0));
+        for number in 0..5 {
+            let [mut a, mut b] = [Vec::new(), Vec::new()];
+            pvs.write_bits(ViewcellId(number), &mut a);
+            with.write_bits(ViewcellId(number), &mut b);
+            assert_eq!(a, b);
+        }
+        for more in [1, 7, 9, 16] {
+            let longer = [pvs.as_bytes(), &vec![0; more]].concat();
+            let said = Pvs::from_bytes(resealed(longer)).unwrap_err().to_string();
+            assert!(said.ends_with("neither the end nor a source follows the last row"), "{said}");
+        }
+    }
 }
 
 #[test]

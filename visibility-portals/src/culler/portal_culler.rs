@@ -2,7 +2,7 @@
 
 use super::portal_eye::PortalEye;
 use super::scene_cells::SceneCells;
-use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
+use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, culler::Lack};
 
 /// Removes objects that cannot be seen through open portals: a [`PortalEye`] with [`SceneCells`] of its own.
 /// Conservative.
@@ -92,7 +92,7 @@ impl Culler for PortalCuller {
     }
 
     fn accuracy(&self) -> Accuracy {
-        Accuracy::Conservative
+        if self.cells.is_pvs_checked() { Accuracy::Conservative } else { Accuracy::Approximate }
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
@@ -102,5 +102,12 @@ impl Culler for PortalCuller {
 
     fn reset(&mut self) {
         self.eye.reset();
+    }
+
+    fn for_each_lack(&self, _: &Scene, each: &mut dyn FnMut(Lack)) {
+        if !self.cells.is_pvs_checked() {
+            let count = self.cells.graph.cell_count().max(1);
+            each(Lack { what: "cells with a PVS that may be of another graph", count });
+        }
     }
 }

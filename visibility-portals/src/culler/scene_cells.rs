@@ -132,22 +132,35 @@ impl SceneCells {
     /// of the graph. The PVS must have been computed from this graph, with all portals open: a door that is
     /// opened later adds no cell to the PVS.
     ///
+    /// The [source](Pvs::source) of the PVS is compared with the [version](CellGraph::version) of the graph.
+    /// A PVS without a source may be of another graph: a culler of the cells is then approximate.
+    ///
     /// # Errors
-    /// [`SceneCellsError::TurnedPortals`] if portals were turned when the cells were made: a PVS of the graph
-    /// as it was given would hide visible cells. Call [`CellGraph::turn_portals`] before both.
-    /// [`SceneCellsError::Pvs`] if the targets of `pvs` are not cells, or if its counts of viewcells or
-    /// targets differ from the number of cells.
+    /// [`SceneCellsError::TurnedPortals`] if portals were turned when the cells were made, and the PVS has no
+    /// source: one of the graph as it was given would hide visible cells. Call [`CellGraph::turn_portals`]
+    /// before both. [`SceneCellsError::Pvs`] if the targets of `pvs` are not cells, or if its counts of viewcells or
+    /// targets differ from the number of cells; [`SceneCellsError::OtherGraph`] if its source is another.
     pub fn with_pvs(mut self, pvs: Pvs) -> Result<Self, SceneCellsError> {
         let (cells, viewcells, targets) = (self.graph.cell_count(), pvs.viewcell_count(), pvs.target_count());
         if pvs.targets() != PvsTargets::Cells || viewcells != cells || targets != cells {
             return Err(SceneCellsError::Pvs { cells, viewcells, targets });
         }
-        if let Some(&first) = self.turned.first() {
-            return Err(SceneCellsError::TurnedPortals { first, count: self.turned.len() });
+        match (pvs.source(), self.turned.first()) {
+            (Some(source), _) if source != self.graph.version() => return Err(SceneCellsError::OtherGraph),
+            (None, Some(&first)) => {
+                return Err(SceneCellsError::TurnedPortals { first, count: self.turned.len() });
+            }
+            _ => {}
         }
         self.pvs = Some(pvs);
         self.stamp = Stamp::new();
         Ok(self)
+    }
+
+    /// Returns false for a PVS without a source, which may be of another graph: see
+    /// [`with_pvs`](Self::with_pvs).
+    pub fn is_pvs_checked(&self) -> bool {
+        self.pvs.as_ref().is_none_or(|pvs| pvs.source().is_some())
     }
 
     /// Returns the stamp that identifies the present content: cells, PVS, mirrors, the state of all doors,

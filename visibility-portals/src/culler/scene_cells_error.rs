@@ -37,6 +37,8 @@ pub enum SceneCellsError {
         /// Number of targets of the PVS.
         targets: usize,
     },
+    /// The PVS was made from another graph, or from an earlier state of it.
+    OtherGraph,
     /// The graph has no cell of this index.
     UnknownCell(CellId),
     /// The graph has no portal of this index.
@@ -65,6 +67,9 @@ impl fmt::Display for SceneCellsError {
                 f,
                 "sets of {viewcells} viewcells and {targets} targets are not those of {cells} cells from cells"
             ),
+            Self::OtherGraph => {
+                write!(f, "the sets were baked from other cells and portals, or earlier ones: bake again")
+            }
             Self::UnknownCell(cell) => write!(f, "there is no cell {}", cell.0),
             Self::UnknownPortal(portal) => write!(f, "there is no portal {}", portal.0),
             Self::UnknownMirror(mirror) => write!(f, "there is no mirror {}", mirror.0),

@@ -54,6 +54,9 @@ fn errors_say_where() {
         ),
         ("PRT1\n2\n1\n4000000000 0 1 (0 0 0)\n", "line 4: 4000000000 vertices are more than 64"),
         ("PRT1\n4294967295\n0\n", "line 3: 4294967295 cells are too many"),
+        ("PRT1\n66000\n0\n", "line 3: 66000 cells are too many"),
+        ("PRT2\n4294967290\n1\n0\n0 -1\n", "line 4: 4294967290 leaves are too many"),
+        ("PRT1-AM\n1\n0\n66000\n", "line 4: 66000 leaves are too many"),
         ("PRT2\n2\n1\n0\n5 -1\n", "line 5: there is no such leaf"),
         ("PRT2\n2\n1\n0\n1\n", "line 5: the closing -1 is missing"),
     ] {
@@ -73,6 +76,11 @@ fn portals_that_are_not_planar_or_not_convex_are_named() {
     assert!(dart.to_string().starts_with("line 5, portal 1: the polygon is not convex"), "{dart}");
     assert!(matches!(named(bent), PolygonError::NotPlanar { .. }));
     assert!(matches!(named(dart), PolygonError::NotConvex { .. }));
+}
+
+#[test]
+fn cells_without_portals_are_read() {
+    assert_eq!(read("PRT1\n60000\n0\n").unwrap().graph.cell_count(), 60_000);
 }
 
 #[test]

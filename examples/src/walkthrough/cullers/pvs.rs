@@ -2,10 +2,11 @@
 
 use super::known::{Known, Made};
 use crate::pvs::built::Origin;
+use crate::region::read_sets;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
+use std::path::Path;
 use std::sync::Arc;
-use visibility_bake::BakedSet;
 use visibility_core::pvs::PvsCuller;
 
 pub(super) const KNOWN: &[Known] = &[
@@ -34,9 +35,7 @@ pub(super) const KNOWN: &[Known] = &[
 
 /// Reads the sets of a file for the scene of a world.
 fn baked(file: &str, world: &World) -> Made {
-    let bytes = std::fs::read(file).map_err(|error| format!("cannot read {file}: {error}"))?;
-    let set = BakedSet::from_bytes(&bytes).and_then(|set| set.for_scene(&world.scene));
-    Ok(Box::new(PvsCuller::new(Arc::new(set.map_err(|error| format!("{file}: {error}"))?))))
+    Ok(Box::new(PvsCuller::new(Arc::new(read_sets(Path::new(file), world)?))))
 }
 
 fn make(dial: Option<&str>, world: &World) -> Made {

@@ -1,0 +1,250 @@
+//! Files that programs write: whole or not at all, and the lock of a program that works on one for long.
+
+use std::fmt::Display;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// Greatest number of links that are followed, as of Linux.
+const LINKS: usize = 40;
+
+/// Writes a file so that it is there whole or not at all: see [`write_with`].
+///
+/// # Errors
+///
+/// Returns a message with the path.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    write_with(path, |out| out.write_all(bytes))
+}
+
+/// Writes a file so that it is there whole or not at all: `fill` writes to a file beside it, which then
+/// replaces it and has its permissions. If that fails, the file beside it is removed, and the file is as it
+/// was. Of a link, the file that it leads to is written. A device, pipe or socket is written to as it is, and
+/// stays.
+///
+/// # Errors
+///
+/// Returns a message with the path.
+pub fn write_with<E: Display + From<std::io::Error>>(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
+) -> Result<(), String> {
+    let told = |error: E| format!("cannot write {}: {error}", path.display());
+    let fill = |file: File| {
+        let mut out = BufWriter::new(file);
+        fill(&mut out)?;
+        out.into_inner().map_err(|error| E::from(error.into_error()))
+    };
+    if is_special(path) {
+        let opened = OpenOptions::new().write(true).open(path);
+        return opened.map_err(E::from).and_then(fill).map(drop).map_err(told);
+    }
+    let path = target(path);
+    let part = beside(&path, ".part");
+    // What a program has left that was killed is overwritten.
+    let file = lock(&part, &path)?;
+    let written = file.set_len(0).map_err(E::from).and_then(|()| fill(file)).and_then(|file| {
+        if let Ok(before) = std::fs::metadata(&path) {
+            file.set_permissions(before.permissions())?;
+        }
+        file.sync_all()?;
+        Ok(std::fs::rename(&part, &path)?)
+    });
+    if written.is_err() {
+        // Without a part there is nothing to remove.
+        let _ = std::fs::remove_file(&part);
+    }
+    written.map_err(told)
+}
+
+/// Returns whether a path, or what a link at it leads to, is there and is neither a regular file nor a
+/// folder.
+pub fn is_special(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+/// Returns the path of the file that a link at `path` leads to, whether that file is there or not; `path`
+/// itself where there is no link.
+pub fn target(path: &Path) -> PathBuf {
+    let mut path = path.to_owned();
+    for _ in 0..LINKS {
+        let Ok(next) = std::fs::read_link(&path) else { break };
+        path = path.parent().map_or(next.clone(), |folder| folder.join(next));
+    }
+    path
+}
+
+/// Returns a path with `end` appended to the name of the file.
+pub fn beside(path: &Path, end: &str) -> PathBuf {
+    let mut path = path.to_owned().into_os_string();
+    path.push(end);
+    PathBuf::from(path)
+}
+
+/// The lock of a file that a program works on, until this is dropped or the program ends, in whatever way.
+/// While it is held there is an empty file beside the other, with `.lock` appended to its name.
+#[derive(Debug)]
+pub struct Lock {
+    path: PathBuf,
+    _file: File,
+}
+
+impl Lock {
+    /// Locks a file, which need not be there.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message with the path if another program holds the lock, or if it cannot be made.
+    pub fn new(path: &Path) -> Result<Self, String> {
+        let beside = beside(path, ".lock");
+        Ok(Self { _file: lock(&beside, path)?, path: beside })
+    }
+}
+
+/// Opens and locks the file at `beside`, which is made if it is not there, for work on the file at `path`.
+fn lock(beside: &Path, path: &Path) -> Result<File, String> {
+    let told = |error: std::io::Error| format!("cannot write {}: {error}", beside.display());
+    loop {
+        let open = OpenOptions::new().create(true).truncate(false).write(true).open(beside);
+        let file = open.map_err(told)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let path = path.display();
+                return Err(format!(
+                    "another program is at work on {path}: wait for it, or write to another file"
+                ));
+            }
+            // A file system without locks.
+            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(error)) => return Err(told(error)),
+        }
+        // The program that held the lock may have removed or renamed its file meanwhile, and another may lock
+        // a new one.
+        if is_at(&file, beside) {
+            return Ok(file);
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Before the lock is released. A file that cannot be removed is locked anew by the next program.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Returns whether an open file is the one at a path.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let (Ok(open), Ok(there)) = (file.metadata(), std::fs::metadata(path)) else { return false };
+    (open.dev(), open.ino()) == (there.dev(), there.ino())
+}
+
+#[cfg(not(unix))]
+fn is_at(_: &File, path: &Path) -> bool {
+    path.exists()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Makes an empty folder for a test.
+    fn folder(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("visibility-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).unwrap();
+        folder
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole_or_stays() {
+        let folder = folder("whole");
+        let file = folder.join("a.set");
+        write(&file, b"first").unwrap();
+        let failed = write_with(&file, |out| {
+            out.write_all(&[7; 100_000])?;
+            Err(std::io::Error::from(ErrorKind::StorageFull))
+        });
+        assert!(failed.unwrap_err().starts_with(&format!("cannot write {}: ", file.display())));
+        assert_eq!(
+            (std::fs::read(&file).unwrap(), names(&folder)),
+            (b"first".to_vec(), vec!["a.set".to_owned()])
+        );
+        write(&file, b"second").unwrap();
+        assert_eq!((std::fs::read(&file).unwrap(), names(&folder).len()), (b"second".to_vec(), 1));
+        assert!(write(&folder, b"").is_err() && write(&folder.join("none/a.set"), b"").is_err());
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_what_is_no_regular_file_stays() {
+        use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
+        let folder = folder("links");
+        let file = folder.join("a.set");
+        symlink("b.set", &file).unwrap();
+        symlink(folder.join("c.set"), folder.join("b.set")).unwrap();
+        write(&file, b"new").unwrap();
+        let there = folder.join("c.set");
+        std::fs::set_permissions(&there, PermissionsExt::from_mode(0o640)).unwrap();
+        write(&file, b"newer").unwrap();
+        assert_eq!(std::fs::read(&there).unwrap(), b"newer");
+        assert_eq!(there.metadata().unwrap().permissions().mode() & 0o777, 0o640);
+        assert!(file.is_symlink() && folder.join("b.set").is_symlink() && !there.is_symlink());
+
+        symlink("/dev/null", folder.join("null")).unwrap();
+        write(&folder.join("null"), b"gone").unwrap();
+        symlink("/dev/full", folder.join("full")).unwrap();
+        assert!(!Path::new("/dev/full").exists() || write(&folder.join("full"), b"more").is_err());
+        // A socket can be made without a library, and cannot be opened.
+        let socket = folder.join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        assert!(write(&socket, b"none").is_err());
+        assert!(socket.metadata().unwrap().file_type().is_socket());
+        let dev_null = Path::new("/dev/null").metadata().unwrap().file_type();
+        assert!(dev_null.is_char_device() && folder.join("null").is_symlink());
+        assert_eq!(names(&folder), ["a.set", "b.set", "c.set", "full", "null", "socket"]);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn one_program_at_a_time_works_on_a_file() {
+        let folder = folder("lock");
+        let file = folder.join("a.set");
+        let lock = Lock::new(&file).unwrap();
+        assert!(Lock::new(&file).unwrap_err().starts_with("another program is at work on "));
+        assert!(Lock::new(&folder.join("b.set")).is_ok());
+        drop(lock);
+        assert!(names(&folder).is_empty());
+        // What a program has left that was killed stops nobody.
+        std::fs::write(beside(&file, ".lock"), b"").unwrap();
+        drop(Lock::new(&file).unwrap());
+        // Of many that begin and end at once, one at a time has the lock.
+        let (held, taken) = (std::sync::atomic::AtomicUsize::new(0), std::sync::atomic::AtomicUsize::new(0));
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for _ in 0..500 {
+                        let Ok(_lock) = Lock::new(&file) else { continue };
+                        assert_eq!(held.fetch_add(1, std::sync::atomic::Ordering::SeqCst), 0);
+                        taken.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+                        held.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
+                    }
+                });
+            }
+        });
+        assert!(taken.into_inner() > 3);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,180 @@
+//! Tests of the program `bake` as a user runs it: where it writes, what it refuses, and what it says in the
+//! end.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use visibility_core::glam::Vec3;
+use visibility_examples::output_file::Lock;
+use visibility_examples::vscn;
+use visibility_examples::{SceneSource, SourceObject};
+
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    // Left by a run of this test that failed.
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(program).current_dir(folder).args(arguments).output().expect("the program starts")
+}
+
+fn bake(folder: &Path, arguments: &[&str]) -> Output {
+    run(env!("CARGO_BIN_EXE_bake"), folder, arguments)
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Returns the names of the files in a folder, sorted.
+fn names(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut names: Vec<String> = names.map(|name| name.into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Writes a scene: a wall across y of 20 by 8 m at 5 m, of rectangles in x and z, and a plate behind it.
+fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
+    let at = |y: f32, [a, b, c, d]: [f32; 4]| {
+        let corner = |x: f32, z: f32| Vec3::new(x, y, z);
+        [[corner(a, c), corner(b, c), corner(b, d)], [corner(a, c), corner(b, d), corner(a, d)]]
+    };
+    let object = |name: &str, triangles: Vec<[Vec3; 3]>| SourceObject {
+        name: name.to_owned(),
+        triangles,
+        opaque: true,
+        door: false,
+        never_cull: false,
+    };
+    let wall = rectangles.iter().flat_map(|&rectangle| at(5.0, rectangle)).collect();
+    let plate = at(9.0, [-0.4, 0.4, 0.0, 2.0]).to_vec();
+    let objects = vec![object("wall", wall), object("plate", plate)];
+    let (name, walks) = ("wall".to_owned(), Vec::new());
+    let scene = SceneSource { name, up: Vec3::Z, near: 0.01, objects, walks, cells: None };
+    fs::write(path, vscn::write(&scene).unwrap()).unwrap();
+}
+
+const WHOLE: &[[f32; 4]] = &[[-10.0, 10.0, 0.0, 8.0]];
+/// With a door; the box is that of the whole wall.
+const DOOR: &[[f32; 4]] = &[[-10.0, -1.0, 0.0, 8.0], [1.0, 10.0, 0.0, 8.0], [-1.0, 1.0, 3.0, 8.0]];
+const PLACES: [&str; 6] = ["--cells", "grid", "--over=-2,-4,0,2,0,2", "--size", "4,4,2", "--out"];
+
+fn bake_wall(folder: &Path, out: &str, more: &[&str]) -> Output {
+    bake(folder, &[&["wall.vscn"], &PLACES[..], &[out], more].concat())
+}
+
+#[test]
+fn a_set_is_refused_once_a_door_is_cut_into_a_wall() {
+    let folder = folder("bake_stale");
+    write_wall(&folder.join("wall.vscn"), WHOLE);
+    write_wall(&folder.join("door.vscn"), DOOR);
+    let cameras = r#"{"name": "w", "up_axis": "z", "near": 0.05, "cameras": [{"name": "w", "fov_y_deg": 60,
+        "up": [0, 0, 1], "keys": [{"eye": [0, -1, 1], "target": [0, 5, 1]}]}]}"#;
+    fs::write(folder.join("walk.json"), cameras).unwrap();
+    let baked = bake_wall(&folder, "wall.set", &["--cache", "wall.cache", "--json", "report.json"]);
+    assert!(baked.status.success(), "{}", text(&baked.stderr));
+    let walk = |scene: &str, more: &[&str]| {
+        let arguments = ["--cameras", "walk.json", "--size", "64x36", "--cullers", "baked:wall.set"];
+        let arguments = [&["--scene", scene], &arguments[..], more].concat();
+        run(env!("CARGO_BIN_EXE_walkthrough"), &folder, &arguments)
+    };
+    let same = walk("wall.vscn", &[]);
+    assert!(same.status.success(), "{}", text(&same.stderr));
+    for refused in [walk("door.vscn", &[]), walk("wall.vscn", &["--hint", "detail=0"])] {
+        assert!(!refused.status.success(), "{}", text(&refused.stdout));
+        let said = text(&refused.stderr);
+        assert!(said.contains("wall.set") && said.contains("bake again"), "{said}");
+    }
+    // The report names the version, which the set has.
+    let set = visibility_bake::BakedSet::from_bytes(&fs::read(folder.join("wall.set")).unwrap()).unwrap();
+    let version = format!("{:016x}", set.version());
+    assert!(text(&baked.stdout).contains(&format!("version of the level: {version}")));
+    assert!(fs::read_to_string(folder.join("report.json")).unwrap().contains(&version));
+    // With the cache of the level before the edit, the set is that of a bake without.
+    fs::copy(folder.join("door.vscn"), folder.join("wall.vscn")).unwrap();
+    assert!(bake_wall(&folder, "cached.set", &["--cache", "wall.cache"]).status.success());
+    assert!(bake_wall(&folder, "anew.set", &[]).status.success());
+    let [cached, anew, before] =
+        ["cached.set", "anew.set", "wall.set"].map(|name| fs::read(folder.join(name)).unwrap());
+    assert!(cached == anew && anew != before);
+}
+
+#[test]
+fn one_bake_at_a_time_writes_a_file() {
+    let folder = folder("bake_twice");
+    write_wall(&folder.join("wall.vscn"), WHOLE);
+    let lock = Lock::new(&folder.join("two.set")).unwrap();
+    let refused = bake_wall(&folder, "two.set", &[]);
+    assert!(!refused.status.success());
+    assert!(text(&refused.stderr).contains("another program is at work on "), "{}", text(&refused.stderr));
+    assert!(bake_wall(&folder, "other.set", &[]).status.success());
+    drop(lock);
+    assert!(bake_wall(&folder, "two.set", &[]).status.success());
+    assert_eq!(names(&folder), ["other.set", "two.set", "wall.vscn"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_followed_and_devices_stay() {
+    use std::os::unix::fs::{FileTypeExt, symlink};
+    let folder = folder("bake_links");
+    write_wall(&folder.join("wall.vscn"), WHOLE);
+    fs::create_dir(folder.join("there")).unwrap();
+    symlink("there/real.set", folder.join("link.set")).unwrap();
+    symlink("/dev/null", folder.join("null")).unwrap();
+    for out in ["link.set", "null", "plain.set"] {
+        let baked = bake_wall(&folder, out, &["--memory", "64M"]);
+        assert!(baked.status.success(), "{out}: {}", text(&baked.stderr));
+    }
+    assert!(folder.join("link.set").is_symlink() && folder.join("null").is_symlink());
+    assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    let [real, plain] = ["there/real.set", "plain.set"].map(|name| fs::read(folder.join(name)).unwrap());
+    assert!(real == plain && !real.is_empty());
+    assert_eq!(names(&folder), ["link.set", "null", "plain.set", "there", "wall.vscn"]);
+    assert_eq!(names(&folder.join("there")), ["real.set"]);
+}
+
+#[test]
+fn more_viewcells_than_can_be_kept_are_refused_with_their_number() {
+    let folder = folder("bake_count");
+    let refused = |size: &str, more: &[&str]| {
+        let size = [size; 3].join(",");
+        let refused = bake(&folder, &[&["plpcity:1,1", "--size", &size, "--out", "a.set"], more].concat());
+        assert!(!refused.status.success());
+        text(&refused.stderr)
+    };
+    for more in [&[][..], &["--over", "0,0,0,100,100,100"]] {
+        let said = refused("0.0000001", more);
+        let count = said.split_whitespace().find_map(|word| word.parse::<u128>().ok());
+        assert!(count.is_some_and(|count| count > 1 << 24) && said.contains("viewcells"), "{said}");
+    }
+    // As many can be kept, but are not made in a second.
+    assert_eq!(refused("0.0001", &["--time", "1"]), "error: the viewcells were not made in time\n");
+    assert!(names(&folder).is_empty());
+}
+
+#[test]
+fn the_last_lines_say_which_viewcells_miss_the_gap() {
+    let folder = folder("bake_gap");
+    let arguments = ["london:2,2", "--size", "16,16,4", "--rays", "1", "--out", "a.set", "--json", "a.json"];
+    let report = |more: &[&str]| {
+        let baked = bake(&folder, &[&arguments[..], more].concat());
+        assert!(baked.status.success(), "{}", text(&baked.stderr));
+        let json: serde_json::Value =
+            serde_json::from_slice(&fs::read(folder.join("a.json")).unwrap()).unwrap();
+        let asked = json["asked_gap"].as_f64().unwrap();
+        let cells = json["viewcells"].as_array().unwrap();
+        let over = cells.iter().filter(|cell| cell["gap"].as_f64().unwrap() > asked).count();
+        assert_eq!(json["viewcells_over_gap"].as_u64(), Some(over as u64));
+        let line = format!("{over} of {} viewcells miss the gap of ", cells.len());
+        assert_eq!(text(&baked.stdout).contains(&line), over > 0, "{}", text(&baked.stdout));
+        (over, text(&baked.stdout))
+    };
+    assert_eq!(report(&["--gap", "100%"]).0, 0);
+    let (over, said) = report(&["--gap", "1%", "--time", "0"]);
+    assert!(over > 0 && said.contains("the same command goes on"), "{said}");
+}

@@ -1,0 +1,187 @@
+//! Tests that a set is used for the level that it was baked from alone, and that results of earlier versions
+//! of the bake are refused.
+
+use std::sync::Arc;
+use visibility_bake::{
+    BakeCache, BakedSet, BakedSetError, SandwichBaker, Settings, Shard, TiledScene, bake_fingerprint,
+    level_version,
+};
+use visibility_core::bake::Bake;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::pvs::{PvsCuller, Viewcell, Viewcells};
+use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Accuracy, Culler, Object, Pose, Scene, View, VisibleSet};
+use visibility_testing::mend_header;
+
+/// Corner of a wall across x at 5 m, 20 m wide and high.
+fn wall(y: f32, z: f32) -> Vec3 {
+    Vec3::new(5.0, y, z)
+}
+
+fn rectangle([a, b]: [f32; 2], [c, d]: [f32; 2]) -> [Triangle; 2] {
+    [[wall(a, c), wall(b, c), wall(b, d)], [wall(a, c), wall(b, d), wall(a, d)]]
+}
+
+/// A wall, and a box behind its middle.
+fn level() -> (Scene, Viewcells) {
+    let mut scene = Scene::new();
+    let bounds = [Aabb::new(wall(-10.0, -10.0), wall(10.0, 10.0)), Aabb::from_arrays([9.0; 3], [9.5; 3])];
+    let ids = scene.insert_batch(bounds.map(|bounds| Object { occluder: true, ..Object::new(bounds) }));
+    scene.set_triangles(ids[0], rectangle([-10.0, 10.0], [-10.0, 10.0])).unwrap();
+    scene.set_triangles(ids[1], [[Vec3::splat(9.0), Vec3::splat(9.25), Vec3::new(9.5, 9.0, 9.5)]]).unwrap();
+    scene.prepare_occluders(&Default::default());
+    let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+    (scene, cells)
+}
+
+fn baked(scene: &Scene, cells: &Viewcells) -> BakedSet {
+    let outcome = Bake::new(SandwichBaker::new(scene, cells, Settings::default())).run();
+    BakedSet::new(scene, cells.clone(), &outcome.cells.iter().map(|cell| cell.reported()).collect::<Vec<_>>())
+        .unwrap()
+}
+
+type Edit = (&'static str, fn(&mut Scene));
+
+/// Changes that leave all boxes as they were.
+fn edits() -> [Edit; 6] {
+    [
+        ("a door", |scene| {
+            let id = scene.id_at(0).unwrap();
+            let parts = [rectangle([-10.0, -1.0], [-10.0, 10.0]), rectangle([1.0, 10.0], [-10.0, 10.0])];
+            scene.set_triangles(id, parts.concat()).unwrap();
+        }),
+        ("glass", |scene| scene.set_occluder(scene.id_at(0).unwrap(), false).unwrap()),
+        ("a mover", |scene| scene.set_never_cull(scene.id_at(0).unwrap(), true).unwrap()),
+        ("another mesh", |scene| {
+            let id = scene.id_at(0).unwrap();
+            let mesh = visibility_core::OccluderMesh::from_indexed(
+                &[wall(-10.0, -10.0), wall(-1.0, -10.0), wall(-1.0, 10.0)],
+                &[[0, 1, 2]],
+            );
+            let mesh = scene.add_mesh(mesh.unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }),
+        ("another layer", |scene| scene.set_layers(scene.id_at(0).unwrap(), 2).unwrap()),
+        ("another cost", |scene| scene.set_cost(scene.id_at(1).unwrap(), 99).unwrap()),
+    ]
+}
+
+#[test]
+fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
+    let (scene, cells) = level();
+    let set = baked(&scene, &cells);
+    assert!(set.row(visibility_core::pvs::ViewcellId(0)).len() == 1, "the wall hides the box");
+    let set = BakedSet::from_bytes(&set.to_bytes()).unwrap();
+    let version = set.version();
+    assert_eq!((level_version(&scene), TiledScene::new(&scene).version()), (version, version));
+    let sets = set.clone().for_scene(&scene).unwrap();
+    assert!(sets.is_checked() && PvsCuller::new(&sets).accuracy() == Accuracy::Conservative);
+    let whole = |scene: &Scene| bake_fingerprint(scene, &cells, &Settings::default());
+    for (name, edit) in edits() {
+        let mut edited = scene.clone();
+        edit(&mut edited);
+        let level = level_version(&edited);
+        assert!(matches!(set.clone().for_scene(&edited), Err(BakedSetError::OtherScene)), "{name}");
+        let refused = set.clone().for_level(&edited, Some(level));
+        assert_eq!(refused.err(), Some(BakedSetError::OtherVersion { baked: version, level }), "{name}");
+        assert_ne!(whole(&edited), whole(&scene), "{name}: shards are of another bake");
+        // The state of a bake is of the scene before the edit.
+        let baker = |scene| SandwichBaker::new(scene, &cells, Settings::default());
+        assert!(Bake::resume(baker(&edited), &Bake::new(baker(&scene)).save()).is_err(), "{name}");
+    }
+}
+
+/// With a cache of the level before an edit, the result is that of a bake without.
+#[test]
+fn a_cache_gives_nothing_that_an_edit_has_changed() {
+    let (scene, cells) = level();
+    let cache = Arc::new(Bake::new(SandwichBaker::new(&scene, &cells, Settings::default())).run().cache);
+    for (name, edit) in edits() {
+        let mut edited = scene.clone();
+        edit(&mut edited);
+        let baker = || SandwichBaker::new(&edited, &cells, Settings::default());
+        let cached = Bake::new(baker().with_cache(cache.clone())).run();
+        assert_eq!(cached.cells, Bake::new(baker()).run().cells, "{name}");
+    }
+}
+
+#[test]
+fn what_was_not_compared_is_not_promised() {
+    let (scene, cells) = level();
+    let set = baked(&scene, &cells);
+    let view = View::perspective(
+        Pose::look_at(DVec3::splat(0.5), DVec3::splat(9.25), DVec3::Z),
+        1.0,
+        1.0,
+        0.01,
+        100.0,
+    )
+    .unwrap();
+    // Boxes alone, with the version that the level carries or without.
+    let mut boxes = Scene::new();
+    let ids = boxes.insert_batch(scene.ids().map(|id| scene.bounds(id).unwrap()).collect::<Vec<_>>());
+    assert!(matches!(set.clone().for_scene(&boxes), Err(BakedSetError::OtherScene)));
+    let bounds = || (0..).zip(scene.ids().map(|id| scene.bounds(id).unwrap()).collect::<Vec<_>>());
+    let pairs = || ids.iter().map(|&id| (id, id.index() as u32));
+    let compared = |version| set.clone().compared(version, DVec3::ZERO, bounds()).unwrap();
+    let version = Some(set.version());
+    for (sets, is_checked) in [
+        (set.clone().for_level(&boxes, version).unwrap(), true),
+        (set.clone().for_level(&boxes, None).unwrap(), false),
+        (set.for_objects(&boxes, pairs()), false),
+        (compared(version).for_objects(&boxes, pairs()), true),
+        (compared(None).for_objects(&boxes, pairs()), false),
+    ] {
+        let mut culler = PvsCuller::new(&sets);
+        let mut visible = VisibleSet::new();
+        visible.fill(&boxes, &view);
+        culler.cull(&boxes, &view, &mut visible);
+        assert!(visible.contains(&boxes, ids[0]) && !visible.contains(&boxes, ids[1]));
+        assert_eq!(culler.accuracy().never_hides(), is_checked);
+        let mut lacks = Vec::new();
+        culler.for_each_lack(&boxes, &mut |lack| lacks.push(lack.to_string()));
+        let expected: &[&str] =
+            if is_checked { &[] } else { &["objects that a PVS hides which may be of another level: 2"] };
+        assert_eq!(lacks, expected);
+    }
+    let level = set.version() ^ 1;
+    let wrong = BakedSetError::OtherVersion { baked: set.version(), level };
+    assert!(wrong.to_string().ends_with("bake again"));
+    let wrong = Some(wrong);
+    assert_eq!(set.clone().for_level(&boxes, Some(level)).err(), wrong);
+    assert_eq!(set.clone().compared(Some(level), DVec3::ZERO, bounds()).err(), wrong);
+    boxes.set_bounds(ids[0], Aabb::from_arrays([1.0; 3], [2.0; 3])).unwrap();
+    assert_eq!(set.for_level(&boxes, version).err(), Some(BakedSetError::OtherScene));
+}
+
+/// The sweep of earlier versions of the formats could leave out what is visible.
+#[test]
+fn results_of_earlier_versions_are_refused_with_a_word() {
+    let (scene, cells) = level();
+    let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
+    let mut bake = Bake::new(baker());
+    bake.advance();
+    let state = bake.save();
+    let cache = bake.run().cache.to_bytes();
+    let (set, shard) = (baked(&scene, &cells).to_bytes(), Shard::bake(baker()).to_bytes());
+    let text = |error: Option<&dyn std::fmt::Display>| error.expect("it is refused").to_string();
+    let read = |file: &[u8], name: &str| match name {
+        "set" => text(BakedSet::from_bytes(file).err().as_ref().map(|e| e as _)),
+        "shard" => text(Shard::from_bytes(file).err().as_ref().map(|e| e as _)),
+        "state" => text(Bake::resume(baker(), file).err().as_ref().map(|e| e as _)),
+        _ => text(BakeCache::from_bytes(file).err().as_ref().map(|e| e as _)),
+    };
+    for (name, file, last) in [("set", set, 4), ("shard", shard, 2), ("state", state, 3), ("cache", cache, 2)]
+    {
+        for version in 0..=last {
+            let mut earlier = file.clone();
+            earlier[8] = version;
+            mend_header(&mut earlier, 0);
+            let said = read(&earlier, name);
+            assert!(
+                said.starts_with(&format!("version {version} of")) && said.ends_with("bake again"),
+                "{said}"
+            );
+        }
+    }
+}
