@@ -163,7 +163,7 @@ impl Scene {
             return Err(SceneError::NonFiniteOrigin);
         }
         self.origin = origin;
-        self.log.invalidate();
+        self.log.move_origin();
         Ok(())
     }
 
