@@ -366,13 +366,16 @@ impl MovedOrigin {
         }
         let old = self.scene.origin();
         match rng.below(6) {
-            0 => self.scene.set_origin(rng.vector(2000.0)).unwrap(),
+            0 => {
+                let far = rng.pick(&[20.0, 20.0, 2000.0]);
+                self.scene.set_origin(old + rng.vector(far)).unwrap();
+            }
             // An amount that loses bits of both numbers.
             1 => self.scene.set_origin(old + rng.vector(1e-4) + rng.pick(&[0.0, 1e7, -1e7])).unwrap(),
-            // There and back, with the bounds of one mover set in between.
+            // There and back, with the bounds of some movers set in between.
             2 => {
                 self.scene.set_origin(old + rng.vector(500.0)).unwrap();
-                self.set_one(rng, time);
+                self.set_some(rng, time);
                 self.scene.set_origin(old).unwrap();
             }
             3 => {
@@ -416,10 +419,13 @@ impl MovedOrigin {
         }
     }
 
-    fn set_one(&mut self, rng: &mut Random, time: f64) {
-        let (id, place, velocity, _) = self.movers[rng.below(self.movers.len())];
-        let [low, high] = Self::at(place, velocity, time);
-        self.scene.set_bounds(id, Aabb::from_world(low, high, self.scene.origin())).unwrap();
+    fn set_some(&mut self, rng: &mut Random, time: f64) {
+        for &(id, place, velocity, _) in &self.movers {
+            if rng.one_in(2) {
+                let [low, high] = Self::at(place, velocity, time);
+                self.scene.set_bounds(id, Aabb::from_world(low, high, self.scene.origin())).unwrap();
+            }
+        }
     }
 
     /// Sets the due movers.
@@ -454,10 +460,12 @@ fn run_moved_origins(seed: u64, frames: usize) -> (usize, usize) {
         is_moved: false,
     };
     for _ in 0..20 {
-        let (place, velocity) = (rng.vector(200.0), rng.vector(1.0) * rng.pick(&[0.0, 1.0, 10.0]));
+        let (place, has_region) = (rng.vector(200.0), rng.one_in(3));
+        // In 1,000 frames a mover with a region covers less than the 40 m to the sides of the region.
+        let velocity = rng.vector(1.0) * rng.pick(if has_region { &[0.0, 1.0] } else { &[1.0, 10.0] });
         let [low, high] = MovedOrigin::at(place, velocity, 0.0);
         let id = world.scene.insert(Aabb::from_world(low, high, DVec3::ZERO));
-        world.movers.push((id, place, velocity, rng.one_in(3)));
+        world.movers.push((id, place, velocity, has_region));
     }
     world.insert_movers(0.0);
     let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
