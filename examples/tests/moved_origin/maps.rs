@@ -35,7 +35,9 @@ fn hold<M: OcclusionMap>(make: fn() -> M) {
         // A frame that ends before its occluders take effect, or after.
         live.begin(&camera.view, scene.origin());
         draw(&mut live, &scene, &mut rng, frame % 2 == 0);
-        boxes.iter().for_each(|bounds| drop(live.test_mut(bounds)));
+        for bounds in &boxes {
+            let _ = live.test_mut(bounds);
+        }
         if !rng.one_in(4) {
             move_origin(&mut scene, &mut rng);
         }

@@ -19,7 +19,7 @@ use visibility_examples::region::methods::{self, METHODS};
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{SceneSource, SourceObject};
 use visibility_testing::Random;
-use world::{Camera, box_triangles, disturb, move_origin, surely_seen, world_boxes};
+use world::{Camera, disturb, move_origin, surely_seen, triangles_of, world_boxes};
 
 /// What a trial compared.
 #[derive(Default, Debug)]
@@ -120,7 +120,7 @@ fn source_world(scene: &Scene) -> World {
 }
 
 fn world_objects(scene: &Scene) -> Vec<SourceObject> {
-    let triangles = |id| box_triangles(&scene.bounds(id).unwrap());
+    let triangles = |id: visibility_core::ObjectId| triangles_of(id.index(), &scene.bounds(id).unwrap());
     scene.ids().map(|id| SourceObject::new(format!("object {}", id.index()), triangles(id))).collect()
 }
 

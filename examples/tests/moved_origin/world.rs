@@ -10,26 +10,41 @@ use visibility_testing::Random;
 /// inside the picture. Greater than the step of `f64` at the farthest origin.
 const DOUBT: f64 = 1e-3;
 
-/// Returns the twelve triangles of a box, anticlockwise from outside.
-pub(crate) fn box_triangles(bounds: &Aabb) -> Vec<[glam::Vec3; 3]> {
-    let corners = bounds.corners();
-    visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize])).collect()
+/// Number of walls, the objects with the least indices.
+const WALLS: usize = 12;
+
+/// Returns the only side of an object's box that has triangles, as axis and end (0: minimum). `None` for all
+/// six.
+fn only_side(index: usize) -> Option<[usize; 2]> {
+    (index >= WALLS && index.is_multiple_of(3)).then_some([index / 3 % 3, index / 9 % 2])
 }
 
-/// Makes a scene of 12 walls and 60 small boxes around the origin. Each is a closed box of triangles with an
-/// occluder mesh.
+/// Returns the triangles of the object with an index, anticlockwise from outside: those of its box or of one
+/// side of it.
+pub(crate) fn triangles_of(index: usize, bounds: &Aabb) -> Vec<[glam::Vec3; 3]> {
+    let corners = bounds.corners();
+    let all = visibility_core::OccluderMesh::CUBOID.iter().map(|t| t.map(|i| corners[i as usize]));
+    let is_drawn = |t: &[glam::Vec3; 3]| {
+        only_side(index)
+            .is_none_or(|[axis, end]| t.iter().all(|p| p[axis] == [bounds.min, bounds.max][end][axis]))
+    };
+    all.filter(is_drawn).collect()
+}
+
+/// Makes a scene of 12 walls and 60 small boxes around the origin, each with an occluder mesh. A third of the
+/// small boxes have triangles on one side alone, drawn from outside.
 pub(crate) fn scene(rng: &mut Random) -> Scene {
     let mut scene = Scene::new();
-    for number in 0..72 {
-        let middle = rng.vector(if number < 12 { 6.0 } else { 12.0 });
+    for number in 0..WALLS + 60 {
+        let middle = rng.vector(if number < WALLS { 6.0 } else { 12.0 });
         let half = match number {
-            0..6 => DVec3::new(0.2, 4.0, 4.0),
-            6..12 => DVec3::new(4.0, 0.2, 4.0),
+            ..6 => DVec3::new(0.2, 4.0, 4.0),
+            6..WALLS => DVec3::new(4.0, 0.2, 4.0),
             _ => rng.vector(0.4).abs() + 0.05,
         };
         let bounds = Aabb::new((middle - half).as_vec3(), (middle + half).as_vec3());
         let id = scene.insert(Object { occluder: true, cost: 12, ..Object::new(bounds) });
-        scene.set_triangles(id, box_triangles(&bounds)).unwrap();
+        scene.set_triangles(id, triangles_of(id.index(), &bounds)).unwrap();
     }
     scene.prepare_occluders(&Preparation::default());
     scene
@@ -84,7 +99,7 @@ pub(crate) fn disturb(scene: &mut Scene, rng: &mut Random) {
         let (of_a, of_b) = (scene.bounds(a).unwrap(), scene.bounds(b).unwrap());
         for (id, bounds) in [(a, of_b), (b, of_a)] {
             scene.set_bounds(id, bounds).unwrap();
-            scene.set_triangles(id, box_triangles(&bounds)).unwrap();
+            scene.set_triangles(id, triangles_of(id.index(), &bounds)).unwrap();
         }
         scene.prepare_occluders(&Preparation::default());
     } else {
@@ -98,7 +113,7 @@ fn set_all(scene: &mut Scene, mut to: impl FnMut(Aabb) -> Aabb) {
     for id in ids {
         let bounds = to(scene.bounds(id).unwrap());
         scene.set_bounds(id, bounds).unwrap();
-        scene.set_triangles(id, box_triangles(&bounds)).unwrap();
+        scene.set_triangles(id, triangles_of(id.index(), &bounds)).unwrap();
     }
     scene.prepare_occluders(&Preparation::default());
 }
@@ -167,13 +182,16 @@ fn misses(from: DVec3, to: DVec3, [min, max]: [DVec3; 2]) -> bool {
     enter > leave
 }
 
-/// Returns a random point of the faces of a box that are turned to the eye, away from the edges.
-fn facing_point([min, max]: [DVec3; 2], eye: DVec3, rng: &mut Random) -> Option<DVec3> {
-    let axis = rng.below(3);
+/// Returns a random point of the drawn sides of an object's box that are turned to the eye, away from the
+/// edges. `None` if the side that was drawn by lot is not turned to it.
+fn facing_point(index: usize, [min, max]: [DVec3; 2], eye: DVec3, rng: &mut Random) -> Option<DVec3> {
+    let only = only_side(index);
+    let axis = only.map_or_else(|| rng.below(3), |[axis, _]| axis);
     let mut point = min + (max - min) * (rng.vector(0.45) + 0.5);
-    point[axis] = if eye[axis] < min[axis] - DOUBT {
+    let is_drawn = |end: usize| only.is_none_or(|[_, only]| only == end);
+    point[axis] = if eye[axis] < min[axis] - DOUBT && is_drawn(0) {
         min[axis]
-    } else if eye[axis] > max[axis] + DOUBT {
+    } else if eye[axis] > max[axis] + DOUBT && is_drawn(1) {
         max[axis]
     } else {
         return None;
@@ -192,7 +210,7 @@ pub(crate) fn surely_seen(
     let mut seen = Vec::new();
     for (number, &(id, corners)) in boxes.iter().enumerate() {
         let is_seen = (0..6).any(|_| {
-            facing_point(corners, eye, rng).is_some_and(|point| {
+            facing_point(id.index(), corners, eye, rng).is_some_and(|point| {
                 let others = boxes.iter().enumerate().filter(|&(other, _)| other != number);
                 shows(point) && others.map(|(_, (_, corners))| *corners).all(|at| misses(eye, point, at))
             })

@@ -154,7 +154,8 @@ impl Scene {
 
     /// Moves the whole scene so that its origin is at `origin`, a point of the world. Scene-relative bounds,
     /// triangles and transforms stay as they are. [`changes_since`](Self::changes_since) reports that
-    /// everything changed.
+    /// everything changed, and the [layout](Self::layout) changes, so that a [`VisibleSet`](crate::VisibleSet)
+    /// that is not finished holds every object again.
     ///
     /// # Errors
     /// [`SceneError::NonFiniteOrigin`] if `origin` is NaN or infinite.
@@ -164,6 +165,7 @@ impl Scene {
         }
         self.origin = origin;
         self.log.move_origin();
+        self.layout += 1;
         Ok(())
     }
 
@@ -599,8 +601,8 @@ impl Scene {
     }
 
     /// Returns a stamp of the assignment of objects to leaves and lanes. Masks and data indexed by leaf are
-    /// valid only while the stamp stays equal. Inserting, removing or rehoming an object, and rebuilding,
-    /// change it.
+    /// valid only while the stamp stays equal. Inserting, removing or rehoming an object, rebuilding, and
+    /// setting the origin change it.
     pub fn layout(&self) -> Stamp {
         Stamp::from_count(self.layout)
     }
