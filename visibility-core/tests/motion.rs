@@ -343,6 +343,43 @@ fn a_mover_behind_a_moved_origin_is_due_and_visible() {
     assert_eq!(due, [mover]);
 }
 
+/// A region is of the origin that it was given for: a volume is not cut off where the region was.
+#[test]
+fn regions_do_not_outlast_the_origin() {
+    let mut scene = Scene::new();
+    let at = |x: f64, origin: DVec3| Aabb::from_world(DVec3::X * x, DVec3::X * x + 1.0, origin);
+    let mover = scene.insert(at(-500.0, DVec3::ZERO));
+    let mut volumes = MotionVolumes::new();
+    // Between -530 and -470, relative to the origin that the region is given for.
+    let region = |origin: DVec3| Aabb::from_world(DVec3::X * -530.0 - 9.0, DVec3::X * -470.0 + 9.0, origin);
+    volumes.insert(mover, Motion::new(1.0).within(region(DVec3::ZERO)));
+    let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+    let (mut due, mut seen) = (Vec::new(), Vec::new());
+    let mut run = |volumes: &mut MotionVolumes, scene: &mut Scene, frames: std::ops::Range<u32>| {
+        let mut updates = 0;
+        for frame in frames {
+            let time = f64::from(frame);
+            volumes.begin_frame(scene, time, &mut due);
+            updates += due.len();
+            let origin = scene.origin();
+            due.iter().for_each(|&id| scene.set_bounds(id, at(-500.0 + 0.9 * time, origin)).unwrap());
+            pipeline.cull(scene, &view(0.0), &mut visible);
+            volumes.end_frame(scene, &visible, &mut seen);
+            let (held, exact) = (scene.bounds(mover).unwrap(), at(-500.0 + 0.9 * time, origin));
+            assert!(held.min.cmple(exact.min).all() && exact.max.cmple(held.max).all(), "frame {frame}");
+        }
+        updates
+    };
+    run(&mut volumes, &mut scene, 0..15);
+    // The numbers of the mover are still within those of the region, which ends 24 m to the left of it now.
+    scene.set_origin(DVec3::X * 20.0).unwrap();
+    run(&mut volumes, &mut scene, 15..33);
+    // A region that is given after the origin has moved counts, though the scene was not seen there yet.
+    scene.set_origin(DVec3::ZERO).unwrap();
+    volumes.insert(mover, Motion::new(f32::INFINITY).within(region(DVec3::ZERO)));
+    assert!(run(&mut volumes, &mut scene, 33..43) < 10);
+}
+
 /// Movers with places in `f64` world coordinates, in scenes whose origin moves between any two calls.
 struct MovedOrigin {
     scene: Scene,

@@ -89,6 +89,8 @@ pub struct Scene {
     free: Vec<u32>,
     /// Number of objects whose layer mask is not `u32::MAX`.
     layered: usize,
+    /// Number of objects with a draw range.
+    ranged: usize,
     log: ChangeLog,
     layout: u64,
 }
@@ -112,6 +114,7 @@ impl Clone for Scene {
             first_generation: next_generation(),
             free: self.free.clone(),
             layered: self.layered,
+            ranged: self.ranged,
             log: ChangeLog::new(),
             layout: next_range(),
         }
@@ -142,6 +145,7 @@ impl Scene {
             first_generation: next_generation(),
             free: Vec::new(),
             layered: 0,
+            ranged: 0,
             log: ChangeLog::new(),
             layout: next_range(),
         }
