@@ -458,6 +458,24 @@ fn between_levels_of_different_boxes_nothing_is_missing() {
         }
         assert_eq!(missing > 0, !is_linked, "ranges alone leave a gap of a metre");
     }
+    // Near levels at the far end of a block that is a level of them all: none is beyond its end.
+    let mut scene = Scene::new();
+    let block = scene.insert(Aabb::from_arrays([0.0, -5.0, 0.0], [200.0, 5.0, 20.0]));
+    scene.set_draw_range(block, DrawRange { begin: 128.0, ..DrawRange::ALWAYS }).unwrap();
+    let houses: Vec<_> = (0..300)
+        .map(|i| scene.insert(Aabb::from_arrays([190.0, -4.0, i as f32 * 0.05], [199.0, 4.0, 16.0])))
+        .collect();
+    for &house in &houses {
+        scene.set_draw_range(house, DrawRange { end: 128.0, ..DrawRange::ALWAYS }).unwrap();
+        scene.set_hlod_parent(house, Some(block)).unwrap();
+    }
+    scene.rebuild();
+    let seen = |away: f64| {
+        let view = view_from(DVec3::new(-away, 0.0, 1.0));
+        cull(&mut ContributionCuller::new(1080.0, 0.0), &scene, &view).0
+    };
+    assert_eq!((seen(127.0).len(), seen(127.0).contains(&block)), (300, false));
+    assert_eq!((seen(129.0).len(), seen(129.0).contains(&block)), (1, true));
 }
 
 /// Tests that what trembles about a limit switches at most once, and that without memory it flickers.

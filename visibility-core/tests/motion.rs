@@ -371,8 +371,8 @@ fn regions_do_not_outlast_the_origin() {
         updates
     };
     run(&mut volumes, &mut scene, 0..15);
-    // The numbers of the mover are still within those of the region, which ends 24 m to the left of it now.
-    scene.set_origin(DVec3::X * 20.0).unwrap();
+    // The numbers of the mover are still within those of the region, which ends 4 m ahead of it now.
+    scene.set_origin(DVec3::X * -20.0).unwrap();
     run(&mut volumes, &mut scene, 15..33);
     // A region that is given after the origin has moved counts, though the scene was not seen there yet.
     scene.set_origin(DVec3::ZERO).unwrap();

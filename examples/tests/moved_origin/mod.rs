@@ -9,6 +9,7 @@
 
 mod live;
 mod maps;
+mod rooms;
 mod world;
 
 use glam::Vec3;
@@ -96,7 +97,7 @@ fn run_all(seeds: std::ops::Range<u64>, frames: usize) {
 
 #[test]
 fn live_cullers_hide_nothing_seen_wherever_the_origin_moves() {
-    run_all(0..2, 120);
+    run_all(0..2, 60);
 }
 
 #[test]
@@ -135,7 +136,7 @@ fn known_cullers_hide_nothing_seen_after_the_origin_moved() {
             let Ok(mut made) = cullers::parse(&entry, &world) else { continue };
             let mut pipeline = Some(made.remove(0).1).filter(|pipeline| pipeline.accuracy().never_hides());
             let Some(pipeline) = &mut pipeline else { continue };
-            for frame in 0..24 {
+            for frame in 0..16 {
                 if rng.one_in(3) {
                     disturb(&mut world.scene, &mut rng);
                 }
@@ -149,7 +150,7 @@ fn known_cullers_hide_nothing_seen_after_the_origin_moved() {
                 }
             }
         }
-        assert!(count.seen == 0 || count.hidden > 100, "{entry}: {count:?} is no test");
+        assert!(count.seen == 0 || count.hidden > 60, "{entry}: {count:?} is no test");
     }
 }
 
@@ -166,7 +167,7 @@ fn methods_for_viewcells_hide_nothing_seen_wherever_the_origin_moves() {
         let mut world = source_world(&world::scene(&mut rng));
         let mut method = methods::parse(name, &world).unwrap().remove(0).1;
         let mut count = Count::default();
-        for frame in 0..if is_slow { 8 } else { 60 } {
+        for frame in 0..if is_slow { 5 } else { 40 } {
             if rng.one_in(2) {
                 disturb(&mut world.scene, &mut rng);
             }

@@ -147,7 +147,7 @@ impl Camera {
         Self::new(eye, scene.origin() + rng.vector(6.0) - eye)
     }
 
-    fn shows(&self, point: DVec3) -> bool {
+    pub(crate) fn shows(&self, point: DVec3) -> bool {
         let to = point - self.eye;
         let depth = to.dot(self.forward);
         let aside = [to.dot(self.right), to.dot(self.up)];

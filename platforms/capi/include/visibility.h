@@ -550,11 +550,14 @@ enum vis_status vis_scene_set_layers(struct vis_scene *scene, uint64_t object, u
 enum vis_status vis_scene_set_flags(struct vis_scene *scene, uint64_t object, uint32_t flags);
 
 // Sets the distances from the eye, in metres, at which an object is drawn, for the stage
-// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite.
+// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite. Other stages draw it at every
+// distance. Ranges alone leave distances at which neither of two levels of one thing is drawn, where their
+// bounds differ: make the far one the parent of the near one by `vis_scene_set_hlod_parent`.
 enum vis_status vis_scene_set_draw_range(struct vis_scene *scene, uint64_t object, float begin, float end);
 
 // Makes `parent` stand in for an object beyond the begin of the parent's draw range, for the stage
-// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent.
+// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Both are measured from the bounds of the
+// parent, which must contain those of the object.
 enum vis_status vis_scene_set_hlod_parent(struct vis_scene *scene, uint64_t object, uint64_t parent);
 
 // Creates a view without a camera, on all layers.
