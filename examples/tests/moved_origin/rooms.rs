@@ -1,6 +1,6 @@
-//! Cells, portals and visible sets, which are in world space, beside a scene whose origin moves. The rooms stay
-//! where they are in the world; objects are where the scene says. What is certainly seen is found by segments
-//! that cross each wall between rooms in its door.
+//! Cells, portals and visible sets, which are in world space, beside a scene whose origin moves. The rooms
+//! stay where they are in the world; objects are where the scene says. What is certainly seen is found by
+//! segments that cross each wall between rooms in its door.
 
 use super::world::{Camera, move_origin, world_boxes};
 use glam::DVec3;

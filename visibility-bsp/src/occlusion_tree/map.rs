@@ -133,7 +133,7 @@ impl OcclusionTree {
         self.nodes.planes.is_empty()
     }
 
-    /// Adds a polygon that takes effect at the next flush of the frame; also if that frame is yet to begin, if
+    /// Adds a polygon that takes effect at the next flush of the frame. That frame may be yet to begin if
     /// [`is_queued_ahead`](Self::is_queued_ahead) is set.
     pub(super) fn enqueue(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
         let first = self.vertices.len();

@@ -129,8 +129,8 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 /// mover. A mover whose bounds the caller sets although it is not due (a teleport) is due again in the next
 /// frame; so are all movers after the scene's origin was set, be it to the same point, after another scene
 /// took its place, and when time is NaN or runs backwards. Set the origin between `end_frame` and
-/// `begin_frame`: in the middle of a frame, the movers that are not due stay where the origin takes them until
-/// the next. Movers that the scene does not contain are removed.
+/// `begin_frame`: in the middle of a frame, the movers that are not due stay where the origin takes them
+/// until the next. Movers that the scene does not contain are removed.
 ///
 /// # Cost
 /// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and

@@ -158,8 +158,8 @@ impl Scene {
 
     /// Moves the whole scene so that its origin is at `origin`, a point of the world. Scene-relative bounds,
     /// triangles and transforms stay as they are. [`changes_since`](Self::changes_since) reports that
-    /// everything changed, and the [layout](Self::layout) changes, so that a [`VisibleSet`](crate::VisibleSet)
-    /// that is not finished holds every object again.
+    /// everything changed, and the [layout](Self::layout) changes, so that a
+    /// [`VisibleSet`](crate::VisibleSet) that is not finished holds every object again.
     ///
     /// # Errors
     /// [`SceneError::NonFiniteOrigin`] if `origin` is NaN or infinite.
