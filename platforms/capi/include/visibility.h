@@ -239,8 +239,8 @@ enum vis_status vis_graph_counts(const struct vis_graph *graph, size_t *cells, s
 
 // Computes which cells may be seen from anywhere in which cells, with all portals open. `clearance` is the
 // distance that a line of sight keeps from edges of portals to count, in world units; 0 for the default,
-// 1e-6 or, if that is more, 2^-33 of the greatest coordinate of a portal. Takes from milliseconds to minutes.
-// Conservative.
+// 1e-6 or, if that is more, 2^-33 of the greatest coordinate of a portal. Takes from milliseconds to
+// minutes. Conservative.
 enum vis_status vis_graph_bake(const struct vis_graph *graph, double clearance, struct vis_pvs **pvs);
 
 // Makes the cells of a building from a graph and from the volumes of its cells, in their order. `planes` has

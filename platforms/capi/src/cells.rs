@@ -95,8 +95,8 @@ pub unsafe extern "C" fn vis_graph_counts(
 
 /// Computes which cells may be seen from anywhere in which cells, with all portals open. `clearance` is the
 /// distance that a line of sight keeps from edges of portals to count, in world units; 0 for the default,
-/// 1e-6 or, if that is more, 2^-33 of the greatest coordinate of a portal. Takes from milliseconds to minutes.
-/// Conservative.
+/// 1e-6 or, if that is more, 2^-33 of the greatest coordinate of a portal. Takes from milliseconds to
+/// minutes. Conservative.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_graph_bake(
     graph: *const vis_graph,
