@@ -13,6 +13,7 @@ mod extremes;
 mod gltf_files;
 mod hom_scenes;
 mod hzb_scenes;
+mod moved_origin;
 mod occluder_scenes;
 mod occlusion_scenes;
 mod pinned_answers;

@@ -18,7 +18,7 @@ use visibility_examples::pvs::{bake, read};
 use visibility_portals::{CellMatrix, Settings};
 
 /// Settings with the test in Pluecker space and without a limit of steps.
-const EXACT: Settings = Settings { clearance: 1e-6, steps_per_cell: u64::MAX, exact: true };
+const EXACT: Settings = Settings { clearance: Some(1e-6), steps_per_cell: u64::MAX, exact: true };
 
 /// Returns the cell-to-cell visibility of a map, baked with default settings on one thread.
 fn visible(graph: &CellGraph) -> CellMatrix {

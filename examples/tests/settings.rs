@@ -326,7 +326,7 @@ fn cells_and_portals() {
             show(&what, &world, PortalCuller::new(cells));
         }
         for steps in [0, 1, u64::MAX] {
-            let settings = Settings { clearance: tolerance, steps_per_cell: steps, exact: steps > 1 };
+            let settings = Settings { clearance: Some(tolerance), steps_per_cell: steps, exact: steps > 1 };
             if let Ok(baker) = CellBaker::new(&source.graph, settings) {
                 let mut bake = visibility_core::bake::Bake::new(baker);
                 while bake.advance().is_some() {}

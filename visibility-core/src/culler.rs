@@ -138,6 +138,13 @@ pub trait Culler {
     /// nothing.
     fn for_each_lack(&self, _scene: &Scene, _each: &mut dyn FnMut(Lack)) {}
 
+    /// Returns whether the culler hides objects outside of their [draw ranges](Scene::set_draw_range). A
+    /// [`Pipeline`](crate::Pipeline) of which no culler does reports ranges as a lack. False by default; a
+    /// culler that wraps another returns what that returns.
+    fn follows_draw_ranges(&self) -> bool {
+        false
+    }
+
     /// Discards all state from earlier frames, as if the culler were new. Never needed for correct results:
     /// camera cuts and other scenes are safe without a reset. The default implementation does nothing, for
     /// cullers that keep no such state.

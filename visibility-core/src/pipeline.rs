@@ -162,11 +162,16 @@ impl Pipeline {
     }
 
     /// Calls `each` with the name of a stage and what the stage [lacks](Culler::for_each_lack) to cull
-    /// `scene`, such as "occluders without a mesh: 12". Does not call `each` if no stage lacks anything.
+    /// `scene`, such as "occluders without a mesh: 12"; and with "pipeline" and what no stage does, such as
+    /// to follow the draw ranges of objects. Does not call `each` if nothing is lacking.
     /// Allocates nothing, and takes constant time for the cullers of these crates.
     pub fn for_each_lack(&self, scene: &Scene, mut each: impl FnMut(&str, Lack)) {
         for (culler, _) in &self.stages {
             culler.for_each_lack(scene, &mut |lack| each(culler.name(), lack));
+        }
+        let count = scene.draw_range_count();
+        if count > 0 && !self.stages.iter().any(|(culler, _)| culler.follows_draw_ranges()) {
+            each("pipeline", Lack { what: "objects with a draw range that no stage follows", count });
         }
     }
 

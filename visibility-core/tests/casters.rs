@@ -520,6 +520,41 @@ fn receivers_leave_fewer_casters_and_no_blocker_out() {
     assert!(fewer * 2 < more && needed * 2 > fewer && needed > 100, "{fewer} of {more}, {needed} needed");
 }
 
+/// Tests that a box of receivers is not taken for another place of equal numbers, wherever the origin moves.
+#[test]
+fn receivers_are_of_the_origin_that_they_were_given_for() {
+    let sun = Light::Directional { toward_light: DVec3::Z };
+    let pose = Pose::look_at(DVec3::new(-20.0, 0.0, 1.0), DVec3::new(0.0, 0.0, 1.0), DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap();
+    // Over the ground around the middle of the world, in shadow from a lamp at a height of 5 m.
+    let (lamp, ground) = ([DVec3::new(-0.5, -0.5, 5.0), DVec3::new(0.5, 0.5, 5.5)], [-3.0, 3.0]);
+    let mut scene = Scene::new();
+    let id = scene.insert(Aabb::from_world(lamp[0], lamp[1], DVec3::ZERO));
+    let receivers = |origin: DVec3| {
+        let [low, high] = ground.map(|side| DVec3::new(side, side, 0.1 * side));
+        Aabb::from_world(low, high, origin)
+    };
+    let mut culler = CasterCuller::new(sun).unwrap().with_receivers(receivers(DVec3::ZERO));
+    let casts = |culler: &mut CasterCuller, scene: &Scene| {
+        let mut visible = VisibleSet::new();
+        visible.fill(scene, &view);
+        visibility_core::Culler::cull(culler, scene, &view, &mut visible);
+        visible.contains(scene, id)
+    };
+    assert!(casts(&mut culler, &scene));
+    let far = DVec3::X * 40.0;
+    scene.set_origin(far).unwrap();
+    scene.set_bounds(id, Aabb::from_world(lamp[0], lamp[1], far)).unwrap();
+    assert!(casts(&mut culler, &scene), "the ground has not moved");
+    culler.set_receivers(receivers(far));
+    assert!(casts(&mut culler, &scene));
+    scene.set_bounds(id, Aabb::from_world(lamp[0] + far, lamp[1] + far, far)).unwrap();
+    assert!(!casts(&mut culler, &scene), "beside the ground");
+    scene.set_origin(DVec3::ZERO).unwrap();
+    scene.set_bounds(id, Aabb::from_world(lamp[0], lamp[1], DVec3::ZERO)).unwrap();
+    assert!(casts(&mut culler, &scene));
+}
+
 #[test]
 fn the_range_of_a_light_is_a_ball_and_its_cone_a_cone() {
     let at = |x: f32, y: f32, z: f32| Aabb::from_arrays([x, y, z], [x + 0.5, y + 0.5, z + 0.5]);

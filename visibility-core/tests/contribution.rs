@@ -7,7 +7,7 @@ use visibility_core::scene::{DrawRange, SceneError};
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View,
     VisibleSet,
-    lod::{ContributionCuller, PixelScale},
+    lod::{ContributionCuller, LodSelector, PixelScale},
     simd::Simd,
     view::{Depth, Window},
 };
@@ -54,7 +54,9 @@ fn is_drawn(scene: &Scene, id: ObjectId, camera: &Camera, rows: f64, least: f64)
     let pixels = diagonal * rows / camera.height / if camera.eye.is_some() { away } else { 1.0 };
     let near = |a: f64, b: f64| a != b && (a - b).abs() <= 1e-9 * (a.abs() + b.abs()).min(f64::MAX);
     let mut undecided = near(pixels, least) || near(away, range.begin.into()) || near(away, range.end.into());
-    let mut drawn = pixels >= least && away >= f64::from(range.begin) && away <= f64::from(range.end);
+    let mut drawn = pixels >= least && away >= f64::from(range.begin);
+    // The end is measured from the box of the parent, if that stands in.
+    let mut to_end = away;
     // An object for which one of those above stands in is not drawn.
     let (mut below, mut next) = (object, scene.hlod_parent(id).unwrap());
     while let Some(parent) = next {
@@ -67,9 +69,13 @@ fn is_drawn(scene: &Scene, id: ObjectId, camera: &Camera, rows: f64, least: f64)
             (distance(&above.bounds, camera.eye), f64::from(scene.draw_range(parent).unwrap().begin));
         undecided |= near(away, begin);
         drawn &= away < begin;
+        if below == object {
+            to_end = away;
+        }
         (below, next) = (above, scene.hlod_parent(parent).unwrap());
     }
-    (!undecided).then_some(drawn)
+    undecided |= near(to_end, range.end.into());
+    (!undecided).then_some(drawn && to_end <= f64::from(range.end))
 }
 
 fn cull(culler: &mut ContributionCuller, scene: &Scene, view: &View) -> (BTreeSet<ObjectId>, CullStats) {
@@ -407,6 +413,69 @@ fn exactly_one_of_a_parent_and_its_children_is_drawn() {
         }
     }
     assert!(drawn.iter().all(|&count| count > 5_000), "{drawn:?}");
+}
+
+/// Tests that two levels of one thing whose boxes differ are drawn one at a time, at every distance and by
+/// whatever way the eye comes, as long as one is the parent of the other.
+#[test]
+fn between_levels_of_different_boxes_nothing_is_missing() {
+    // The box of the far level reaches a metre nearer to the eye.
+    let boxes = [[1.0, -1.0, 0.0, 3.0, 1.0, 2.0], [0.0, -1.5, 0.0, 3.0, 1.5, 2.5]]
+        .map(|[a, b, c, d, e, f]| Aabb::from_arrays([a, b, c], [d, e, f]));
+    for (is_linked, has_end) in [(true, true), (true, false), (false, true)] {
+        let mut scene = Scene::new();
+        let [near, far] = boxes.map(|bounds| scene.insert(bounds));
+        // Something else in the way of the walk through the hierarchy.
+        scene.insert_batch((0..300).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
+        let end = if has_end { 128.0 } else { f32::INFINITY };
+        scene.set_draw_range(near, DrawRange { end, margin: 10.0, ..DrawRange::ALWAYS }).unwrap();
+        scene.set_draw_range(far, DrawRange { begin: 128.0, ..DrawRange::ALWAYS }).unwrap();
+        if is_linked {
+            scene.set_hlod_parent(near, Some(far)).unwrap();
+        }
+        scene.rebuild();
+        let mut rng = Random(6);
+        let (mut culler, mut missing, mut lods) =
+            (ContributionCuller::new(1080.0, 0.0), 0, LodSelector::new(1080.0).with_fade(0.0));
+        for frame in 0..4000 {
+            let away = if frame % 2 == 0 { rng.range(127.0, 130.0) } else { rng.range(100.0, 140.0) };
+            let view = view_from(DVec3::new(-away, 0.0, 1.0));
+            let fresh = cull(&mut ContributionCuller::new(1080.0, 0.0), &scene, &view).0;
+            let live = cull(&mut culler, &scene, &view).0;
+            for seen in [&fresh, &live] {
+                let count = usize::from(seen.contains(&near)) + usize::from(seen.contains(&far));
+                assert!(!is_linked || count == 1, "{count} of the levels at {away} m");
+                missing += usize::from(count == 0);
+            }
+            let mut visible = VisibleSet::new();
+            visible.retain(&scene, |id, _| fresh.contains(&id));
+            visible.finish(&scene);
+            lods.select(&scene, &view, &visible, 0.1, |_| &[]);
+            let opacity = lods.selected().iter().find(|(id, _)| *id == near).map(|(_, lod)| lod.opacity);
+            let faded = if is_linked { away } else { away + 1.0 };
+            let range = DrawRange { end, margin: 10.0, ..DrawRange::ALWAYS };
+            assert!(opacity.is_none_or(|opacity| (opacity - range.opacity(faded as f32)).abs() < 1e-3));
+        }
+        assert_eq!(missing > 0, !is_linked, "ranges alone leave a gap of a metre");
+    }
+    // Near levels at the far end of a block that is a level of them all: none is beyond its end.
+    let mut scene = Scene::new();
+    let block = scene.insert(Aabb::from_arrays([0.0, -5.0, 0.0], [200.0, 5.0, 20.0]));
+    scene.set_draw_range(block, DrawRange { begin: 128.0, ..DrawRange::ALWAYS }).unwrap();
+    let houses: Vec<_> = (0..300)
+        .map(|i| scene.insert(Aabb::from_arrays([190.0, -4.0, i as f32 * 0.05], [199.0, 4.0, 16.0])))
+        .collect();
+    for &house in &houses {
+        scene.set_draw_range(house, DrawRange { end: 128.0, ..DrawRange::ALWAYS }).unwrap();
+        scene.set_hlod_parent(house, Some(block)).unwrap();
+    }
+    scene.rebuild();
+    let seen = |away: f64| {
+        let view = view_from(DVec3::new(-away, 0.0, 1.0));
+        cull(&mut ContributionCuller::new(1080.0, 0.0), &scene, &view).0
+    };
+    assert_eq!((seen(127.0).len(), seen(127.0).contains(&block)), (300, false));
+    assert_eq!((seen(129.0).len(), seen(129.0).contains(&block)), (1, true));
 }
 
 /// Tests that what trembles about a limit switches at most once, and that without memory it flickers.

@@ -314,3 +314,238 @@ fn volumes_outlast_frames_in_which_most_objects_move() {
         assert!(hidden_due < 2000 * 20, "{hidden_due} updates of 400,000 for what is hidden");
     }
 }
+
+/// A mover behind the camera that the movement of the origin does not touch: its place in the world stays.
+#[test]
+fn a_mover_behind_a_moved_origin_is_due_and_visible() {
+    let world = DVec3::new(-500.0, 0.0, 0.0);
+    let mut scene = Scene::new();
+    let at = |origin: DVec3| Aabb::from_world(world, world + 1.0, origin);
+    let mover = scene.insert(at(DVec3::ZERO));
+    let mut volumes = MotionVolumes::new();
+    volumes.insert(mover, Motion::new(2.0));
+    let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+    let (mut due, mut seen) = (Vec::new(), Vec::new());
+    for frame in 0..12 {
+        if frame == 10 {
+            assert!(due.is_empty(), "the mover has a volume before the origin moves");
+            scene.set_origin(DVec3::X * 1000.0).unwrap();
+        }
+        volumes.begin_frame(&mut scene, f64::from(frame) / 60.0, &mut due);
+        let moved: Vec<_> = due.iter().map(|&id| (id, at(scene.origin()))).collect();
+        volumes.set_bounds_batch(&mut scene, &moved).unwrap();
+        let towards = if frame < 10 { DVec3::X } else { DVec3::NEG_X };
+        let pose = Pose::look_at(DVec3::ZERO, towards, DVec3::Z);
+        pipeline.cull(&scene, &View::perspective(pose, 1.0, 1.0, 0.1, 1e4).unwrap(), &mut visible);
+        volumes.end_frame(&scene, &visible, &mut seen);
+        assert_eq!(visible.contains(&scene, mover), frame >= 10, "frame {frame}");
+    }
+    assert_eq!(due, [mover]);
+}
+
+/// A region is of the origin that it was given for: a volume is not cut off where the region was.
+#[test]
+fn regions_do_not_outlast_the_origin() {
+    let mut scene = Scene::new();
+    let at = |x: f64, origin: DVec3| Aabb::from_world(DVec3::X * x, DVec3::X * x + 1.0, origin);
+    let mover = scene.insert(at(-500.0, DVec3::ZERO));
+    let mut volumes = MotionVolumes::new();
+    // Between -530 and -470, relative to the origin that the region is given for.
+    let region = |origin: DVec3| Aabb::from_world(DVec3::X * -530.0 - 9.0, DVec3::X * -470.0 + 9.0, origin);
+    volumes.insert(mover, Motion::new(1.0).within(region(DVec3::ZERO)));
+    let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+    let (mut due, mut seen) = (Vec::new(), Vec::new());
+    let mut run = |volumes: &mut MotionVolumes, scene: &mut Scene, frames: std::ops::Range<u32>| {
+        let mut updates = 0;
+        for frame in frames {
+            let time = f64::from(frame);
+            volumes.begin_frame(scene, time, &mut due);
+            updates += due.len();
+            let origin = scene.origin();
+            due.iter().for_each(|&id| scene.set_bounds(id, at(-500.0 + 0.9 * time, origin)).unwrap());
+            pipeline.cull(scene, &view(0.0), &mut visible);
+            volumes.end_frame(scene, &visible, &mut seen);
+            let (held, exact) = (scene.bounds(mover).unwrap(), at(-500.0 + 0.9 * time, origin));
+            assert!(held.min.cmple(exact.min).all() && exact.max.cmple(held.max).all(), "frame {frame}");
+        }
+        updates
+    };
+    run(&mut volumes, &mut scene, 0..15);
+    // The numbers of the mover are still within those of the region, which ends 4 m ahead of it now.
+    scene.set_origin(DVec3::X * -20.0).unwrap();
+    run(&mut volumes, &mut scene, 15..33);
+    // A region that is given after the origin has moved counts, though the scene was not seen there yet.
+    scene.set_origin(DVec3::ZERO).unwrap();
+    volumes.insert(mover, Motion::new(f32::INFINITY).within(region(DVec3::ZERO)));
+    assert!(run(&mut volumes, &mut scene, 33..43) < 10);
+}
+
+/// Movers with places in `f64` world coordinates, in scenes whose origin moves between any two calls.
+struct MovedOrigin {
+    scene: Scene,
+    volumes: MotionVolumes,
+    /// Place in the world at time 0, velocity, and whether the mover has a region.
+    movers: Vec<(ObjectId, DVec3, DVec3, bool)>,
+    /// Whether the origin has moved since the movers that were due last were listed.
+    is_moved: bool,
+}
+
+impl MovedOrigin {
+    fn at(place: DVec3, velocity: DVec3, time: f64) -> [DVec3; 2] {
+        [place + velocity * time - 0.5, place + velocity * time + 0.5]
+    }
+
+    /// Moves the origin in one of several ways, or does nothing. Numbers of bounds stay as they are unless
+    /// the bounds are set: then to the place in the world, or to the numbers that they have already.
+    fn disturb(&mut self, rng: &mut Random, time: f64) {
+        if !rng.one_in(12) {
+            return;
+        }
+        let old = self.scene.origin();
+        match rng.below(6) {
+            0 => {
+                let far = rng.pick(&[20.0, 20.0, 2000.0]);
+                self.scene.set_origin(old + rng.vector(far)).unwrap();
+            }
+            // An amount that loses bits of both numbers.
+            1 => self.scene.set_origin(old + rng.vector(1e-4) + rng.pick(&[0.0, 1e7, -1e7])).unwrap(),
+            // There and back, with the bounds of some movers set in between.
+            2 => {
+                self.scene.set_origin(old + rng.vector(500.0)).unwrap();
+                self.set_some(rng, time);
+                self.scene.set_origin(old).unwrap();
+            }
+            3 => {
+                self.scene = self.scene.clone();
+                self.scene.set_origin(rng.vector(300.0)).unwrap();
+            }
+            // The numbers of all movers are set as they are: the world has moved.
+            4 => {
+                self.scene.set_origin(rng.vector(300.0)).unwrap();
+                let same: Vec<_> =
+                    self.movers.iter().map(|&(id, ..)| (id, self.scene.bounds(id).unwrap())).collect();
+                self.scene.set_bounds_batch(&same).unwrap();
+            }
+            // Numbers are set so that the world stays.
+            _ => {
+                self.scene.set_origin(rng.vector(300.0)).unwrap();
+                let shift = (old - self.scene.origin()).as_vec3();
+                for &(id, ..) in &self.movers {
+                    let Aabb { min, max, .. } = self.scene.bounds(id).unwrap();
+                    self.scene.set_bounds(id, Aabb::new(min + shift, max + shift)).unwrap();
+                }
+            }
+        }
+        if rng.one_in(2) {
+            // A caller that gives new regions after the move, relative to the new origin.
+            self.insert_movers(time);
+        }
+        self.is_moved = true;
+    }
+
+    fn insert_movers(&mut self, time: f64) {
+        let origin = self.scene.origin();
+        for &(id, place, velocity, has_region) in &self.movers {
+            if has_region {
+                let [low, high] = Self::at(place, velocity, time);
+                let region = Aabb::from_world(low - 40.0, high + 40.0, origin);
+                self.volumes.insert(id, Motion::new(f32::INFINITY).within(region));
+            } else {
+                self.volumes.insert(id, Motion::new(velocity.length() as f32 * 1.01 + 1e-3));
+            }
+        }
+    }
+
+    fn set_some(&mut self, rng: &mut Random, time: f64) {
+        for &(id, place, velocity, _) in &self.movers {
+            if rng.one_in(2) {
+                let [low, high] = Self::at(place, velocity, time);
+                self.scene.set_bounds(id, Aabb::from_world(low, high, self.scene.origin())).unwrap();
+            }
+        }
+    }
+
+    /// Sets the due movers.
+    fn set(&mut self, due: &[ObjectId], time: f64, through_volumes: bool) {
+        let origin = self.scene.origin();
+        let of = |id: &ObjectId| self.movers.iter().find(|mover| mover.0 == *id).unwrap();
+        let moved: Vec<_> = due
+            .iter()
+            .map(of)
+            .map(|&(id, place, velocity, _)| {
+                let [low, high] = Self::at(place, velocity, time);
+                (id, Aabb::from_world(low, high, origin))
+            })
+            .collect();
+        if through_volumes {
+            self.volumes.set_bounds_batch(&mut self.scene, &moved).unwrap();
+        } else {
+            moved.iter().for_each(|&(id, bounds)| self.scene.set_bounds(id, bounds).unwrap());
+        }
+    }
+}
+
+/// Runs movers while the origin moves between any two calls. In every frame in which the origin stayed from
+/// [`MotionVolumes::begin_frame`] on, the bounds of each mover contain its place in the world: compared in
+/// `f64`. Returns the number of bounds compared and of those that were not due.
+fn run_moved_origins(seed: u64, frames: usize) -> (usize, usize) {
+    let mut rng = Random(seed);
+    let mut world = MovedOrigin {
+        scene: Scene::new(),
+        volumes: MotionVolumes::new(),
+        movers: Vec::new(),
+        is_moved: false,
+    };
+    for _ in 0..20 {
+        let (place, has_region) = (rng.vector(200.0), rng.one_in(3));
+        // In 1,000 frames a mover with a region covers less than the 40 m to the sides of the region.
+        let velocity = rng.vector(1.0) * rng.pick(if has_region { &[0.0, 1.0] } else { &[1.0, 10.0] });
+        let [low, high] = MovedOrigin::at(place, velocity, 0.0);
+        let id = world.scene.insert(Aabb::from_world(low, high, DVec3::ZERO));
+        world.movers.push((id, place, velocity, has_region));
+    }
+    world.insert_movers(0.0);
+    let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+    let (mut due, mut seen, mut compared, mut saved) = (Vec::new(), Vec::new(), 0, 0);
+    for frame in 0..frames {
+        let time = frame as f64 / 60.0;
+        world.disturb(&mut rng, time);
+        world.volumes.begin_frame(&mut world.scene, time, &mut due);
+        world.is_moved = false;
+        world.disturb(&mut rng, time);
+        world.set(&due, time, rng.one_in(2));
+        world.disturb(&mut rng, time);
+        let eye = DVec3::new(0.0, 0.0, 1e4);
+        let pose = Pose::look_at(eye, eye + DVec3::Z, DVec3::X);
+        pipeline.cull(&world.scene, &View::perspective(pose, 1.0, 1.0, 0.1, 1e4).unwrap(), &mut visible);
+        for &(id, place, velocity, _) in world.movers.iter().filter(|_| !world.is_moved) {
+            let (held, origin) = (world.scene.bounds(id).unwrap(), world.scene.origin());
+            let [low, high] = MovedOrigin::at(place, velocity, time);
+            let is_held = (held.min.as_dvec3() + origin).cmple(low + 1e-6).all()
+                && (held.max.as_dvec3() + origin).cmpge(high - 1e-6).all();
+            assert!(is_held, "seed {seed}, frame {frame}: {id} is not within its bounds");
+            (compared, saved) = (compared + 1, saved + usize::from(!due.contains(&id)));
+        }
+        world.disturb(&mut rng, time);
+        world.volumes.end_frame(&world.scene, &visible, &mut seen);
+    }
+    (compared, saved)
+}
+
+#[test]
+fn movers_are_within_their_bounds_wherever_the_origin_moves() {
+    let (mut compared, mut saved) = (0, 0);
+    for seed in 0..60 {
+        let (all, not_due) = run_moved_origins(seed, 200);
+        (compared, saved) = (compared + all, saved + not_due);
+    }
+    assert!(compared > 100_000 && saved > compared / 8, "{saved} of {compared}");
+}
+
+#[test]
+#[ignore = "a minute"]
+fn movers_are_within_their_bounds_wherever_the_origin_moves_in_long_runs() {
+    for seed in 100..1500 {
+        let _ = run_moved_origins(seed, 1000);
+    }
+}

@@ -42,6 +42,7 @@ pub fn antipenumbra(polygons: &[ConvexPolygon], clearance: f64) -> Result<bool, 
         let (cells, portals) = (polygons.len() + 1, polygons.len());
         return Err(BakeError::TooLarge { cells, portals });
     };
-    let outcome = Bake::new(CellBaker::new(&graph, Settings { clearance, ..Settings::default() })?).run();
+    let settings = Settings { clearance: Some(clearance), ..Settings::default() };
+    let outcome = Bake::new(CellBaker::new(&graph, settings)?).run();
     Ok(outcome.matrix.sees(CellId(0), CellId(polygons.len() as u32)))
 }

@@ -1,6 +1,6 @@
 //! Settings and errors of the cell baker and the object baker, and the preparation of the portals for both.
 
-use crate::directed_portals::DirectedPortals;
+use crate::directed_portals::{DirectedPortals, Margins};
 use core::fmt;
 use visibility_core::cells::CellGraph;
 
@@ -10,9 +10,9 @@ use visibility_core::cells::CellGraph;
 pub struct Settings {
     /// Distance, in world units, that a line of sight must keep from all portal edges to count. A cell
     /// counts as hidden only if no such line leads to it. Must be positive, finite and at least 2^-33 of
-    /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. 1e-6 by
-    /// default.
-    pub clearance: f64,
+    /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. `None`, the
+    /// default, is the least that is, but not less than 1e-6: more from a coordinate of 8,590 on.
+    pub clearance: Option<f64>,
     /// Maximum number of portal chains inspected for one viewcell, summed over its portals. Where a viewcell
     /// needs more, all its targets not yet proven hidden count as visible. Unlimited by default.
     pub steps_per_cell: u64,
@@ -30,15 +30,14 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { clearance: 1e-6, steps_per_cell: u64::MAX, exact: false }
+        Self { clearance: None, steps_per_cell: u64::MAX, exact: false }
     }
 }
 
 impl Settings {
-    /// Returns the settings as numbers for the bake's fingerprint: the bits of `clearance`, `steps_per_cell`,
-    /// and `exact` as 0 or 1.
-    pub(crate) fn numbers(&self) -> [u64; 3] {
-        [self.clearance.to_bits(), self.steps_per_cell, self.exact.into()]
+    /// Returns the settings as numbers for the bake's fingerprint: `steps_per_cell`, and `exact` as 0 or 1.
+    pub(crate) fn numbers(&self) -> [u64; 2] {
+        [self.steps_per_cell, self.exact.into()]
     }
 }
 
@@ -91,6 +90,9 @@ impl fmt::Display for BakeError {
 
 impl core::error::Error for BakeError {}
 
+/// Clearance by default, in world units, where coordinates allow it: a micrometre in metres.
+const DEFAULT_CLEARANCE: f64 = 1e-6;
+
 /// Maximum number of cells, and of portals, of a bake. With 2^16 portals the matrix of ordered pairs of
 /// directed portals takes 2^17 * 2^17 bits = 2 GiB.
 const MAX_CELLS_OR_PORTALS: usize = 1 << 16;
@@ -106,10 +108,11 @@ pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<Directed
     if cells > MAX_CELLS_OR_PORTALS || count > MAX_CELLS_OR_PORTALS {
         return Err(BakeError::TooLarge { cells, portals: count });
     }
-    let portals = DirectedPortals::new(graph, settings.clearance);
-    let least = portals.margins.noise * 65_536.0;
-    if !(settings.clearance > 0.0 && settings.clearance >= least && settings.clearance.is_finite()) {
-        return Err(BakeError::Clearance { clearance: settings.clearance, least });
+    let extent = DirectedPortals::extent(graph);
+    let least = Margins::noise_of(extent) * 65_536.0;
+    let clearance = settings.clearance.unwrap_or(least.max(DEFAULT_CLEARANCE));
+    if !(clearance > 0.0 && clearance >= least && clearance.is_finite()) {
+        return Err(BakeError::Clearance { clearance, least });
     }
-    Ok(portals)
+    Ok(DirectedPortals::new(graph, clearance, extent))
 }

@@ -189,7 +189,7 @@ impl Baker for CellBaker {
             rows: &self.rows,
             stride: self.stride,
             seen: &self.seen,
-            exact: self.settings.exact.then_some(self.settings.clearance),
+            exact: self.settings.exact.then_some(self.portals.margins.clearance),
         };
         let spent = self.steps[self.portals.all[source as usize].from as usize];
         Some(portal_flow(&input, source, self.settings.steps_per_cell.saturating_sub(spent), scratch))

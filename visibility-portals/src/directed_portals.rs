@@ -45,12 +45,17 @@ impl Margins {
     /// Returns the margins for coordinates of at most `extent` in absolute value. `clearance` and `extent`
     /// are in world units.
     fn new(clearance: f64, extent: f64) -> Self {
+        let noise = Self::noise_of(extent);
+        let keep = (12.0 * noise).max(1e-4 * clearance);
+        Self { inset: 0.4 * clearance, side: keep, keep, merge: 20.0 * keep, noise, clearance }
+    }
+
+    /// Returns [`noise`](Self::noise) for coordinates of at most `extent` in absolute value.
+    pub(crate) fn noise_of(extent: f64) -> f64 {
         // A unit vector times a position has three products and two sums, each rounded by 2^-53 of at most
         // sqrt(3) extent. The vector's length has an error of that order too. The total is less than 2^-49
         // extent: 1e-11 for coordinates of a few thousand.
-        let noise = extent * NOISE;
-        let keep = (12.0 * noise).max(1e-4 * clearance);
-        Self { inset: 0.4 * clearance, side: keep, keep, merge: 20.0 * keep, noise, clearance }
+        extent * NOISE
     }
 }
 
@@ -92,11 +97,15 @@ pub(crate) struct DirectedPortals {
 }
 
 impl DirectedPortals {
-    /// Prepares the portals of `graph`, shrunk by part of `clearance` (world units). A portal that vanishes
-    /// when it is shrunk is left out.
-    pub(crate) fn new(graph: &CellGraph, clearance: f64) -> Self {
+    /// Returns the greatest absolute coordinate of the portals' vertices, 0 without portals.
+    pub(crate) fn extent(graph: &CellGraph) -> f64 {
         let positions = graph.portals().iter().flat_map(|p| p.polygon().vertices());
-        let extent = positions.fold(0.0, |extent: f64, v| extent.max(v.abs().max_element()));
+        positions.fold(0.0, |extent: f64, v| extent.max(v.abs().max_element()))
+    }
+
+    /// Prepares the portals of `graph`, whose coordinates are at most `extent` in absolute value, shrunk by
+    /// part of `clearance` (world units). A portal that vanishes when it is shrunk is left out.
+    pub(crate) fn new(graph: &CellGraph, clearance: f64, extent: f64) -> Self {
         let margins = Margins::new(clearance, extent);
         // By portal index: the ranges of the shrunk vertices in both directions, and the range of the edges.
         let mut shrunk = alloc::vec![None; graph.portals().len()];
@@ -150,13 +159,13 @@ impl DirectedPortals {
         Self { all, vertices, edges, first, margins }
     }
 
-    /// Returns the cell count plus 1, the cells of each directed portal and the bits of all shrunk vertices,
-    /// for the bake's fingerprint.
+    /// Returns the cell count plus 1, the bits of the clearance, the cells of each directed portal and the
+    /// bits of all shrunk vertices, for the bake's fingerprint.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
         let cells = self.first.len() as u64;
         let ends = self.all.iter().map(|portal| u64::from(portal.from) << 32 | u64::from(portal.to));
         let vertices = self.vertices.iter().flat_map(|v| v.to_array()).map(f64::to_bits);
-        core::iter::once(cells).chain(ends).chain(vertices)
+        [cells, self.margins.clearance.to_bits()].into_iter().chain(ends).chain(vertices)
     }
 
     /// Returns the shrunk vertices of a portal in world space, counter-clockwise around the portal's normal.

@@ -41,19 +41,52 @@ fn no_cells_and_no_portals_are_maps_too() {
 fn coordinates_too_large_for_the_clearance_are_refused() {
     for scale in [1e6, 1e30] {
         let graph = row(3, scale);
-        assert!(matches!(bake(&graph, Settings::default()), Err(BakeError::Clearance { .. })), "{scale}");
+        let small = Settings { clearance: Some(1e-6), ..Settings::default() };
+        assert!(matches!(bake(&graph, small), Err(BakeError::Clearance { .. })), "{scale}");
         // With a clearance proportional to the scale, the map is accepted.
-        let settings = Settings { clearance: 1e-6 * scale, ..Settings::default() };
+        let settings = Settings { clearance: Some(1e-6 * scale), ..Settings::default() };
         assert_eq!(bake(&graph, settings).unwrap().count(), 9);
     }
     for clearance in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let settings = Settings { clearance, ..Settings::default() };
+        let settings = Settings { clearance: Some(clearance), ..Settings::default() };
         assert!(bake(&row(3, 1.0), settings).is_err(), "{clearance}");
     }
     assert!(matches!(
         CellBaker::new(&CellGraph::new(70_000, []).unwrap(), Settings::default()),
         Err(BakeError::TooLarge { .. })
     ));
+}
+
+/// Tests the default clearance far from the origin and at large scales: a micrometre where coordinates allow
+/// it, and no error where they do not. A row of rooms hides nothing, and a room around a corner is hidden.
+#[test]
+fn the_default_clearance_follows_the_coordinates() {
+    for exponent in 0..30 {
+        let scale = 10f64.powi(exponent);
+        assert_eq!(bake(&row(3, scale), Settings::default()).unwrap().count(), 9, "{scale}");
+    }
+    let door = |at: DVec3, along: DVec3| {
+        let (side, up) = (along * 0.5, DVec3::Z);
+        ConvexPolygon::new([at - side, at + side, at + side + up, at - side + up]).unwrap()
+    };
+    for away in [0.0, 8e3, 35e3, 1e6, 1e9] {
+        let at = |x: f64, y: f64| DVec3::new(x + away, y - away, away);
+        // Into a room from the west, out of it to the south, and round the corner to the west again.
+        let portals = [
+            (door(at(0.0, 0.0), DVec3::Y), [CellId(0), CellId(1)]),
+            (door(at(2.0, -2.0), DVec3::X), [CellId(1), CellId(2)]),
+            (door(at(0.0, -6.0), DVec3::Y), [CellId(2), CellId(3)]),
+        ];
+        let graph = CellGraph::new(4, portals).unwrap();
+        let matrix = bake(&graph, Settings::default()).unwrap();
+        assert!(matrix.sees(CellId(0), CellId(2)) && !matrix.sees(CellId(0), CellId(3)), "{away}");
+    }
+    // The least clearance for coordinates of 35 km.
+    let far = CellGraph::new(2, [(door(DVec3::X * 35e3, DVec3::Y), [CellId(0), CellId(1)])]).unwrap();
+    let with =
+        |clearance| CellBaker::new(&far, Settings { clearance: Some(clearance), ..Settings::default() });
+    let least = 35e3 * 2f64.powi(-33);
+    assert!(with(least).is_ok() && with(least * 0.999).is_err());
 }
 
 #[test]

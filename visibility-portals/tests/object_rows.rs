@@ -109,7 +109,7 @@ fn check(buildings: u64, segments: usize) {
             }
         }
         graph.set_objects(pairs.iter().copied()).unwrap();
-        let settings = Settings { clearance: CLEARANCE, ..Settings::default() };
+        let settings = Settings { clearance: Some(CLEARANCE), ..Settings::default() };
         let cells = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
         let bounds = |id: ObjectId| boxes.get(id.index()).copied();
         // No chains, too few, and all.
@@ -153,7 +153,7 @@ fn check(buildings: u64, segments: usize) {
         assert!(means[0] < 0.95 * by_cells && means[2] < means[0], "{seed}: {means:?} of {by_cells}");
         assert!(rows[2].fallbacks.is_empty() && !rows[1].fallbacks.is_empty());
         // Other rows of cells are refused: of another clearance, and of another graph.
-        let wide = Settings { clearance: 1e-3, ..settings };
+        let wide = Settings { clearance: Some(1e-3), ..settings };
         assert_eq!(ObjectBaker::new(&graph, &cells, bounds, wide).err(), Some(BakeError::Cells));
     }
     assert!(

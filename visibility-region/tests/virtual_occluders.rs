@@ -95,6 +95,11 @@ fn the_scene_may_lie_anywhere_in_the_world() {
     assert_eq!(map.test(&world.bounds[3].1), Occlusion::Hidden);
     let corner = map.occluders()[0].corners()[0] - origin;
     assert!(corner.x > 4.99 && corner.x < 20.0, "{corner}");
+    // Between the sync and the frame the walls move with the origin.
+    map.sync(&world.scene);
+    world.scene.set_origin(origin + DVec3::X * 30.0).unwrap();
+    map.begin(&view(origin + 0.5, DVec3::X, 0.1), world.scene.origin());
+    assert_eq!(map.test(&world.bounds[3].1), Occlusion::Partial);
 }
 
 #[test]

@@ -52,9 +52,10 @@ struct Arguments {
     #[arg(long, value_name = "STEPS")]
     limit: Option<u64>,
 
-    /// Distance that a line must keep from all portal edges to count, in the map's units.
-    #[arg(long, default_value_t = 1e-6)]
-    clearance: f64,
+    /// Distance that a line must keep from all portal edges to count, in the map's units. 1e-6 if not set, or
+    /// more where the map's coordinates are large.
+    #[arg(long)]
+    clearance: Option<f64>,
 }
 
 fn main() -> ExitCode {

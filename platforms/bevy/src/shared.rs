@@ -48,6 +48,10 @@ impl<C: Culler> Culler for Shared<C> {
         self.lock().for_each_lack(scene, each);
     }
 
+    fn follows_draw_ranges(&self) -> bool {
+        self.lock().follows_draw_ranges()
+    }
+
     fn reset(&mut self) {
         self.lock().reset();
     }

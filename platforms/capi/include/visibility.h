@@ -239,7 +239,8 @@ enum vis_status vis_graph_counts(const struct vis_graph *graph, size_t *cells, s
 
 // Computes which cells may be seen from anywhere in which cells, with all portals open. `clearance` is the
 // distance that a line of sight keeps from edges of portals to count, in world units; 0 for the default,
-// 1e-6. Takes from milliseconds to minutes. Conservative.
+// 1e-6 or, if that is more, 2^-33 of the greatest coordinate of a portal. Takes from milliseconds to
+// minutes. Conservative.
 enum vis_status vis_graph_bake(const struct vis_graph *graph, double clearance, struct vis_pvs **pvs);
 
 // Makes the cells of a building from a graph and from the volumes of its cells, in their order. `planes` has
@@ -563,11 +564,14 @@ enum vis_status vis_scene_set_layers(struct vis_scene *scene, uint64_t object, u
 enum vis_status vis_scene_set_flags(struct vis_scene *scene, uint64_t object, uint32_t flags);
 
 // Sets the distances from the eye, in metres, at which an object is drawn, for the stage
-// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite.
+// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite. Other stages draw it at
+// every distance. Ranges alone leave distances at which neither of two levels of one thing is drawn, where
+// their bounds differ: make the far one the parent of the near one by `vis_scene_set_hlod_parent`.
 enum vis_status vis_scene_set_draw_range(struct vis_scene *scene, uint64_t object, float begin, float end);
 
 // Makes `parent` stand in for an object beyond the begin of the parent's draw range, for the stage
-// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent.
+// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Both are measured from the bounds of
+// the parent, which must contain those of the object.
 enum vis_status vis_scene_set_hlod_parent(struct vis_scene *scene, uint64_t object, uint64_t parent);
 
 // Creates a view without a camera, on all layers.

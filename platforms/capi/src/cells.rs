@@ -95,7 +95,8 @@ pub unsafe extern "C" fn vis_graph_counts(
 
 /// Computes which cells may be seen from anywhere in which cells, with all portals open. `clearance` is the
 /// distance that a line of sight keeps from edges of portals to count, in world units; 0 for the default,
-/// 1e-6. Takes from milliseconds to minutes. Conservative.
+/// 1e-6 or, if that is more, 2^-33 of the greatest coordinate of a portal. Takes from milliseconds to
+/// minutes. Conservative.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_graph_bake(
     graph: *const vis_graph,
@@ -105,10 +106,8 @@ pub unsafe extern "C" fn vis_graph_bake(
     border(|| {
         // SAFETY: the header's rules for pointers.
         let (graph, place) = unsafe { (reference(graph, "graph")?, out(pvs, "pvs")?) };
-        let mut settings = Settings::default();
-        if clearance != 0.0 {
-            settings.clearance = clearance;
-        }
+        let clearance = (clearance != 0.0).then_some(clearance);
+        let settings = Settings { clearance, ..Settings::default() };
         let outcome = Bake::new(CellBaker::new(&graph.0, settings)?).run();
         create(place, vis_pvs(outcome.matrix.to_pvs(&graph.0)?));
         Ok(())

@@ -260,7 +260,9 @@ pub unsafe extern "C" fn vis_scene_set_flags(scene: *mut vis_scene, object: u64,
 }
 
 /// Sets the distances from the eye, in metres, at which an object is drawn, for the stage
-/// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite.
+/// `vis_pipeline_add_contribution`: from `begin` to `end`, which may be infinite. Other stages draw it at
+/// every distance. Ranges alone leave distances at which neither of two levels of one thing is drawn, where
+/// their bounds differ: make the far one the parent of the near one by `vis_scene_set_hlod_parent`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_draw_range(
     scene: *mut vis_scene,
@@ -277,7 +279,8 @@ pub unsafe extern "C" fn vis_scene_set_draw_range(
 }
 
 /// Makes `parent` stand in for an object beyond the begin of the parent's draw range, for the stage
-/// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent.
+/// `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Both are measured from the bounds of
+/// the parent, which must contain those of the object.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_hlod_parent(
     scene: *mut vis_scene,

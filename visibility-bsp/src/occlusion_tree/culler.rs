@@ -115,6 +115,7 @@ impl Culler for OcclusionTreeCuller {
         self.selector.keep_usable(occluders, scene, view, &projection, visible, &volume);
         tree.queue.clear();
         tree.vertices.clear();
+        tree.is_queued_ahead = true;
         for chosen in &self.selector.chosen {
             tree.enqueue(&occluders.occluder_polygon(chosen.polygon));
         }

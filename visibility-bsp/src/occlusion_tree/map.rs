@@ -78,6 +78,8 @@ pub struct OcclusionTree {
     pub(super) vertices: Vec<DVec3>,
     /// Polygons that take effect at the next flush.
     pub(super) queue: Vec<QueuedPolygon>,
+    /// Whether the queue is of the frame that begins next: its polygons were chosen before.
+    pub(super) is_queued_ahead: bool,
     /// Scratch: queue of shadows, greatest gain first.
     heap: BinaryHeap<Candidate>,
     /// Scratch: triangles of the mesh being added.
@@ -107,6 +109,7 @@ impl OcclusionTree {
             most: 64,
             vertices: Vec::new(),
             queue: Vec::new(),
+            is_queued_ahead: false,
             heap: BinaryHeap::new(),
             triangles: Vec::new(),
             density: None,
@@ -142,7 +145,8 @@ impl OcclusionTree {
         away.abs().cmple(reach).all()
     }
 
-    /// Adds a polygon that takes effect at the next flush, also if a frame begins in between.
+    /// Adds a polygon that takes effect at the next flush of the frame. That frame may be yet to begin if
+    /// [`is_queued_ahead`](Self::is_queued_ahead) is set.
     pub(super) fn enqueue(&mut self, occluder_polygon: &OccluderPolygon<'_>) {
         let first = self.vertices.len();
         self.vertices.extend_from_slice(occluder_polygon.vertices);
@@ -168,6 +172,10 @@ impl OcclusionMap for OcclusionTree {
         self.nodes.clear();
         self.shadows.clear();
         self.left = self.most;
+        if !core::mem::take(&mut self.is_queued_ahead) {
+            self.queue.clear();
+            self.vertices.clear();
+        }
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {

@@ -19,7 +19,8 @@ const HYSTERESIS: f64 = 0.05;
 /// accuracy. It never removes an object as large as the limit and in its range.
 ///
 /// A parent is drawn from its range's `begin` on, and its children nearer than that, exactly one of the two
-/// in every frame, unless they are too small themselves. The begin and the end of a range have a hysteresis
+/// in every frame, unless they are too small themselves, or end nearer than the parent begins. Both distances
+/// are that of the parent's box. The begin and the end of a range have a hysteresis
 /// of 5 %: an object that was drawn stays until the distance exceeds `end` by that share, and a parent that
 /// was drawn stays until the distance falls below `begin` by that share. So nothing flickers while the camera
 /// trembles. Only distances that were seen inside such a band depend on earlier frames.
@@ -135,7 +136,11 @@ impl ContributionCuller {
         let end = f64::from(tree.detail(index).range.end);
         if end.is_finite() {
             let end = if get(&self.near, index) { end * (1.0 + HYSTERESIS) } else { end };
-            let is_beyond = frame.eye.is_beyond(&bounds, end);
+            // The end and the begin of the level that follows are measured alike: between boxes of different
+            // sizes would be distances at which neither is drawn.
+            let around = tree.substitute(slot);
+            let around = around.map_or(bounds, |above| tree.bounds[above.node()].get(above.lane()));
+            let is_beyond = frame.eye.is_beyond(&around, end);
             set(&mut self.near, index, !is_beyond);
             if is_beyond {
                 return false;
@@ -200,6 +205,10 @@ impl Culler for ContributionCuller {
 
     fn accuracy(&self) -> Accuracy {
         Accuracy::Approximate
+    }
+
+    fn follows_draw_ranges(&self) -> bool {
+        true
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {

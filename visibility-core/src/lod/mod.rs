@@ -6,7 +6,8 @@
 //! - [`PixelScale`] tells the size in pixels and the distance that both decide by.
 //!
 //! # Size and distance
-//! The *distance* of an object is that from the eye to the nearest point of its bounds, 0 inside them. The
+//! The *distance* of an object is that from the eye to the nearest point of its bounds, 0 inside them. Levels
+//! that take turns by distance are measured from one box, if one is the HLOD parent of the other. The
 //! *size* of an object is the diameter of the sphere around its bounds, which is their diagonal, in pixels in
 //! the middle of the picture, as if the whole sphere were at that distance: infinite for an eye inside the
 //! bounds. Turning the camera changes neither, so nothing changes where only the view direction does; towards

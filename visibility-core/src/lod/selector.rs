@@ -200,7 +200,10 @@ impl LodSelector {
             }
             state.frame = self.frame;
             let opacity = match scene.draw_range(id) {
-                Ok(range) if range != DrawRange::ALWAYS => range.opacity(eye.distance(&bounds) as f32),
+                Ok(range) if range != DrawRange::ALWAYS => {
+                    let around = scene.draw_end_box(id).unwrap_or(bounds);
+                    range.opacity_between(eye.distance(&bounds) as f32, eye.distance(&around) as f32)
+                }
                 _ => 1.0,
             };
             let State { level, previous, fade, .. } = *state;

@@ -27,9 +27,10 @@ pub struct Motion {
     /// counts in. A mover whose speed is negative or NaN never gets a volume; infinity means that only
     /// [`region`](Self::region) bounds the motion.
     pub max_speed: f32,
-    /// Box that the bounds never leave, relative to the scene's origin; the infinite box if none is known. A
-    /// region that does not contain the bounds is ignored while it does not. A mover with a region must be
-    /// [inserted](MotionVolumes::insert) again after the scene's origin moved.
+    /// Box that the bounds never leave, relative to the scene's origin in the next call of
+    /// [`begin_frame`](MotionVolumes::begin_frame); the infinite box if none is known. A region that does not
+    /// contain the bounds is ignored while it does not. A region is dropped when the scene's origin is set,
+    /// and in another scene: [insert](MotionVolumes::insert) the mover again with a new one.
     pub region: Aabb,
 }
 
@@ -71,8 +72,11 @@ impl Motion {
 enum State {
     /// The place in the list is free.
     Free,
-    /// The mover is due in the next frame but was not in the present one: it was added, its volume was seen,
-    /// or its bounds were set from outside.
+    /// The mover is due in the next frame, the first since it was inserted. Its region is relative to the
+    /// scene's origin there, whatever the origin is now.
+    Inserted,
+    /// The mover is due in the next frame, and its bounds may be wrong until then: its volume was seen, its
+    /// bounds were set from outside, or the origin moved.
     New,
     /// The mover is due in the present frame: its bounds are exact once the caller has set them.
     Active,
@@ -122,9 +126,11 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 /// # What is promised
 /// No mover is hidden that would be visible with its exact bounds, as long as movers keep to their
 /// [`Motion`], the due ones are set, and the culler is conservative: the bounds that it tests contain the
-/// mover. A mover whose bounds the caller sets although it is not due (a teleport) is due again; so are all
-/// movers after the scene's origin moved, and when time is NaN or runs backwards. Movers that the scene does
-/// not contain, be it another one than in the frame before, are removed.
+/// mover. A mover whose bounds the caller sets although it is not due (a teleport) is due again in the next
+/// frame; so are all movers after the scene's origin was set, be it to the same point, after another scene
+/// took its place, and when time is NaN or runs backwards. Set the origin between `end_frame` and
+/// `begin_frame`: in the middle of a frame, the movers that are not due stay where the origin takes them
+/// until the next. Movers that the scene does not contain are removed.
 ///
 /// # Cost
 /// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and
@@ -221,10 +227,10 @@ impl MotionVolumes {
         let mover = Mover { id, motion, span: SPANS[1], deadline: 0.0, volume: Aabb::EMPTY };
         if place as usize == self.movers.len() {
             self.movers.push(mover);
-            self.status.push(Status { state: State::New, is_listed: false });
+            self.status.push(Status { state: State::Inserted, is_listed: false });
         } else {
             self.movers[place as usize] = mover;
-            self.status[place as usize].state = State::New;
+            self.status[place as usize].state = State::Inserted;
         }
         self.places[id.index()] = place;
         self.list(place);
@@ -383,8 +389,28 @@ impl MotionVolumes {
 
     /// Makes every mover due whose bounds were set, or may have been, since the scene was last read, and
     /// removes those that the scene no longer contains.
+    ///
+    /// Volumes, the exact bounds of this frame and regions are numbers in scene coordinates. Once the origin
+    /// was set they are other places, though equal numbers are still in the scene.
     fn take_changes(&mut self, scene: &Scene) {
+        let is_placed = self.cursor.is_at_origin_of(scene);
         match self.cursor.follow(scene) {
+            Changes::Everything if !is_placed => {
+                for place in 0..self.movers.len() {
+                    let state = self.status[place].state;
+                    if state == State::Free {
+                        continue;
+                    }
+                    if !scene.contains(self.movers[place].id) {
+                        self.release(place as u32);
+                    } else if state != State::Inserted {
+                        let motion = &mut self.movers[place].motion;
+                        *motion = Motion::new(motion.max_speed);
+                        self.status[place].state = State::New;
+                        self.list(place as u32);
+                    }
+                }
+            }
             Changes::Everything => {
                 for place in 0..self.movers.len() {
                     let (Mover { id, volume, .. }, state) = (self.movers[place], self.status[place].state);
@@ -423,7 +449,7 @@ impl MotionVolumes {
                 self.list(place);
             }
             State::Hidden => *state = State::Active,
-            State::Active | State::Visible | State::New | State::Free => {}
+            State::Active | State::Visible | State::New | State::Inserted | State::Free => {}
         }
     }
 }

@@ -72,7 +72,8 @@ impl LateAnswers {
 
 /// An occlusion map over hardware queries, in which boxes count as visible until the device has answered.
 ///
-/// Boxes are identified by their exact coordinates: a box that moves is a new query. A box that falls between
+/// Boxes are identified by their exact coordinates: a box that moves is a new query, and so is every box once
+/// the scene's origin has moved. A box that falls between
 /// the samples of the device counts as hidden. The accuracy is therefore relative to the resolution of the
 /// device.
 ///
@@ -95,7 +96,9 @@ pub struct HardwareQueries<D> {
     /// Number of the first of the consecutive frames, up to the present one, with the same view and the same
     /// occluders.
     since: u64,
-    view: Option<(View, DVec3)>,
+    view: Option<View>,
+    /// Origin that the boxes of all questions are relative to; NaN before the first frame.
+    origin: DVec3,
     near: Option<ViewPlane>,
     /// Hashes of the occluders added in the present frame and in the frame before.
     drawn: [Fingerprint; 2],
@@ -136,7 +139,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
     /// Makes a map over a device without any answers, with a policy for answers that arrive late.
     pub fn new(device: D, late: LateAnswers) -> Self {
         let state = State { device, indices: HashMap::new(), questions: Vec::new(), free: Vec::new() };
-        Self { late, frame: 0, since: 0, view: None, near: None, drawn: [Fingerprint::new(); 2], state }
+        let (origin, drawn) = (DVec3::NAN, [Fingerprint::new(); 2]);
+        Self { late, frame: 0, since: 0, view: None, origin, near: None, drawn, state }
     }
 
     /// Returns the query device that the map asks.
@@ -264,8 +268,13 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.frame += 1;
         self.drawn = [Fingerprint::new(), self.drawn[0]];
-        if self.view != Some((*view, origin)) {
-            self.view = Some((*view, origin));
+        if self.origin != origin {
+            // Boxes of equal coordinates are other boxes now.
+            self.reset();
+            self.origin = origin;
+        }
+        if self.view != Some(*view) {
+            self.view = Some(*view);
             self.since = self.frame;
         }
         self.near = view.near_plane(origin);

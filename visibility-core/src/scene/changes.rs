@@ -3,7 +3,7 @@
 //! scene and are notified of changes).
 
 use crate::ObjectId;
-use crate::serial::next_range;
+use crate::serial::{is_same_range, next_range};
 use alloc::vec::Vec;
 
 /// The objects of a scene that changed since a given revision.
@@ -34,12 +34,15 @@ pub(crate) struct ChangeLog {
     /// The revision before the change that `entries[0]` records; without entries, the present revision.
     start: u64,
     entries: Vec<ObjectId>,
+    /// The revision right after the origin last moved; before that, the first revision of the scene.
+    moved: u64,
 }
 
 impl ChangeLog {
     /// Creates an empty log whose revisions differ from those of every other scene.
     pub(crate) fn new() -> Self {
-        Self { start: next_range(), entries: Vec::new() }
+        let start = next_range();
+        Self { start, entries: Vec::new(), moved: start }
     }
 
     /// Lower limit of the number of changes that the log can hold, for scenes with few objects.
@@ -86,6 +89,17 @@ impl ChangeLog {
     pub(crate) fn invalidate(&mut self) {
         self.start = self.revision() + 1;
         self.entries.clear();
+    }
+
+    /// Records that the origin moved, so that numbers in scene coordinates are other points of the world.
+    pub(crate) fn move_origin(&mut self) {
+        self.invalidate();
+        self.moved = self.start;
+    }
+
+    /// Returns whether `revision` is of this scene and the origin has not moved since.
+    pub(crate) fn is_origin_of(&self, revision: u64) -> bool {
+        is_same_range(self.start, revision) && revision >= self.moved
     }
 
     /// Returns the objects changed since `revision`, or [`Changes::Everything`] if the log does not reach

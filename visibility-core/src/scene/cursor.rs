@@ -55,6 +55,12 @@ impl SceneCursor {
     pub fn is_in(self, scene: &Scene) -> bool {
         is_same_range(self.revision, scene.revision())
     }
+
+    /// Returns whether scene coordinates that were read at the cursor are still the same points of the world:
+    /// `scene` is the scene that the cursor read last, and its origin was not set since, to whatever point.
+    pub(crate) fn is_at_origin_of(self, scene: &Scene) -> bool {
+        scene.log.is_origin_of(self.revision)
+    }
 }
 
 #[cfg(test)]
@@ -77,5 +83,19 @@ mod tests {
         a.set_origin(glam::DVec3::ONE).unwrap();
         assert_eq!(cursor.peek(&a), Changes::Everything);
         assert!(cursor.is_in(&a));
+    }
+
+    #[test]
+    fn a_cursor_knows_whether_the_origin_was_set() {
+        let mut a = Scene::new();
+        assert!(!SceneCursor::START.is_at_origin_of(&a));
+        let cursor = SceneCursor::at(&a);
+        let id = a.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+        (0..5000).for_each(|_| a.set_cost(id, 1).unwrap());
+        assert_eq!(cursor.peek(&a), Changes::Everything, "the log does not reach back");
+        assert!(cursor.is_at_origin_of(&a) && !cursor.is_at_origin_of(&a.clone()));
+        a.set_origin(glam::DVec3::ONE).unwrap();
+        a.set_origin(glam::DVec3::ZERO).unwrap();
+        assert!(!cursor.is_at_origin_of(&a) && SceneCursor::at(&a).is_at_origin_of(&a));
     }
 }

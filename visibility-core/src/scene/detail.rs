@@ -7,7 +7,7 @@
 
 use super::draw_range::{Detail, DrawRange, Link};
 use super::{Scene, SceneError, Slot};
-use crate::ObjectId;
+use crate::{Aabb, ObjectId};
 use core::num::NonZeroU32;
 
 fn link(id: ObjectId) -> Link {
@@ -19,7 +19,12 @@ fn linked(link: Link) -> Option<usize> {
 }
 
 impl Scene {
-    /// Sets the distances at which an object is drawn. Objects are drawn at every distance by default.
+    /// Sets the distances at which an object is drawn. Objects are drawn at every distance by default. Only a
+    /// [`ContributionCuller`](crate::lod::ContributionCuller) hides by them: a pipeline without one draws
+    /// every object, and says so in [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack).
+    ///
+    /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too: ranges alone
+    /// leave distances at which neither is drawn where the bounds of the levels differ.
     ///
     /// Takes logarithmic time, and time in proportion to the number of children for an [HLOD
     /// parent](Self::set_hlod_parent). Whole nodes are culled by the new range after
@@ -35,10 +40,23 @@ impl Scene {
         }
         if range != self.tree.detail(id.index()).range {
             self.grow_details();
-            self.tree.details[id.index()].range = range;
+            let old = core::mem::replace(&mut self.tree.details[id.index()].range, range);
+            let has_range = |range: DrawRange| usize::from(range != DrawRange::ALWAYS);
+            self.ranged = self.ranged + has_range(range) - has_range(old);
             self.details_changed(id);
         }
         Ok(())
+    }
+
+    /// Returns the number of objects with a [draw range](Self::set_draw_range). Takes constant time.
+    pub fn draw_range_count(&self) -> usize {
+        self.ranged
+    }
+
+    /// Returns the bounds that the end of an object's draw range is measured from, if they are not its own.
+    pub(crate) fn draw_end_box(&self, id: ObjectId) -> Option<Aabb> {
+        let above = self.tree.substitute(self.slot(id).ok()?)?;
+        Some(self.tree.bounds[above.node()].get(above.lane()))
     }
 
     /// Returns the distances at which an object is drawn, [`DrawRange::ALWAYS`] if none were set.
@@ -50,12 +68,15 @@ impl Scene {
         Ok(self.tree.detail(id.index()).range)
     }
 
-    /// Sets the object that stands in for `id` from afar: the parent is one cheap mesh for a whole block of
-    /// houses. The parent's [draw range](Self::set_draw_range) says from which distance on: nearer than its
-    /// `begin` the children are drawn, from there on the parent, never both and never neither. `None` takes
-    /// the object's parent away. Parents may have parents, with a greater `begin`.
+    /// Sets the object that stands in for `id` from afar: one cheap mesh for a whole block of houses, or the
+    /// far level of detail of a single thing. The parent's [draw range](Self::set_draw_range) says from which
+    /// distance on: nearer than its `begin` the children are drawn, from there on the parent, never both and
+    /// never neither. All of these distances are that of the parent's bounds, also the `end` of a child's own
+    /// range, which need not be set: if it is, at least the parent's `begin` leaves no distance to neither.
+    /// `None` takes the object's parent away. Parents may have parents, with a greater `begin`.
     ///
-    /// The parent's bounds must contain those of its children, and the parent must be on all layers that
+    /// The parent's bounds must contain those of its children (for the levels of a single thing, give the
+    /// parent a box around all of them), and the parent must be on all layers that
     /// they are on. A child for which this does not hold, because it has moved away or was put on another
     /// layer, is drawn as if it had no parent, and so are the children of a parent that is never culled. The
     /// children of a removed parent have no parent.
@@ -160,6 +181,7 @@ impl Scene {
                 self.log.push(child, self.generations.len());
             }
         }
-        self.tree.details[id.index()] = Detail::NONE;
+        let old = core::mem::replace(&mut self.tree.details[id.index()], Detail::NONE);
+        self.ranged -= usize::from(old.range != DrawRange::ALWAYS);
     }
 }

@@ -3,7 +3,12 @@
 use core::num::NonZeroU32;
 
 /// The distances from the eye at which an object is drawn, in metres, and how it fades there. Distance is
-/// that of the nearest point of the object's bounds, 0 for an eye inside them.
+/// that of the nearest point of the object's bounds, 0 for an eye inside them; the end of an object with an
+/// [HLOD parent](crate::Scene::set_hlod_parent) is measured from the bounds of the parent.
+///
+/// Ranges alone do not join two levels of detail of one thing: where their bounds differ, the near level may
+/// be beyond its end while the far level, whose bounds are nearer, is not yet at its begin, and neither is
+/// drawn. Make the far level the HLOD parent of the near one.
 ///
 /// ```
 /// use visibility_core::scene::DrawRange;
@@ -28,12 +33,18 @@ impl DrawRange {
     /// Returns the opacity of an object at a distance in metres, from 0 at the ends of the range and beyond
     /// to 1 inside its margins. 0 for a NaN distance.
     pub fn opacity(&self, distance: f32) -> f32 {
-        if !(distance >= self.begin && distance <= self.end) {
+        self.opacity_between(distance, distance)
+    }
+
+    /// Returns the opacity of an object whose begin and end are measured from different boxes: the distance
+    /// of its own bounds, and that of the bounds that its end is measured from.
+    pub(crate) fn opacity_between(&self, own: f32, to_end: f32) -> f32 {
+        if !(own >= self.begin && to_end <= self.end) {
             return 0.0;
         }
         let ramp = |depth: f32| if depth < self.margin { depth / self.margin } else { 1.0 };
-        let fade_in = if self.begin > 0.0 { ramp(distance - self.begin) } else { 1.0 };
-        fade_in.min(ramp(self.end - distance))
+        let fade_in = if self.begin > 0.0 { ramp(own - self.begin) } else { 1.0 };
+        fade_in.min(ramp(self.end - to_end))
     }
 
     pub(super) fn is_valid(&self) -> bool {

@@ -92,6 +92,8 @@ pub struct Scene {
     free: Vec<u32>,
     /// Number of objects whose layer mask is not `u32::MAX`.
     layered: usize,
+    /// Number of objects with a draw range.
+    ranged: usize,
     log: ChangeLog,
     layout: u64,
 }
@@ -116,6 +118,7 @@ impl Clone for Scene {
             first_generation: next_generation(),
             free: self.free.clone(),
             layered: self.layered,
+            ranged: self.ranged,
             log: ChangeLog::new(),
             layout: next_range(),
         }
@@ -147,6 +150,7 @@ impl Scene {
             first_generation: next_generation(),
             free: Vec::new(),
             layered: 0,
+            ranged: 0,
             log: ChangeLog::new(),
             layout: next_range(),
         }
@@ -159,7 +163,8 @@ impl Scene {
 
     /// Moves the whole scene so that its origin is at `origin`, a point of the world. Scene-relative bounds,
     /// triangles and transforms stay as they are. [`changes_since`](Self::changes_since) reports that
-    /// everything changed.
+    /// everything changed, and the [layout](Self::layout) changes, so that a
+    /// [`VisibleSet`](crate::VisibleSet) that is not finished holds every object again.
     ///
     /// # Errors
     /// [`SceneError::NonFiniteOrigin`] if `origin` is NaN or infinite.
@@ -168,7 +173,8 @@ impl Scene {
             return Err(SceneError::NonFiniteOrigin);
         }
         self.origin = origin;
-        self.log.invalidate();
+        self.log.move_origin();
+        self.layout += 1;
         Ok(())
     }
 
@@ -603,8 +609,8 @@ impl Scene {
     }
 
     /// Returns a stamp of the assignment of objects to leaves and lanes. Masks and data indexed by leaf are
-    /// valid only while the stamp stays equal. Inserting, removing or rehoming an object, and rebuilding,
-    /// change it.
+    /// valid only while the stamp stays equal. Inserting, removing or rehoming an object, rebuilding, and
+    /// setting the origin change it.
     pub fn layout(&self) -> Stamp {
         Stamp::from_count(self.layout)
     }

@@ -202,7 +202,9 @@ impl OcclusionMap for VirtualOccluders {
 
     fn begin(&mut self, view: &View, origin: DVec3) {
         self.active.clear();
-        let confirmed = core::mem::take(&mut self.confirmed);
+        // The walls are where they were only with the origin that they were relative to.
+        let confirmed = core::mem::take(&mut self.confirmed)
+            && self.occluders.iter().all(|occluder| occluder.anchor == origin);
         if !(confirmed && self.layers.iter().all(|layers| layers & view.layers() != 0)) {
             return;
         }

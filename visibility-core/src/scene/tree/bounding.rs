@@ -33,13 +33,13 @@ impl Tree {
     fn draw_end(&self, slot: Slot) -> f32 {
         let end = self.detail(self.ids[slot.node()][slot.lane()].index()).range.end;
         let Some(above) = self.substitute(slot) else { return end };
-        // The parent is nearer than `begin` while the object is drawn, and contains the object: no point of
-        // the object is farther from the nearest point of the parent than the parent's diagonal. The factor
-        // exceeds the roundings of the sum, of the root and to f32.
+        // The parent is nearer than `begin`, and within `end`, while the object is drawn, and contains the
+        // object: no point of the object is farther from the nearest point of the parent than the parent's
+        // diagonal. The factor exceeds the roundings of the sum, of the root and to f32.
         let begin = self.detail(self.ids[above.node()][above.lane()].index()).range.begin;
         let bounds = self.bounds[above.node()].get(above.lane());
         let diagonal = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length();
-        end.min((((f64::from(begin) + diagonal) * (1.0 + 1e-6)) as f32).next_up())
+        (((f64::from(end.min(begin)) + diagonal) * (1.0 + 1e-6)) as f32).next_up()
     }
 
     /// Returns the bounds of a leaf or inner node, made from what the node holds now.
