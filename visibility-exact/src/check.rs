@@ -5,6 +5,8 @@
 mod context;
 mod exact_side;
 mod exclusion;
+#[cfg(test)]
+mod forged;
 mod ring;
 mod separation;
 mod surface;

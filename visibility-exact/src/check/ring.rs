@@ -42,8 +42,10 @@ impl Check<'_> {
             (sight.before_q.axis().is_some() && sight.before_q.height(x) >= 0.0)
                 || self.is_near_plane_of_q(sight, x)
         };
+        // P's plane is perpendicular to an axis, and the sign of a height over it exact: an occluder behind it
+        // is in the viewcell, where segments do not start.
         let in_slab = |(x, tag): Corner| {
-            sight.before_p.height(x) >= -4.0 * self.delta
+            sight.before_p.height(x) >= 0.0
                 && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta || in_front(x))
         };
         // What is coplanar with Q blocks nothing.

@@ -4,6 +4,7 @@ use super::context::Check;
 use super::exact_side::side;
 use crate::polygon::Polygon;
 use crate::sight::Sight;
+use crate::triangles::unit_normal;
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -24,6 +25,12 @@ impl Check<'_> {
         {
             return false;
         }
+        // Points of Q are before or behind its plane by rounding. Without clearance, surfaces may hold corners
+        // of the target, which a line to a point behind the plane could pass below: this end of the line is
+        // before the plane, and nearer to Q than the surface is where it holds none of the corners.
+        let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
+        let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
+        let line = [line[0], line[1] + sight.before_q.normal * lift];
         let moved: BTreeMap<u32, DVec3> = moved.iter().copied().collect();
         let mut boundary: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();
         let mut crossings = 0;
@@ -39,7 +46,7 @@ impl Check<'_> {
             let tags = numbers.map(|v| self.tag(v));
             if !(self.is_outside(sight, &corners)
                 || self.is_apart(sight, &corners)
-                || self.touches_beside(sight, &corners, tags))
+                || self.touches_beside(sight, &corners, tags, line[1]))
             {
                 return false;
             }
@@ -53,14 +60,12 @@ impl Check<'_> {
             let (c, d) = (place(v, a), place(w, b));
             // A NaN must fail.
             let near = |x: DVec3, y: DVec3| x.distance(y) <= 3.0 * self.clearance;
-            if !near(a, c) || !near(b, d) || !self.is_missed(sight, &[(c, self.tag(v)), (d, self.tag(w))]) {
+            let edge = [(c, self.tag(v)), (d, self.tag(w))];
+            if !near(a, c) || !near(b, d) || !self.is_missed(sight, &edge, from_before) {
                 return false;
             }
             if (a, b) == (c, d) {
                 continue;
-            }
-            if (c != a && self.tag(v).is_some()) || (d != b && self.tag(w).is_some()) {
-                return false;
             }
             let strip = [a, b, d, c];
             if !(self.is_outside(sight, &strip) || self.is_apart(sight, &strip)) {
@@ -79,20 +84,24 @@ impl Check<'_> {
         crossings % 2 == 1
     }
 
-    /// Returns whether a triangle touches Q at most at its boundary: it has corners of the target triangle,
-    /// its other corners are on one side of Q's plane, and it is apart from P.
+    /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's are
+    /// on one side of Q's plane, and it is apart from P. If it is before Q, its plane is not within twice the
+    /// greatest distance of `end`, the end of the line that is tested, from Q.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,
         corners: &[DVec3; 3],
         tags: [Option<usize>; 3],
+        end: DVec3,
     ) -> bool {
         let heights: Vec<f64> =
             (0..3).filter(|&k| tags[k].is_none()).map(|k| sight.before_q.height(corners[k])).collect();
         let margin = 3.0 * self.delta;
-        let on_one_side = heights.iter().all(|h| *h > margin) || heights.iter().all(|h| *h < -margin);
+        let is_behind = heights.iter().all(|h| *h < -margin);
+        let is_before = heights.iter().all(|h| *h > margin)
+            && unit_normal(corners).is_some_and(|n| n.dot(end - corners[0]).abs() > 2.0 * margin);
         let apart_from_p = self.is_apart(&Sight { q: sight.p, before_q: sight.before_p, ..*sight }, corners);
-        (1..3).contains(&heights.len()) && on_one_side && apart_from_p
+        (is_behind || is_before) && apart_from_p
     }
 }
 

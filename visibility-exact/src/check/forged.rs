@@ -1,0 +1,656 @@
+//! Forged proofs that a target is hidden which an exact segment sees.
+
+use super::ProofError;
+use super::context::{Check, Corner, Divider};
+use super::surface::crosses;
+use crate::half::Half;
+use crate::polygon::Polygon;
+use crate::proof::{LoopEdge, Proof, Step};
+use crate::search::{Answer, Budget, Search};
+use crate::sight::{CellBox, Sight, Target, position_error, sights};
+use crate::triangles::SceneTriangles;
+use std::{vec, vec::Vec};
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, Object, Scene};
+use visibility_testing::{Random, sign_of_sum};
+
+/// A triangle target, number 0, among occluders, numbers from 1 on, and a viewcell.
+struct World {
+    triangles: SceneTriangles,
+    /// The target and the occluders.
+    shapes: Vec<[DVec3; 3]>,
+    cell: CellBox,
+    clearance: f64,
+}
+
+type Triangle = [[f32; 3]; 3];
+
+/// A target in the plane x = 80, before the face x = 8 of [`CELL`] and before no other.
+const TARGET: Triangle = [[80.0, 2.0, 2.0], [80.0, 6.0, 2.0], [80.0, 4.0, 6.0]];
+const CELL: CellBox = CellBox { min: DVec3::ZERO, max: DVec3::splat(8.0) };
+/// A wall at x = 40 that hides [`TARGET`] from [`CELL`].
+const WALL: Triangle = [[40.0, -300.0, -100.0], [40.0, 300.0, -100.0], [40.0, 0.0, 400.0]];
+/// The part of a wall below z = 4.
+const HALF_WALL: Triangle = [[40.0, 300.0, 4.0], [40.0, 0.0, -400.0], [40.0, -300.0, 4.0]];
+
+fn scene_of(shapes: &[(Triangle, bool)]) -> SceneTriangles {
+    let mut scene = Scene::new();
+    for (triangle, occluder) in shapes {
+        let triangle = triangle.map(Vec3::from_array);
+        let id = scene.insert(Object { occluder: *occluder, ..Object::new(Aabb::from_points(triangle)) });
+        scene.set_triangles(id, [triangle]).unwrap();
+    }
+    SceneTriangles::new(&scene)
+}
+
+impl World {
+    fn new(target: Triangle, occluders: &[Triangle]) -> Self {
+        let all: Vec<(Triangle, bool)> =
+            [&[target], occluders].concat().into_iter().map(|triangle| (triangle, true)).collect();
+        let shapes = all.iter().map(|(t, _)| t.map(|x| Vec3::from_array(x).as_dvec3())).collect();
+        Self { triangles: scene_of(&all), shapes, cell: CELL, clearance: 0.0 }
+    }
+
+    fn proof(&self, steps: Vec<Step>) -> Proof {
+        Proof { cell: self.cell, target: Target::Triangle(0), clearance: self.clearance, steps }
+    }
+
+    /// Returns what is wrong with a proof, in a world in which a segment sees the target.
+    fn error(&self, seen: [[f64; 3]; 2], steps: Vec<Step>) -> Option<ProofError> {
+        assert!(self.sees(seen.map(DVec3::from_array)), "no segment of this world sees the target");
+        self.proof(steps).check(&self.triangles).err()
+    }
+
+    /// Returns whether a segment starts in the viewcell, ends on the target, and touches no occluder before
+    /// its end: by exact determinants, of coordinates of 24 bits. With a clearance no occluder is within 6
+    /// clearances, by samples.
+    fn sees(&self, [from, to]: [DVec3; 2]) -> bool {
+        let is_inside = self.cell.min.cmple(from).all() && from.cmple(self.cell.max).all();
+        let is_on = |t: &[DVec3; 3]| {
+            let apex = from;
+            let sides = [0, 1, 2].map(|k| orientation(t[k], t[(k + 1) % 3], apex, to));
+            orientation(t[0], t[1], t[2], to) == 0 && !(sides.contains(&1) && sides.contains(&-1))
+        };
+        let is_far = |t: &[DVec3; 3]| {
+            let step = from.distance(to) / 4000.0;
+            let samples = (0..=4000).map(|k| from + (to - from) * (f64::from(k) / 4000.0));
+            self.clearance == 0.0 || samples.map(|x| distance(x, t)).all(|d| d > 6.0 * self.clearance + step)
+        };
+        let is_free = |t: &[DVec3; 3]| {
+            let [start, end] = [from, to].map(|x| orientation(t[0], t[1], t[2], x));
+            let sides = [0, 1, 2].map(|k| orientation(t[k], t[(k + 1) % 3], from, to));
+            start * end > 0
+                || (start != 0 && end == 0)
+                || (start * end < 0 && sides.contains(&1) && sides.contains(&-1))
+        };
+        is_inside && is_on(&self.shapes[0]) && self.shapes[1..].iter().all(|t| is_free(t) && is_far(t))
+    }
+
+    fn piece(&self, number: u32) -> u32 {
+        self.triangles.piece_of(number)
+    }
+}
+
+/// Returns the sign of det(b - a, c - a, d - a), of six products of three coordinates for each point left
+/// out.
+fn orientation(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> i32 {
+    assert!([a, b, c, d].iter().all(|x| x.as_vec3().as_dvec3() == *x), "a coordinate of more than 24 bits");
+    let minor = |a: DVec3, b: DVec3, c: DVec3, sign: f64| {
+        let orders = [
+            (0, 1, 2, 1.0),
+            (1, 2, 0, 1.0),
+            (2, 0, 1, 1.0),
+            (0, 2, 1, -1.0),
+            (2, 1, 0, -1.0),
+            (1, 0, 2, -1.0),
+        ];
+        orders.map(|(i, j, k, s)| (a[i] * b[j], c[k] * s * sign))
+    };
+    let all = [minor(a, b, c, -1.0), minor(a, b, d, 1.0), minor(a, d, c, 1.0), minor(d, b, c, 1.0)];
+    sign_of_sum(all.into_iter().flatten())
+}
+
+/// Returns the distance of a point from a triangle: from its plane over the triangle, else from a side.
+fn distance(x: DVec3, [a, b, c]: &[DVec3; 3]) -> f64 {
+    let (u, v, w) = (*b - *a, *c - *a, x - *a);
+    let normal = u.cross(v);
+    let share = |k: DVec3| k.dot(normal) / normal.length_squared();
+    let (s, t) = (share(w.cross(v)), share(u.cross(w)));
+    if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
+        return (w.dot(normal) / normal.length()).abs();
+    }
+    let from_side = |a: DVec3, b: DVec3| {
+        let part = ((x - a).dot(b - a) / a.distance_squared(b)).clamp(0.0, 1.0);
+        x.distance(a.lerp(b, part))
+    };
+    from_side(*a, *b).min(from_side(*b, *c)).min(from_side(*c, *a))
+}
+
+fn surface(triangles: &[u32], line: [[f64; 3]; 2]) -> Step {
+    moved_surface(triangles, vec![], line)
+}
+
+fn moved_surface(triangles: &[u32], moved: Vec<(u32, DVec3)>, line: [[f64; 3]; 2]) -> Step {
+    Step::Surface { triangles: triangles.into(), moved: moved.into(), line: line.map(DVec3::from_array) }
+}
+
+/// Returns a loop of three or more corners, that are no corners of the target, around a line.
+fn ring(piece: u32, corners: &[DVec3], line: [[f64; 3]; 2], edges: &[LoopEdge]) -> Step {
+    let [p, q] = line.map(DVec3::from_array);
+    let side = (q - p).dot((corners[0] - p).cross(corners[1] - p)).signum();
+    let ring = corners.iter().map(|&x| (x, 3)).collect();
+    Step::Loop { piece, ring, side, edges: edges.into() }
+}
+
+fn never(weights: &[f64]) -> LoopEdge {
+    LoopEdge::Never { weights: weights.into() }
+}
+
+fn empty(weights: &[f64]) -> Step {
+    Step::Empty { weights: weights.into() }
+}
+
+const INSIDE: [LoopEdge; 3] = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Inside];
+/// A segment of [`CELL`] and [`TARGET`].
+const LINE: [[f64; 3]; 2] = [[8.0, 4.0, 4.0], [80.0, 4.0, 3.0]];
+/// A segment that passes over [`HALF_WALL`].
+const OVER: [[f64; 3]; 2] = [[8.0, 4.0, 7.0], [80.0, 4.0, 4.0]];
+/// A vertex of [`HALF_WALL`]'s upper edge is not needed by any test: its edges 0 and 1 are passed inside.
+const SURFACE: Option<ProofError> = Some(ProofError::Surface);
+const LOOP: Option<ProofError> = Some(ProofError::Loop);
+const WEIGHTS: Option<ProofError> = Some(ProofError::Weights);
+const CORNER: Option<ProofError> = Some(ProofError::Corner);
+const MALFORMED: Option<ProofError> = Some(ProofError::Malformed);
+
+/// The steps that the forgeries are made of hold where they are true.
+#[test]
+fn true_steps_hold() {
+    let world = World::new(TARGET, &[WALL]);
+    for step in [surface(&[1], LINE), ring(world.piece(1), &world.shapes[1], LINE, &INSIDE)] {
+        assert_eq!(world.proof(vec![step]).check(&world.triangles), Ok(()));
+    }
+    let never = ring(world.piece(1), &world.shapes[1], LINE, &[never(&[1.0]), never(&[1.0]), never(&[1.0])]);
+    assert_eq!(world.proof(vec![never]).check(&world.triangles), Ok(()));
+    let divides = [LoopEdge::Divides, LoopEdge::Inside, LoopEdge::Divides];
+    let divides = ring(world.piece(1), &world.shapes[1], LINE, &divides);
+    let steps = vec![divides, empty(&[1.0]), empty(&[0.0, 1.0])];
+    assert_eq!(world.proof(steps).check(&world.triangles), Ok(()));
+}
+
+#[test]
+fn numbers_beyond_the_scene_are_refused() {
+    let world = World::new(TARGET, &[]);
+    for t in [1, u32::MAX] {
+        let proof = Proof { target: Target::Triangle(t), ..world.proof(vec![]) };
+        assert_eq!(proof.check(&world.triangles).err(), MALFORMED);
+    }
+    assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+    let corners = WALL.map(|x| Vec3::from_array(x).as_dvec3());
+    assert_eq!(world.error(LINE, vec![ring(1, &corners, LINE, &INSIDE)]), LOOP);
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
+    let divides = ring(world.piece(1), &world.shapes[1], LINE, &edges);
+    assert_eq!(world.error(OVER, vec![divides, Step::Corner { edges: [0, 0, 1] }]), MALFORMED);
+}
+
+/// A proof of a depth that the stack would not hold.
+#[test]
+fn deep_proofs_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let halves = vec![Step::Halves { of_p: true, across: false }; 200_000];
+    assert_eq!(world.error(LINE, halves), MALFORMED);
+}
+
+#[test]
+fn nodes_without_a_step_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    assert_eq!(world.error(OVER, vec![]), MALFORMED);
+    // The lower half of P does not see the target's lower part: only one half has a step.
+    let [below, above] = [[[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]], OVER];
+    let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
+    let divides = ring(world.piece(1), &world.shapes[1], below, &edges);
+    assert_eq!(world.error(above, vec![divides]), MALFORMED);
+    let halves = |across| Step::Halves { of_p: false, across };
+    let world = World::new(TARGET, &[[[40.0, -300.0, -9.0], [40.0, 0.0, 9000.0], [40.0, 4.0, -9.0]]]);
+    let line = [[8.0, 2.0, 4.0], [80.0, 3.0, 2.5]];
+    assert_eq!(
+        world.error([[8.0, 7.0, 4.0], [80.0, 5.0, 2.5]], vec![halves(false), surface(&[1], line)]),
+        SURFACE
+    );
+}
+
+#[test]
+fn steps_too_many_are_refused() {
+    let world = World::new(TARGET, &[WALL]);
+    let steps = vec![surface(&[1], LINE), surface(&[1], LINE)];
+    assert_eq!(world.proof(steps).check(&world.triangles).err(), MALFORMED);
+}
+
+/// A viewcell lower than the clearance over the target's plane, of which nothing is said.
+#[test]
+fn targets_seen_from_less_than_the_clearance_are_refused() {
+    let mut world = World::new(TARGET, &[]);
+    world.clearance = 0.125;
+    for (height, error) in [(1.0 / 16.0, MALFORMED), (1.0 / 64.0, MALFORMED), (0.0, None)] {
+        let max = DVec3::new(80.0 - height, 8.0, 8.0);
+        world.cell = CellBox { min: max - DVec3::splat(1.0 / 256.0), max };
+        let from = [max.x, max.y, max.z];
+        let to = [80.0, 4.0, 3.0];
+        match error {
+            None => assert_eq!(world.proof(vec![]).check(&world.triangles), Ok(())),
+            _ => assert_eq!(world.error([from, to], vec![]), error, "{height}"),
+        }
+    }
+}
+
+/// A viewcell over the target's plane by less than the errors of heights, but by more than a clearance that
+/// is as small.
+#[test]
+fn clearances_within_the_error_of_positions_are_refused() {
+    let mut random = Random(1);
+    for round in 0..3000 {
+        let mut int = || -> [f32; 3] { core::array::from_fn(|_| random.between(1, 4000) as f32) };
+        let (a, b) = (int(), int());
+        // In a plane through the origin.
+        let t = [a, b.map(|x| -x), core::array::from_fn(|k| a[k] - 3.0 * b[k])];
+        let [a, b] = [a, b].map(|x| Vec3::from_array(x).as_dvec3());
+        let normal = a.cross(b).normalize();
+        if normal.cmple(DVec3::ZERO).any() && normal.cmpge(DVec3::ZERO).any() {
+            continue;
+        }
+        let mut world = World::new(t, &[]);
+        let unit = world.triangles.position_error(0.0) / 128.0;
+        world.clearance = unit;
+        let side = DVec3::splat((1.5 * unit / normal.element_sum().abs()) as f32 as f64);
+        world.cell = if normal.x > 0.0 {
+            CellBox { min: DVec3::ZERO, max: side }
+        } else {
+            CellBox { min: -side, max: DVec3::ZERO }
+        };
+        let from = if round % 2 == 0 { world.cell.max } else { world.cell.min };
+        if from != DVec3::ZERO {
+            assert_eq!(world.error([from.to_array(), a.to_array()], vec![]), MALFORMED, "{round}");
+        }
+    }
+}
+
+#[test]
+fn triangles_that_do_not_occlude_are_refused() {
+    let mut world = World::new(TARGET, &[]);
+    world.triangles = scene_of(&[(TARGET, true), (WALL, false)]);
+    assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+}
+
+/// Segments that start before P's plane or beside P, or end behind Q's plane or beside Q, and cross what is
+/// there.
+#[test]
+fn lines_of_other_nodes_are_refused() {
+    let behind = [[-4.0, -30.0, -30.0], [-4.0, 30.0, -30.0], [-4.0, 4.0, 90.0]];
+    let beyond = [[90.0, -30.0, -30.0], [90.0, 30.0, -30.0], [90.0, 4.0, 90.0]];
+    let beside = |x: f32, y: f32| [[x, y - 20.0, -30.0], [x, y + 20.0, -30.0], [x, y, 90.0]];
+    let tries = [
+        (behind, [[-16.0, 4.0, 4.0], LINE[1]]),
+        (beyond, [LINE[0], [96.0, 4.0, 3.0]]),
+        (beside(16.0, 88.0), [[8.0, 100.0, 4.0], LINE[1]]),
+        (beside(16.0, -78.0), [[8.0, -100.0, 4.0], LINE[1]]),
+        (beside(72.0, 88.0), [LINE[0], [80.0, 100.0, 3.0]]),
+        (beside(72.0, -78.0), [LINE[0], [80.0, -100.0, 3.0]]),
+    ];
+    for (occluder, line) in tries {
+        let world = World::new(TARGET, &[occluder]);
+        assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[1]), Some(true), "{line:?}");
+        assert_eq!(world.error(LINE, vec![surface(&[1], line)]), SURFACE, "{line:?}");
+    }
+}
+
+/// A plane through P or Q, beyond the segments on all sides: it blocks the segments to one part.
+#[test]
+fn surfaces_that_cut_an_end_of_segments_are_refused() {
+    // In the planes y - x = -4 and y - x = -76.
+    let through_p = [[-92.0, -96.0, -400.0], [-92.0, -96.0, 400.0], [204.0, 200.0, 0.0]];
+    let through_q = [[16.0, -60.0, -400.0], [16.0, -60.0, 400.0], [476.0, 400.0, 0.0]];
+    let world = World::new(TARGET, &[through_p]);
+    let [hidden, seen] = [6.0, 2.0].map(|y| [[8.0, y, 4.0], [80.0, 4.0, 3.0]]);
+    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+    let world = World::new(TARGET, &[through_q]);
+    let [hidden, seen] = [3.0, 5.0].map(|y| [[8.0, 4.0, 4.0], [80.0, y, 2.5]]);
+    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+}
+
+/// A wall with a corner in the middle of the segments, which is moved by more than three clearances; the
+/// vertex of the lowest number, the vertex of the highest number.
+#[test]
+fn boundaries_that_move_too_far_are_refused() {
+    for x in [39.0, 41.0] {
+        let wall = [[40.0, -100.0, -100.0], [40.0, 100.0, -100.0], [x, 4.0, 5.0]];
+        let mut world = World::new(TARGET, &[wall]);
+        world.clearance = 1.0 / 128.0;
+        let number = world.triangles.vertices(1)[2];
+        for z in [500.0, f64::NAN] {
+            let moved = vec![(number, DVec3::new(x.into(), 4.0, z))];
+            assert_eq!(world.error(OVER, vec![moved_surface(&[1], moved, LINE)]), SURFACE);
+        }
+    }
+}
+
+#[test]
+fn boundaries_that_segments_meet_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    assert_eq!(world.error(OVER, vec![surface(&[1], line)]), SURFACE);
+}
+
+/// An occluder that holds a corner of the target and leans over a part of it.
+#[test]
+fn edges_from_a_corner_of_the_target_before_it_are_refused() {
+    let mut random = Random(2);
+    let mut tried = 0;
+    for _ in 0..20_000 {
+        let mut int = |r: i32| -> [f32; 3] { core::array::from_fn(|_| random.between(-r, r) as f32) };
+        let (u, v, w) = (int(60), int(400), int(400));
+        let wall = [TARGET[0], [79.0 - u[0].abs(), v[1], v[2]], [79.0 - u[1].abs(), w[1], w[2]]];
+        let line = [[8.0, 4.0, 4.0], [80.0, 4.0, 3.0]];
+        let shape = wall.map(|x| Vec3::from_array(x).as_dvec3());
+        let seen = [[8.0, 4.0, 4.0], [80.0, 4.0, 5.0]];
+        if crosses(line.map(DVec3::from_array), &shape) != Some(true) {
+            continue;
+        }
+        let world = World::new(TARGET, &[wall]);
+        if world.sees(seen.map(DVec3::from_array)) {
+            tried += 1;
+            assert_eq!(world.error(seen, vec![surface(&[1], line)]), SURFACE);
+        }
+    }
+    assert!(tried > 10, "{tried}");
+}
+
+/// A wall half a clearance before Q, of which the edge in the middle of Q moves behind Q.
+#[test]
+fn strips_that_cut_an_end_of_segments_are_refused() {
+    let wall = [[79.75, 4.0, -100.0], [79.75, 4.0, 100.0], [79.75, 200.0, 0.0]];
+    let mut world = World::new(TARGET, &[wall]);
+    world.clearance = 0.125;
+    let [a, b, _] = world.triangles.vertices(1);
+    let moved = [(a, -100.0), (b, 100.0)].map(|(v, z)| (v, DVec3::new(79.9375, 4.0, z)));
+    let line = [[8.0, 5.0, 4.0], [79.875, 4.5, 3.0]];
+    let seen = [[8.0, 2.0, 4.0], [80.0, 3.0, 2.25]];
+    assert_eq!(world.error(seen, vec![moved_surface(&[1], moved.into(), line)]), SURFACE);
+}
+
+/// A closed tetrahedron among the segments, and a line through one of its edges and one face.
+#[test]
+fn lines_through_an_edge_of_a_surface_are_refused() {
+    let [a, b, c, d] = [[40.0, 3.0, 3.0], [40.0, 5.0, 3.0], [44.0, 4.0, 6.0], [44.0, 8.0, 0.0]];
+    let world = World::new(TARGET, &[[a, b, c], [a, b, d], [a, c, d], [b, c, d]]);
+    let line = [[8.0, 4.0, 3.0], [80.0, 4.0, 3.0]];
+    let found = [1, 2, 3, 4].map(|t| crosses(line.map(DVec3::from_array), &world.triangles.corners(t)));
+    assert_eq!(found, [None, None, Some(true), Some(false)]);
+    assert_eq!(world.error([[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]], vec![surface(&[1, 2, 3, 4], line)]), SURFACE);
+}
+
+#[test]
+fn surfaces_that_are_crossed_an_even_number_of_times_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    for triangles in [&[][..], &[1, 1]] {
+        assert_eq!(world.error(OVER, vec![surface(triangles, line)]), SURFACE);
+    }
+}
+
+/// Triangles beside a line, which crosses their planes, and beyond its ends.
+#[test]
+fn surfaces_that_a_line_does_not_cross_are_refused() {
+    let beside = [[40.0, 60.0, -30.0], [40.0, 90.0, -30.0], [40.0, 75.0, 90.0]];
+    let behind = [[-4.0, -30.0, -30.0], [-4.0, 30.0, -30.0], [-4.0, 4.0, 90.0]];
+    let beyond = [[90.0, -30.0, -30.0], [90.0, 30.0, -30.0], [90.0, 4.0, 90.0]];
+    for occluder in [beside, behind, beyond] {
+        let world = World::new(TARGET, &[occluder]);
+        assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+    }
+}
+
+/// The target itself, which a line crosses that ends behind it by less than the error of positions.
+#[test]
+fn the_target_itself_is_refused() {
+    let world = World::new(TARGET, &[]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let line = [LINE[0], [80.0 + 0.5 * delta, 4.0, 3.0]];
+    assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[0]), Some(true));
+    assert_eq!(world.error(LINE, vec![surface(&[0], line)]), SURFACE);
+}
+
+/// A triangle that holds a corner of the target and cuts it in two: one part of the target is behind.
+#[test]
+fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
+    let cut = [[80.0, 2.0, 2.0], [79.875, 52.0, -48.0], [80.125, 32.0, 92.0]];
+    let world = World::new(TARGET, &[cut]);
+    let [hidden, seen] = [[5.0, 2.25], [3.0, 3.5]].map(|[y, z]| [[8.0, 4.0, 4.0], [80.0, y, z]]);
+    assert_eq!(crosses(hidden.map(DVec3::from_array), &world.shapes[1]), Some(true));
+    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+}
+
+/// Triangles in a plane through P and the lower side of the target.
+#[test]
+fn surfaces_at_the_target_that_cut_the_start_of_segments_are_refused() {
+    let [a, b, w] = [[80.0, 2.0, 2.0], [80.0, 6.0, 2.0], [-64.0, 4.0, 6.0]];
+    let [left, right] = [[-64.0, -300.0, 6.0], [-64.0, 300.0, 6.0]];
+    let world = World::new(TARGET, &[[a, b, w], [a, w, left], [b, w, right]]);
+    let [hidden, seen] = [2.0, 6.0].map(|z| [[8.0, 4.0, z], [80.0, 4.0, 3.5]]);
+    // Off the edges between the triangles.
+    let hidden = [[8.0, 4.25, 2.0], hidden[1]];
+    assert_eq!(world.error(seen, vec![surface(&[1, 2, 3], hidden)]), SURFACE);
+}
+
+/// A ring larger than its occluder.
+#[test]
+fn loops_away_from_their_occluder_are_refused() {
+    let small = [[40.0, 3.0, 3.0], [40.0, 5.0, 3.0], [40.0, 4.0, 5.0]];
+    let corners = WALL.map(|x| Vec3::from_array(x).as_dvec3());
+    for clearance in [0.0, 1.0 / 128.0] {
+        let world = World { clearance, ..World::new(TARGET, &[small]) };
+        let seen = [[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]];
+        assert_eq!(world.error(seen, vec![ring(world.piece(1), &corners, LINE, &INSIDE)]), LOOP);
+    }
+}
+
+/// Occluders behind the viewcell, and behind the target.
+#[test]
+fn loops_beyond_the_ends_of_segments_are_refused() {
+    for x in [-4.0, 81.0] {
+        let wall = WALL.map(|[_, y, z]| [x, y, z]);
+        for clearance in [0.0, 1.0 / 128.0] {
+            let world = World { clearance, ..World::new(TARGET, &[wall]) };
+            let step = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE);
+            assert_eq!(world.error(LINE, vec![step]), LOOP, "{x} {clearance}");
+        }
+    }
+}
+
+/// An occluder inside the viewcell by less than the error of positions: segments start before it.
+#[test]
+fn loops_just_inside_the_viewcell_are_refused() {
+    let wall = WALL.map(|[_, y, z]| [8.0, y, z]);
+    let mut world = World::new(TARGET, &[wall]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let loop_ = ring(world.piece(1), &world.shapes[1], [[0.0, 4.0, 4.0], LINE[1]], &INSIDE);
+    assert_eq!(world.proof(vec![loop_.clone()]).check(&world.triangles), Ok(()));
+    world.cell.max.x += 2.0 * delta;
+    assert_eq!(world.proof(vec![loop_]).check(&world.triangles).err(), LOOP);
+}
+
+/// A plate in the target's plane, larger than the target.
+#[test]
+fn loops_in_the_plane_of_the_target_are_refused() {
+    let world = World::new(TARGET, &[WALL.map(|[_, y, z]| [80.0, y, z])]);
+    let step = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE);
+    assert_eq!(world.error(LINE, vec![step]), LOOP);
+    // No ring at all.
+    let step = Step::Loop { piece: world.piece(1), ring: [].into(), side: 1.0, edges: [].into() };
+    assert!(matches!(world.error(LINE, vec![step]), LOOP | MALFORMED));
+}
+
+/// Corners that are said to be the target's, and are behind the target: far ones, and one of an occluder that
+/// holds another corner of the target.
+#[test]
+fn corners_that_are_not_the_targets_are_refused() {
+    let tilted = [[70.0, 52.0, -48.0], [90.0, 32.0, 92.0], [90.0, -200.0, -90.0]];
+    let world = World::new(TARGET, &[tilted]);
+    let seen = [[8.0, 4.0, 4.0], [80.0, 3.0, 3.0]];
+    for tags in [[3, 0, 1], [3, 1, 2], [3, 0, 0]] {
+        let Step::Loop { piece, ring, side, edges } = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE)
+        else {
+            unreachable!()
+        };
+        let ring = ring.iter().zip(tags).map(|(&(x, _), tag)| (x, tag)).collect();
+        assert_eq!(world.error(seen, vec![Step::Loop { piece, ring, side, edges }]), LOOP);
+    }
+    let cut = [[80.0, 2.0, 2.0], [79.875, 52.0, -48.0], [80.125, 32.0, 92.0]];
+    let world = World::new(TARGET, &[cut]);
+    let step = ring(world.piece(1), &world.shapes[1], [LINE[0], [80.0, 5.0, 2.25]], &INSIDE);
+    let Step::Loop { piece, ring, side, edges } = step else { unreachable!() };
+    let ring = ring.iter().zip([0, 3, 0]).map(|(&(x, _), tag)| (x, tag)).collect();
+    assert_eq!(
+        world.error([[8.0, 4.0, 4.0], [80.0, 3.0, 3.5]], vec![Step::Loop { piece, ring, side, edges }]),
+        LOOP
+    );
+}
+
+#[test]
+fn loops_that_lines_pass_outside_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    assert_eq!(world.error(OVER, vec![ring(world.piece(1), &world.shapes[1], line, &INSIDE)]), LOOP);
+    // All lines pass outside of the first edge, or the second, inside of the others.
+    let above = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
+    let world = World::new(TARGET, &[above]);
+    let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
+    assert_eq!(world.error(LINE, vec![ring(world.piece(1), &world.shapes[1], line, &INSIDE)]), LOOP);
+}
+
+/// A ring of which an edge that lines pass outside of is not asked about, and a side that is no sign.
+#[test]
+fn malformed_loops_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    let step = ring(world.piece(1), &world.shapes[1], line, &INSIDE[..2]);
+    assert_eq!(world.error(OVER, vec![step]), MALFORMED);
+    let step = ring(world.piece(1), &world.shapes[1], line, &[INSIDE, INSIDE].concat());
+    assert_eq!(world.error(OVER, vec![step]), MALFORMED);
+}
+
+/// Edges in the middle of the segments, of which it is said that no line passes outside.
+#[test]
+fn edges_that_lines_pass_outside_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    let [good, step] = [INSIDE.to_vec(), vec![LoopEdge::Inside, LoopEdge::Inside, never(&[1.0])]]
+        .map(|edges| ring(world.piece(1), &world.shapes[1], line, &edges));
+    drop(good);
+    assert_eq!(world.error(OVER, vec![step]), WEIGHTS);
+    // The row of the first edge, which excludes, does not remain.
+    let edges = [never(&[1.0]), LoopEdge::Inside, never(&[1.0, 0.0])];
+    let step = ring(world.piece(1), &world.shapes[1], line, &edges);
+    assert_eq!(world.error(OVER, vec![step]), WEIGHTS);
+    // All lines pass above.
+    let below = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
+    let world = World::new(TARGET, &[below]);
+    let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
+    for weight in [1.0, -1.0] {
+        let edges = [LoopEdge::Inside, LoopEdge::Inside, never(&[weight])];
+        let step = ring(world.piece(1), &world.shapes[1], line, &edges);
+        assert_eq!(world.error(LINE, vec![step]), WEIGHTS, "{weight}");
+    }
+}
+
+/// Nodes of the lines outside of an edge, which are said to be empty.
+#[test]
+fn nodes_with_lines_are_not_empty() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    let edges = [LoopEdge::Divides, LoopEdge::Inside, LoopEdge::Divides];
+    let step = ring(world.piece(1), &world.shapes[1], line, &edges);
+    // The first weights hold. With the second the lines would have to be outside of the first edge.
+    for weights in [&[1.0, 0.0][..], &[1.0, 0.0, 0.0], &[0.0, 1.0], &[1.0], &[]] {
+        let steps = vec![step.clone(), empty(&[1.0]), empty(weights)];
+        assert_eq!(world.error(OVER, steps), WEIGHTS, "{weights:?}");
+    }
+    let steps = vec![step.clone(), empty(&[1.0])];
+    assert_eq!(world.error(OVER, steps), MALFORMED);
+    let below = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
+    let world = World::new(TARGET, &[below]);
+    let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
+    let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
+    let step = ring(world.piece(1), &world.shapes[1], line, &edges);
+    for weight in [1.0, -1.0] {
+        assert_eq!(world.error(LINE, vec![step.clone(), empty(&[weight])]), WEIGHTS);
+    }
+}
+
+/// The rows of one half's loop are not those of the other half, nor of the next pair of polygons.
+#[test]
+fn rows_end_with_their_loop() {
+    let world = World::new(TARGET, &[WALL]);
+    let edges = [LoopEdge::Divides, LoopEdge::Inside, LoopEdge::Inside];
+    let good = ring(world.piece(1), &world.shapes[1], LINE, &edges);
+    let halves = Step::Halves { of_p: true, across: false };
+    let steps = vec![halves.clone(), good.clone(), empty(&[1.0]), good.clone(), empty(&[1.0])];
+    assert_eq!(world.proof(steps).check(&world.triangles), Ok(()));
+    // A wall that is seen past on one half of P.
+    let world = World::new(TARGET, &[[[9.0, -300.0, -100.0], [9.0, -300.0, 1000.0], [9.0, 4.0, 4.0]]]);
+    let world = World { shapes: world.shapes, ..World::new(TARGET, &[WALL]) };
+    let steps = vec![halves, good, empty(&[1.0]), empty(&[1.0])];
+    assert_eq!(world.proof(steps).check(&world.triangles).err(), WEIGHTS);
+}
+
+/// A target whose plane cuts the viewcell, and a plate that hangs from its front edge: it hides the lower
+/// side. P holds points behind the plane of the upper side by less than the errors of heights; a line from
+/// there passes under the edge.
+#[test]
+fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
+    let [a, b, c] = [[76.0, 2.0, 4.125], [76.0, 6.0, 4.125], [84.0, 4.0, 4.375]];
+    let world = World::new([a, b, c], &[[a, b, [76.0, 4.0, -400.0]]]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let all = sights(&world.triangles, &world.cell, Target::Triangle(0), 0.0, 4.0 * delta).unwrap();
+    assert_eq!(all.len(), 2);
+    let mut steps = Vec::new();
+    for sight in all {
+        let is_upper = sight.before_q.normal.z > 0.0;
+        let z = if is_upper { 2.0 - 3.5 * delta } else { 1.0 };
+        let line = [[8.0, 4.0, z], [80.0, 4.0, 4.25]];
+        assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[1]), Some(true));
+        steps.push(surface(&[1], line));
+    }
+    assert_eq!(world.error([[8.0, 4.0, 6.0], [80.0, 4.0, 4.25]], steps), SURFACE);
+}
+
+/// A plate that hangs from the target's lower side, behind the target, and a line that ends behind the target
+/// by less than the errors of positions.
+#[test]
+fn lines_that_end_behind_the_plane_of_the_target_are_refused() {
+    let [a, b, _] = TARGET;
+    let world = World::new(TARGET, &[[a, b, [400.0, 4.0, -400.0]]]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let line = [LINE[0], [80.0 + 0.5 * delta, 4.0, 2.0 - 0.5 * delta]];
+    assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[1]), Some(true));
+    assert_eq!(world.error(LINE, vec![surface(&[1], line)]), SURFACE);
+}
+
+/// A viewcell that is over the plane of the target's upper side by less than the errors of heights, at one
+/// edge, and sees this side from there; a plate hides the lower side.
+#[test]
+fn what_is_seen_from_next_to_its_plane_alone_is_not_hidden() {
+    let [a, b, c] = [[76.0, 2.0, -0.125], [76.0, 6.0, -0.125], [84.0, 4.0, -0.375]];
+    let world = World::new([a, b, c], &[[a, b, [76.0, 4.0, -400.0]]]);
+    let target = Target::Triangle(0);
+    let delta = position_error(&world.triangles, &world.cell, target, 0.0).unwrap();
+    let solve = |height: f64| {
+        // The plane is at z = 2 where x = 8.
+        let cell = CellBox { min: DVec3::new(0.0, 0.0, -6.0), max: DVec3::new(8.0, 8.0, 2.0 + height) };
+        let mut search = Search::new(&world.triangles, cell, 0.0, None);
+        search.solve_target(target, Budget { nodes: 2000, divided: 200, halvings: 12 }).0
+    };
+    assert_eq!(solve(-8.0 * delta), Answer::Hidden);
+    for part in [0.01, 0.25, 1.0] {
+        assert_ne!(solve(part * delta), Answer::Hidden, "{part}");
+    }
+}
