@@ -49,8 +49,7 @@ impl Check<'_> {
                 && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta || in_front(x))
         };
         // What is coplanar with Q blocks nothing.
-        let leaves_plane =
-            ring.iter().any(|(x, tag)| tag.is_none() && sight.before_q.height(*x) > 3.0 * self.delta);
+        let leaves_plane = ring.iter().any(|(x, _)| sight.before_q.height(*x) > 3.0 * self.delta);
         let tags_hold = |(x, tag): Corner| {
             tag.is_none_or(|k| {
                 let vertex = self.target_vertices.get(k);

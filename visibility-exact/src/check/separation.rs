@@ -25,7 +25,7 @@ impl Check<'_> {
         sight.p.corners().iter().flat_map(move |&p| {
             sight.q.corners().iter().zip(&sight.q.zero).map(move |(&q, &zero)| {
                 let support = 0b111 ^ zero;
-                let is_mixture = zero != 0 && support & !ends == 0;
+                let is_mixture = support & !ends == 0;
                 let is_flat = [&sight.before_p, &sight.before_q].into_iter().any(|plane| {
                     let axis = plane.axis();
                     axis.is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k])

@@ -33,7 +33,12 @@ impl Check<'_> {
         let line = [line[0], line[1] + sight.before_q.normal * lift];
         let moved: BTreeMap<u32, DVec3> = moved.iter().copied().collect();
         let mut boundary: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();
-        let mut crossings = 0;
+        let mut is_odd = false;
+        let mut count = |t: &[DVec3; 3]| {
+            let found = crosses(line, t);
+            is_odd ^= found == Some(true);
+            found.is_some()
+        };
         for &t in surface {
             let (numbers, corners) = (all.vertices(t), all.corners(t));
             for k in 0..3 {
@@ -44,15 +49,11 @@ impl Check<'_> {
                 }
             }
             let tags = numbers.map(|v| self.tag(v));
-            if !(self.is_outside(sight, &corners)
+            let is_clear = self.is_outside(sight, &corners)
                 || self.is_apart(sight, &corners)
-                || self.touches_beside(sight, &corners, tags, line[1]))
-            {
+                || self.touches_beside(sight, &corners, tags, line[1]);
+            if !is_clear || !count(&corners) {
                 return false;
-            }
-            match crosses(line, &corners) {
-                Some(crosses) => crossings += u32::from(crosses),
-                None => return false,
             }
         }
         for (&[v, w], &[a, b]) in &boundary {
@@ -72,16 +73,13 @@ impl Check<'_> {
                 return false;
             }
             for t in [[a, b, d], [a, d, c]] {
-                if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
-                    continue;
-                }
-                match crosses(line, &t) {
-                    Some(crosses) => crossings += u32::from(crosses),
-                    None => return false,
+                let has_area = t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+                if has_area && !count(&t) {
+                    return false;
                 }
             }
         }
-        crossings % 2 == 1
+        is_odd
     }
 
     /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's are
