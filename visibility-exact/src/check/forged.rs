@@ -1,14 +1,14 @@
 //! Forged proofs that a target is hidden which an exact segment sees.
 
 use super::ProofError;
-use super::context::{Check, Corner, Divider};
+use super::context::{Check, Divider};
 use super::surface::crosses;
 use crate::half::Half;
 use crate::polygon::Polygon;
 use crate::proof::{LoopEdge, Proof, Step};
 use crate::search::{Answer, Budget, Search};
 use crate::sight::{CellBox, Sight, Target, position_error, sights};
-use crate::triangles::SceneTriangles;
+use crate::triangles::{SceneTriangles, unit_normal};
 use std::{vec, vec::Vec};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Scene};
@@ -162,6 +162,20 @@ const WEIGHTS: Option<ProofError> = Some(ProofError::Weights);
 const CORNER: Option<ProofError> = Some(ProofError::Corner);
 const MALFORMED: Option<ProofError> = Some(ProofError::Malformed);
 
+/// Returns a triangle of integers whose plane holds the origin, which is beyond the side from its second to its
+/// third corner: points next to the origin have any small height over the plane.
+fn plane_through_the_origin(random: &mut Random) -> Triangle {
+    loop {
+        let mut int = || -> [f32; 3] { core::array::from_fn(|_| random.between(-900, 900) as f32) };
+        let (a, b) = (int(), int());
+        let far = core::array::from_fn(|k| 2.0 * (a[k] + b[k]));
+        let normal = Vec3::from_array(a).cross(Vec3::from_array(b));
+        if normal.x * normal.y * normal.z != 0.0 {
+            return [far, a, b];
+        }
+    }
+}
+
 /// The steps that the forgeries are made of hold where they are true.
 #[test]
 fn true_steps_hold() {
@@ -175,6 +189,33 @@ fn true_steps_hold() {
     let divides = ring(world.piece(1), &world.shapes[1], LINE, &divides);
     let steps = vec![divides, empty(&[1.0]), empty(&[0.0, 1.0])];
     assert_eq!(world.proof(steps).check(&world.triangles), Ok(()));
+    // Two triangles of which neither is enough.
+    let [a, b, c] = WALL;
+    let middle = [40.0, 4.0, -100.0];
+    let world = World::new(TARGET, &[[a, middle, c], [middle, b, c]]);
+    let line = [[8.0, 4.5, 4.0], [80.0, 4.5, 3.0]];
+    assert_eq!(world.proof(vec![surface(&[1, 2], line)]).check(&world.triangles), Ok(()));
+    assert_eq!(world.proof(vec![surface(&[1], line)]).check(&world.triangles).err(), SURFACE);
+    // A wall whose upper edge is in the way, and moves out of it; the line crosses what it moved over.
+    let mut world = World::new(TARGET, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 3.0])]);
+    world.clearance = 0.125;
+    let [a, _, b] = world.triangles.vertices(1);
+    let moved = vec![(a, DVec3::new(40.0, 300.0, 7.25)), (b, DVec3::new(40.0, -300.0, 7.25))];
+    for z in [7.9375, 4.0] {
+        let line = [[8.0, 4.25, z], [79.875, 4.0, 5.75]];
+        let moved = {
+            let mut moved = moved.clone();
+            moved.sort_by_key(|x| x.0);
+            moved
+        };
+        let step = moved_surface(&[1], moved, line);
+        assert_eq!(world.proof(vec![step]).check(&world.triangles), Ok(()), "{z}");
+    }
+    // An occluder with a side in the target's plane.
+    let wall = [[80.0, -300.0, -100.0], [80.0, 300.0, -100.0], [40.0, 0.0, 400.0]];
+    let world = World::new(TARGET, &[wall]);
+    let step = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE);
+    assert_eq!(world.proof(vec![step]).check(&world.triangles), Ok(()));
 }
 
 #[test]
@@ -249,28 +290,16 @@ fn targets_seen_from_less_than_the_clearance_are_refused() {
 fn clearances_within_the_error_of_positions_are_refused() {
     let mut random = Random(1);
     for round in 0..3000 {
-        let mut int = || -> [f32; 3] { core::array::from_fn(|_| random.between(1, 4000) as f32) };
-        let (a, b) = (int(), int());
-        // In a plane through the origin.
-        let t = [a, b.map(|x| -x), core::array::from_fn(|k| a[k] - 3.0 * b[k])];
-        let [a, b] = [a, b].map(|x| Vec3::from_array(x).as_dvec3());
-        let normal = a.cross(b).normalize();
-        if normal.cmple(DVec3::ZERO).any() && normal.cmpge(DVec3::ZERO).any() {
-            continue;
-        }
-        let mut world = World::new(t, &[]);
+        let target = plane_through_the_origin(&mut random);
+        let mut world = World::new(target, &[]);
+        let normal = unit_normal(&world.shapes[0]).unwrap();
         let unit = world.triangles.position_error(0.0) / 128.0;
         world.clearance = unit;
-        let side = DVec3::splat((1.5 * unit / normal.element_sum().abs()) as f32 as f64);
-        world.cell = if normal.x > 0.0 {
-            CellBox { min: DVec3::ZERO, max: side }
-        } else {
-            CellBox { min: -side, max: DVec3::ZERO }
-        };
-        let from = if round % 2 == 0 { world.cell.max } else { world.cell.min };
-        if from != DVec3::ZERO {
-            assert_eq!(world.error([from.to_array(), a.to_array()], vec![]), MALFORMED, "{round}");
-        }
+        // Its farthest corner from the plane is 1.5 units over it.
+        let corner = normal.signum() * f64::from((1.5 * unit / normal.abs().element_sum()) as f32);
+        world.cell = CellBox { min: corner.min(DVec3::ZERO), max: corner.max(DVec3::ZERO) };
+        let seen = [corner, world.shapes[0][0]].map(|x| x.to_array());
+        assert_eq!(world.error(seen, vec![]), MALFORMED, "{round}");
     }
 }
 
@@ -328,7 +357,8 @@ fn boundaries_that_move_too_far_are_refused() {
         let number = world.triangles.vertices(1)[2];
         for z in [500.0, f64::NAN] {
             let moved = vec![(number, DVec3::new(x.into(), 4.0, z))];
-            assert_eq!(world.error(OVER, vec![moved_surface(&[1], moved, LINE)]), SURFACE);
+            let line = [[8.0, 4.25, 4.0], LINE[1]];
+            assert_eq!(world.error(OVER, vec![moved_surface(&[1], moved, line)]), SURFACE);
         }
     }
 }
@@ -385,7 +415,40 @@ fn lines_through_an_edge_of_a_surface_are_refused() {
     let line = [[8.0, 4.0, 3.0], [80.0, 4.0, 3.0]];
     let found = [1, 2, 3, 4].map(|t| crosses(line.map(DVec3::from_array), &world.triangles.corners(t)));
     assert_eq!(found, [None, None, Some(true), Some(false)]);
-    assert_eq!(world.error([[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]], vec![surface(&[1, 2, 3, 4], line)]), SURFACE);
+    let seen = [[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]];
+    assert_eq!(world.error(seen, vec![surface(&[1, 2, 3, 4], line)]), SURFACE);
+    // Lines of more digits than products have, and the edge from both ends.
+    let world = World::new(TARGET, &[[a, b, c], [b, a, d], [a, c, d], [b, c, d]]);
+    let mut random = Random(3);
+    for round in 0..3000 {
+        let slope = [0.01, 0.002]
+            .map(|most| (random.fine_range(-most, most) * 2f64.powi(44)).round() / 2f64.powi(44));
+        let at = |x: f64| [40.0 + x, 4.0 + x * slope[0], 3.0 + x * slope[1]];
+        let step = surface(&[1, 2, 3, 4], [at(-32.0), at(40.0)]);
+        assert_eq!(world.error(seen, vec![step]), SURFACE, "{round}");
+    }
+}
+
+/// A small triangle among the segments whose boundary moves out of the segments' way below them, and a line
+/// through the triangle that leaves through the diagonal of a strip.
+#[test]
+fn lines_through_an_edge_of_a_strip_are_refused() {
+    let target = [[80.0, 0.5, 0.5], [80.0, 7.5, 0.5], [80.0, 0.5, 7.5]];
+    let small = [[40.0, 3.0, 0.5], [40.0, 5.0, 0.5], [40.0, 4.0, 0.8125]];
+    let mut world = World::new(target, &[small]);
+    world.clearance = 0.25;
+    let numbers = world.triangles.vertices(1);
+    let mut moved: Vec<(u32, DVec3)> =
+        (0..3).map(|k| (numbers[k], DVec3::new(40.25, world.shapes[1][k].y, 0.125))).collect();
+    moved.sort_by_key(|entry| entry.0);
+    let at = |x: f64| [40.0625 + x, 4.25, 0.640625 + x / 128.0];
+    let line = [at(-32.0625), at(39.6875)];
+    let strip = [small[2], [40.25, 5.0, 0.125], [40.25, 4.0, 0.125]];
+    let strip = strip.map(|x| Vec3::from_array(x).as_dvec3());
+    let line_ = line.map(DVec3::from_array);
+    assert_eq!([&world.shapes[1], &strip].map(|t| crosses(line_, t)), [Some(true), None]);
+    let seen = [[8.0, 4.0, 6.0], [80.0, 2.0, 4.0]];
+    assert_eq!(world.error(seen, vec![moved_surface(&[1], moved.clone(), line)]), SURFACE);
 }
 
 #[test]
@@ -496,7 +559,7 @@ fn corners_that_are_not_the_targets_are_refused() {
     let tilted = [[70.0, 52.0, -48.0], [90.0, 32.0, 92.0], [90.0, -200.0, -90.0]];
     let world = World::new(TARGET, &[tilted]);
     let seen = [[8.0, 4.0, 4.0], [80.0, 3.0, 3.0]];
-    for tags in [[3, 0, 1], [3, 1, 2], [3, 0, 0]] {
+    for tags in [[3, 3, 3], [3, 0, 1], [3, 1, 2], [3, 0, 0]] {
         let Step::Loop { piece, ring, side, edges } = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE)
         else {
             unreachable!()
@@ -607,8 +670,8 @@ fn rows_end_with_their_loop() {
 /// there passes under the edge.
 #[test]
 fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
-    let [a, b, c] = [[76.0, 2.0, 4.125], [76.0, 6.0, 4.125], [84.0, 4.0, 4.375]];
-    let world = World::new([a, b, c], &[[a, b, [76.0, 4.0, -400.0]]]);
+    let [a, b, c] = [[16.0, 2.0, 2.25], [16.0, 6.0, 2.25], [80.0, 4.0, 4.25]];
+    let world = World::new([a, b, c], &[[a, b, [16.0, 4.0, -400.0]]]);
     let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
     let all = sights(&world.triangles, &world.cell, Target::Triangle(0), 0.0, 4.0 * delta).unwrap();
     assert_eq!(all.len(), 2);
@@ -616,11 +679,11 @@ fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
     for sight in all {
         let is_upper = sight.before_q.normal.z > 0.0;
         let z = if is_upper { 2.0 - 3.5 * delta } else { 1.0 };
-        let line = [[8.0, 4.0, z], [80.0, 4.0, 4.25]];
+        let line = [[8.0, 4.0, z], [60.0, 4.0, 3.625]];
         assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[1]), Some(true));
         steps.push(surface(&[1], line));
     }
-    assert_eq!(world.error([[8.0, 4.0, 6.0], [80.0, 4.0, 4.25]], steps), SURFACE);
+    assert_eq!(world.error([[8.0, 4.0, 6.0], [60.0, 4.0, 3.625]], steps), SURFACE);
 }
 
 /// A plate that hangs from the target's lower side, behind the target, and a line that ends behind the target
@@ -653,4 +716,83 @@ fn what_is_seen_from_next_to_its_plane_alone_is_not_hidden() {
     for part in [0.01, 0.25, 1.0] {
         assert_ne!(solve(part * delta), Answer::Hidden, "{part}");
     }
+}
+
+/// A tetrahedron on a corner of the target, and a line that ends inside it, by less than the errors of
+/// positions before the target.
+#[test]
+fn lines_that_end_next_to_a_surface_at_the_target_are_refused() {
+    let [a, b, c, d] = [TARGET[0], [70.0, 12.0, 10.0], [70.0, 8.0, 12.0], [70.0, 10.0, 7.0]];
+    let world = World::new(TARGET, &[[a, b, c], [a, c, d], [a, d, b], [b, c, d]]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let line = [[8.0, 0.0, 0.0], [80.0, 2.0 + delta, 2.0 + delta]];
+    assert_eq!(world.error(LINE, vec![surface(&[1, 2, 3, 4], line)]), SURFACE);
+}
+
+/// The ring of the target's own triangle: its corners are before its plane by rounding.
+#[test]
+fn the_ring_of_the_target_is_refused() {
+    let mut random = Random(4);
+    for _ in 0..300 {
+        let mut corner = || random.vec3(0.5, 7.5).to_array();
+        let [a, b, c] = [corner(), corner(), corner()].map(|[x, y, z]| [70.0 + x, y, z]);
+        let world = World::new([a, b, c], &[]);
+        let t = world.shapes[0];
+        let from = world.cell.max;
+        let behind =
+            orientation(t[0], t[1], t[2], from) != orientation(t[0], t[1], t[2], DVec3::new(8.0, 0.0, 0.0));
+        let line = [[8.0, 4.0, 4.0], ((t[0] + t[1] + t[2]) / 3.0).to_array()];
+        let Step::Loop { piece, ring, side, edges } = ring(world.piece(0), &t, line, &INSIDE) else {
+            unreachable!()
+        };
+        let ring = ring.iter().enumerate().map(|(k, &(x, _))| (x, k as u8)).collect();
+        let error =
+            world.error([from.to_array(), t[0].to_array()], vec![Step::Loop { piece, ring, side, edges }]);
+        assert!(error == LOOP || behind && error.is_some());
+    }
+}
+
+/// Edges that lines pass by less than the error of positions: whatever the number that says on which side.
+#[test]
+fn edges_within_the_error_of_positions_are_not_passed() {
+    let target = [[72.0, 2.0, 0.5], [72.0, 6.0, 0.5], [72.0, 4.0, 2.0]];
+    // The upper edge is on the segments from the upper side of P to the target's upper corner.
+    let mut world = World::new(target, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 1.0])]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let line = [[8.0, 4.0, 4.0], [72.0, 4.0, 1.0]];
+    let Step::Loop { piece, ring, side, edges } = ring(world.piece(1), &world.shapes[1], line, &INSIDE)
+    else {
+        unreachable!()
+    };
+    let with = |side| vec![Step::Loop { piece, ring: ring.clone(), side, edges: edges.clone() }];
+    for (lower, error) in [(0.0, LOOP), (0.2, LOOP), (400.0, None)] {
+        world.cell.max.z = 8.0 - lower * delta;
+        assert_eq!(world.proof(with(side)).check(&world.triangles).err(), error, "{lower}");
+        for scale in [1e30, f64::INFINITY, f64::NAN, -1.0, 0.0] {
+            assert!(world.proof(with(side * scale)).check(&world.triangles).is_err(), "{lower} {scale}");
+        }
+    }
+}
+
+/// An occluder at a corner of the target that hides all of a half but a part at the middle of its side; the
+/// other half is hidden.
+#[test]
+fn mixtures_of_other_corners_are_not_on_an_edge() {
+    let at_corner = [TARGET[2], [79.0, 4.0, -200.0], [79.0, -200.0, 6.5]];
+    // Below the line from (2, 2) through (5, 4), and above.
+    let below = [[79.0, -298.0, -197.7], [79.0, 302.0, 202.3], [79.0, 300.0, -400.0]];
+    let world = World::new(TARGET, &[at_corner, below]);
+    let Step::Loop { piece, ring: corners, side, edges } =
+        ring(world.piece(1), &world.shapes[1], [LINE[0], [80.0, 3.5, 3.5]], &INSIDE)
+    else {
+        unreachable!()
+    };
+    let corners = corners.iter().zip([2, 3, 3]).map(|(&(x, _), tag)| (x, tag)).collect();
+    let forged = Step::Loop { piece, ring: corners, side, edges };
+    let hidden = ring(world.piece(2), &world.shapes[2], [LINE[0], [80.0, 4.0, 2.5]], &INSIDE);
+    let halves = Step::Halves { of_p: false, across: false };
+    let seen = [[8.0, 4.0, 4.0], [80.0, 4.5, 4.25]];
+    assert_eq!(world.error(seen, vec![halves.clone(), hidden.clone(), forged.clone()]), LOOP);
+    // The first half is well.
+    assert_eq!(world.proof(vec![halves, hidden]).check(&world.triangles).err(), MALFORMED);
 }
