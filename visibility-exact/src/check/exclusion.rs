@@ -37,7 +37,7 @@ impl Check<'_> {
     /// Rounding, with E the relative error of a double-double operation: components of a product of vectors
     /// are wrong by 2 E, and a scalar product by 3 E, of the product of the sums of magnitudes. A term of the
     /// form, the sum of two products of two scalar products, is wrong by 16 E of the product of all four
-    /// sums; the sum of three terms in `f64` by 3 U of their magnitudes.
+    /// sums, and the sum of three terms by 4 E more.
     pub(super) fn corner_excludes(&self, sight: &Sight, rows: [&Divider; 3]) -> bool {
         let t = rows.map(|([a, b], s)| difference(b.0, a.0).map(|x| x.times(D::from(*s))));
         let c = [cross(t[1], t[2]), cross(t[2], t[0]), cross(t[0], t[1])];
@@ -67,19 +67,18 @@ impl Check<'_> {
         is_positive
             && directions.iter().enumerate().all(|(i, x)| {
                 directions[i..].iter().all(|y| {
-                    let (mut form, mut error) = (0.0, 0.0);
+                    let (mut form, mut error) = (D::ZERO, 0.0);
                     for k in 0..3 {
                         let both =
                             dot(c[k], *x).times(dot(w[k], *y)).plus(dot(c[k], *y).times(dot(w[k], *x)));
-                        form += both.hi * sign;
-                        error += both.hi.abs() * (4.0 * U);
-                        let rounded = 16.0 * D::ERROR * norm(*x) * norm(*y);
+                        form = form.plus(both);
+                        let rounded = 20.0 * D::ERROR * norm(*x) * norm(*y);
                         let moved = 2.0 * change * (norm(*x) + norm(*y) + change);
                         error += norm(c[k]) * norm(w[k]) * (rounded + moved);
                         let changed = c_wrong[k] * (norm(w[k]) + w_wrong[k]) + norm(c[k]) * w_wrong[k];
                         error += 2.0 * changed * (norm(*x) + change) * (norm(*y) + change);
                     }
-                    form < -error
+                    form.hi * sign < -error
                 })
             })
     }

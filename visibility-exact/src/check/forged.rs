@@ -86,6 +86,18 @@ impl World {
         is_inside && is_on(&self.shapes[0]) && self.shapes[1..].iter().all(|t| is_free(t) && is_far(t))
     }
 
+    /// Returns the state of a check, and the one pair of polygons that sees the target from a side.
+    fn node_from(&self, side: DVec3) -> (Check<'_>, Sight) {
+        let target = Target::Triangle(0);
+        let delta = position_error(&self.triangles, &self.cell, target, self.clearance).unwrap();
+        let all = sights(&self.triangles, &self.cell, target, self.clearance, 4.0 * delta).unwrap();
+        let mut all = all.into_iter().filter(|sight| sight.before_q.normal.dot(side) > 0.0);
+        let sight = all.next().unwrap();
+        let target_vertices = self.triangles.vertices(0).to_vec();
+        let (triangles, clearance, steps) = (&self.triangles, self.clearance, [].iter());
+        (Check { triangles, clearance, delta, target_vertices, steps }, sight)
+    }
+
     fn piece(&self, number: u32) -> u32 {
         self.triangles.piece_of(number)
     }
@@ -155,11 +167,9 @@ const INSIDE: [LoopEdge; 3] = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Ins
 const LINE: [[f64; 3]; 2] = [[8.0, 4.0, 4.0], [80.0, 4.0, 3.0]];
 /// A segment that passes over [`HALF_WALL`].
 const OVER: [[f64; 3]; 2] = [[8.0, 4.0, 7.0], [80.0, 4.0, 4.0]];
-/// A vertex of [`HALF_WALL`]'s upper edge is not needed by any test: its edges 0 and 1 are passed inside.
 const SURFACE: Option<ProofError> = Some(ProofError::Surface);
 const LOOP: Option<ProofError> = Some(ProofError::Loop);
 const WEIGHTS: Option<ProofError> = Some(ProofError::Weights);
-const CORNER: Option<ProofError> = Some(ProofError::Corner);
 const MALFORMED: Option<ProofError> = Some(ProofError::Malformed);
 
 /// Returns a triangle of integers whose plane holds the origin, which is beyond the side from its second to its
@@ -197,18 +207,13 @@ fn true_steps_hold() {
     assert_eq!(world.proof(vec![surface(&[1, 2], line)]).check(&world.triangles), Ok(()));
     assert_eq!(world.proof(vec![surface(&[1], line)]).check(&world.triangles).err(), SURFACE);
     // A wall whose upper edge is in the way, and moves out of it; the line crosses what it moved over.
-    let mut world = World::new(TARGET, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 3.0])]);
+    let mut world = World::new(TARGET, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 2.75])]);
     world.clearance = 0.125;
     let [a, _, b] = world.triangles.vertices(1);
-    let moved = vec![(a, DVec3::new(40.0, 300.0, 7.25)), (b, DVec3::new(40.0, -300.0, 7.25))];
+    let mut moved = vec![(a, DVec3::new(40.0, 300.0, 7.0625)), (b, DVec3::new(40.0, -300.0, 7.0625))];
+    moved.sort_by_key(|entry| entry.0);
     for z in [7.9375, 4.0] {
-        let line = [[8.0, 4.25, z], [79.875, 4.0, 5.75]];
-        let moved = {
-            let mut moved = moved.clone();
-            moved.sort_by_key(|x| x.0);
-            moved
-        };
-        let step = moved_surface(&[1], moved, line);
+        let step = moved_surface(&[1], moved.clone(), [[8.0, 4.25, z], [79.875, 4.0, 5.5]]);
         assert_eq!(world.proof(vec![step]).check(&world.triangles), Ok(()), "{z}");
     }
     // An occluder with a side in the target's plane.
@@ -290,13 +295,14 @@ fn targets_seen_from_less_than_the_clearance_are_refused() {
 fn clearances_within_the_error_of_positions_are_refused() {
     let mut random = Random(1);
     for round in 0..3000 {
-        let target = plane_through_the_origin(&mut random);
+        let [_, a, b] = plane_through_the_origin(&mut random);
+        let target = [a, b, core::array::from_fn(|k| -a[k] - b[k])];
         let mut world = World::new(target, &[]);
         let normal = unit_normal(&world.shapes[0]).unwrap();
         let unit = world.triangles.position_error(0.0) / 128.0;
-        world.clearance = unit;
-        // Its farthest corner from the plane is 1.5 units over it.
-        let corner = normal.signum() * f64::from((1.5 * unit / normal.abs().element_sum()) as f32);
+        world.clearance = unit / 8.0;
+        // Its farthest corner from the plane is a quarter of a unit over it.
+        let corner = normal.signum() * f64::from((0.25 * unit / normal.abs().element_sum()) as f32);
         world.cell = CellBox { min: corner.min(DVec3::ZERO), max: corner.max(DVec3::ZERO) };
         let seen = [corner, world.shapes[0][0]].map(|x| x.to_array());
         assert_eq!(world.error(seen, vec![]), MALFORMED, "{round}");
@@ -357,7 +363,7 @@ fn boundaries_that_move_too_far_are_refused() {
         let number = world.triangles.vertices(1)[2];
         for z in [500.0, f64::NAN] {
             let moved = vec![(number, DVec3::new(x.into(), 4.0, z))];
-            let line = [[8.0, 4.25, 4.0], LINE[1]];
+            let line = [[8.0, 4.25, 4.0], [80.0 - world.clearance, 4.0, 3.0]];
             assert_eq!(world.error(OVER, vec![moved_surface(&[1], moved, line)]), SURFACE);
         }
     }
@@ -417,13 +423,14 @@ fn lines_through_an_edge_of_a_surface_are_refused() {
     assert_eq!(found, [None, None, Some(true), Some(false)]);
     let seen = [[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]];
     assert_eq!(world.error(seen, vec![surface(&[1, 2, 3, 4], line)]), SURFACE);
-    // Lines of more digits than products have, and the edge from both ends.
-    let world = World::new(TARGET, &[[a, b, c], [b, a, d], [a, c, d], [b, c, d]]);
+    // Lines through a corner, of more digits than products have.
+    let [a, b, c, d] = [[40.0, 4.0, 3.0], [48.0, 2.0, 1.0], [48.0, 6.0, 1.0], [48.0, 4.0, 6.0]];
+    let world = World::new(TARGET, &[[a, b, c], [a, c, d], [a, d, b], [b, c, d]]);
     let mut random = Random(3);
     for round in 0..3000 {
-        let slope = [0.01, 0.002]
-            .map(|most| (random.fine_range(-most, most) * 2f64.powi(44)).round() / 2f64.powi(44));
-        let at = |x: f64| [40.0 + x, 4.0 + x * slope[0], 3.0 + x * slope[1]];
+        let mut slope = || (random.fine_range(-0.01, 0.01) * 2f64.powi(48)).round() / 2f64.powi(48);
+        let (u, v) = (slope(), slope());
+        let at = |x: f64| [40.0 + x, 4.0 + x * u, 3.0 + x * v];
         let step = surface(&[1, 2, 3, 4], [at(-32.0), at(40.0)]);
         assert_eq!(world.error(seen, vec![step]), SURFACE, "{round}");
     }
@@ -665,25 +672,42 @@ fn rows_end_with_their_loop() {
     assert_eq!(world.proof(steps).check(&world.triangles).err(), WEIGHTS);
 }
 
-/// A target whose plane cuts the viewcell, and a plate that hangs from its front edge: it hides the lower
-/// side. P holds points behind the plane of the upper side by less than the errors of heights; a line from
-/// there passes under the edge.
+/// A target whose plane cuts the viewcell, and a plate that hangs from its front edge. P holds points behind
+/// the plane by less than the errors of heights; a line from there passes under the edge.
 #[test]
 fn lines_that_start_behind_the_plane_of_the_target_are_refused() {
     let [a, b, c] = [[16.0, 2.0, 2.25], [16.0, 6.0, 2.25], [80.0, 4.0, 4.25]];
     let world = World::new([a, b, c], &[[a, b, [16.0, 4.0, -400.0]]]);
-    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
-    let all = sights(&world.triangles, &world.cell, Target::Triangle(0), 0.0, 4.0 * delta).unwrap();
-    assert_eq!(all.len(), 2);
-    let mut steps = Vec::new();
-    for sight in all {
-        let is_upper = sight.before_q.normal.z > 0.0;
-        let z = if is_upper { 2.0 - 3.5 * delta } else { 1.0 };
-        let line = [[8.0, 4.0, z], [60.0, 4.0, 3.625]];
-        assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[1]), Some(true));
-        steps.push(surface(&[1], line));
+    assert!(world.sees([DVec3::new(8.0, 4.0, 6.0), DVec3::new(48.0, 4.0, 3.25)]));
+    let (check, sight) = world.node_from(DVec3::Z);
+    let line = |z: f64| [DVec3::new(8.0, 4.0, z), DVec3::new(48.0, 4.0, 3.25)];
+    let below = line(2.0 - 3.5 * check.delta);
+    assert_eq!(crosses(below, &world.shapes[1]), Some(true));
+    assert!(!check.surface_blocks(&sight, &[1], &[], below));
+    // A line from before the plane passes over the edge.
+    assert_eq!(crosses(line(4.0), &world.shapes[1]), Some(false));
+    assert!(!check.surface_blocks(&sight, &[1], &[], line(4.0)));
+}
+
+/// A sill before the target, over its plane by less than the errors of heights: a line that starts and ends
+/// lower meets it, and others do not.
+#[test]
+fn edges_next_to_the_plane_of_the_target_are_met() {
+    let target = [[8.0, 2.0, 0.25], [8.0, 6.0, 0.25], [72.0, 4.0, 2.25]];
+    for height in [2.5, 2.0] {
+        let delta = 400.0 * 2f64.powi(-46);
+        let top = (height * delta) as f32;
+        let mut world = World::new(target, &[[[0.0, -100.0, top], [0.0, 100.0, top], [0.0, 0.0, -400.0]]]);
+        let (min, max) = (DVec3::new(-80.0, 0.0, -6.0), DVec3::new(-72.0, 8.0, 2.0));
+        world.cell = CellBox { min, max };
+        assert!(world.sees([DVec3::new(-72.0, 4.0, 0.0), DVec3::new(56.0, 4.0, 1.75)]));
+        let (check, sight) = world.node_from(DVec3::Z);
+        assert_eq!(check.delta, delta);
+        let line = [DVec3::new(-72.0, 4.0, -2.25 + 3.2 * delta), DVec3::new(56.0, 4.0, 1.75)];
+        let lifted = [line[0], line[1] + sight.before_q.normal * (1.25 * delta)];
+        assert_eq!(crosses(lifted, &world.shapes[1]), Some(height > 2.25));
+        assert!(!check.surface_blocks(&sight, &[1], &[], line));
     }
-    assert_eq!(world.error([[8.0, 4.0, 6.0], [60.0, 4.0, 3.625]], steps), SURFACE);
 }
 
 /// A plate that hangs from the target's lower side, behind the target, and a line that ends behind the target
@@ -710,7 +734,10 @@ fn what_is_seen_from_next_to_its_plane_alone_is_not_hidden() {
         // The plane is at z = 2 where x = 8.
         let cell = CellBox { min: DVec3::new(0.0, 0.0, -6.0), max: DVec3::new(8.0, 8.0, 2.0 + height) };
         let mut search = Search::new(&world.triangles, cell, 0.0, None);
-        search.solve_target(target, Budget { nodes: 2000, divided: 200, halvings: 12 }).0
+        let answer = search.solve_target(target, Budget { nodes: 2000, divided: 200, halvings: 12 }).0;
+        let proof = Proof { cell, target, clearance: 0.0, steps: core::mem::take(&mut search.steps) };
+        assert!(answer != Answer::Hidden || proof.check(&world.triangles) == Ok(()));
+        answer
     };
     assert_eq!(solve(-8.0 * delta), Answer::Hidden);
     for part in [0.01, 0.25, 1.0] {
@@ -795,4 +822,202 @@ fn mixtures_of_other_corners_are_not_on_an_edge() {
     assert_eq!(world.error(seen, vec![halves.clone(), hidden.clone(), forged.clone()]), LOOP);
     // The first half is well.
     assert_eq!(world.proof(vec![halves, hidden]).check(&world.triangles).err(), MALFORMED);
+}
+
+/// Polygons that do not occlude, are not convex, or not flat: lines pass between their triangles.
+#[test]
+fn pieces_that_are_no_convex_polygon_of_occluders_are_refused() {
+    let of = |shapes: &[(Triangle, bool)]| {
+        let mut world = World::new(TARGET, &[]);
+        world.triangles = scene_of(shapes);
+        world.shapes = shapes
+            .iter()
+            .filter(|(_, occluder)| *occluder)
+            .map(|(t, _)| t.map(|x| Vec3::from_array(x).as_dvec3()))
+            .collect();
+        world
+    };
+    let refused = |world: World, piece: u32, corners: &[DVec3]| {
+        let edges = vec![LoopEdge::Inside; corners.len()];
+        assert_eq!(world.error(LINE, vec![ring(piece, corners, LINE, &edges)]), LOOP);
+    };
+    let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z).as_dvec3();
+    let mut world = of(&[(TARGET, true), (WALL, false)]);
+    let piece = world.triangles.push_piece(&[1]);
+    refused(world, piece, &WALL.map(|[x, y, z]| at(x, y, z)));
+    // Two triangles in one plane, apart.
+    let left = [[40.0, -300.0, -100.0], [40.0, -30.0, 4.0], [40.0, -300.0, 400.0]];
+    let right = left.map(|[x, y, z]| [x, -y, z]);
+    let mut world = of(&[(TARGET, true), (left, true), (right, true)]);
+    let piece = world.triangles.push_piece(&[1, 2]);
+    let corners = [left[0], right[0], right[2], left[2]].map(|[x, y, z]| at(x, y, z));
+    refused(world, piece, &corners);
+    // Two triangles with a side in common, behind the viewcell.
+    let (low, high) = ([-50.0, 4.0, -400.0], [-50.0, 4.0, 800.0]);
+    let (left, right) = ([40.0, -300.0, 4.0], [40.0, 300.0, 4.0]);
+    let mut world = of(&[(TARGET, true), ([left, low, high], true), ([right, high, low], true)]);
+    let piece = world.triangles.push_piece(&[1, 2]);
+    let between = |[x, y, z]: [f32; 3], b: [f32; 3]| at(x, y, z).lerp(Vec3::from_array(b).as_dvec3(), 0.3);
+    let corners = [between(left, low), between(right, low), between(right, high), between(left, high)];
+    refused(world, piece, &corners);
+}
+
+/// Returns a node in which all pairs of points of two polygons are asked about, without scene.
+fn node(p: &[DVec3], q: &[DVec3], near: Option<f64>) -> Sight {
+    let half = Half { normal: DVec3::X, offset: 1e9 };
+    Sight { p: Polygon::new(p), q: Polygon::new(q), before_p: half, before_q: half, near }
+}
+
+/// Three edges that a line between two corners passes on the given sides, by exact integers.
+#[test]
+fn corners_with_lines_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let (steps, target_vertices) = ([].iter(), vec![]);
+    let check = Check { triangles: &world.triangles, clearance: 0.0, delta: 1e-13, target_vertices, steps };
+    let mut random = Random(5);
+    let (mut tried, mut excluded) = (0, 0);
+    for round in 0..60_000 {
+        let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
+        let r = [1, 4, 16][round % 3];
+        let (p, q) = (int(20) * 2.0, int(20) * 2.0);
+        let (p, q) = ([p, p + int(r) * 2.0, p + int(r) * 2.0], [q, q + int(r) * 2.0, q + int(r) * 2.0]);
+        let edges = [int(12), int(12), int(12)].map(|a| [a, a + int(9)]);
+        let sight = node(&p, &q, None);
+        let sides = |p: DVec3, q: DVec3| edges.map(|[a, b]| sign((q - p).dot((a - p).cross(b - p))));
+        // To a corner, or to the middle of a side.
+        let seen = sides(p[round % 2], (q[0] + q[round / 3 % 2]) * 0.5);
+        let rows: [Divider; 3] =
+            core::array::from_fn(|k| ([(edges[k][0], None), (edges[k][1], None)], seen[k]));
+        if seen.iter().all(|x| *x != 0.0) {
+            tried += 1;
+            assert!(!check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]), "{round}");
+        }
+        // What is excluded has no line between corners.
+        let rows = rows.map(|(edge, sign)| (edge, -sign));
+        if seen.iter().all(|x| *x != 0.0) && check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]) {
+            excluded += 1;
+            let is_inside = |p: DVec3, q: DVec3| sides(p, q).iter().zip(&seen).all(|(x, y)| *x == -*y);
+            assert!(!p.iter().any(|p| q.iter().any(|q| is_inside(*p, *q))), "{round}");
+        }
+    }
+    assert!(tried > 40_000 && excluded > 100, "{tried} {excluded}");
+}
+
+fn sign(x: f64) -> f64 {
+    if x == 0.0 { 0.0 } else { x.signum() }
+}
+
+/// One line that meets three edges, in numbers whose products have more than 106 digits, without errors of
+/// positions: the form is 0 up to rounding.
+#[test]
+fn corners_on_a_line_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let (steps, target_vertices) = ([].iter(), vec![]);
+    let check = Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps };
+    let mut random = Random(6);
+    for round in 0..5000 {
+        let bits = [30, 46][round % 2];
+        let mut int =
+            || DVec3::from_array(core::array::from_fn(|_| ((random.bits() as i64) >> (64 - bits)) as f64));
+        let (d, t, u) = (int(), int(), int());
+        let t = [t, u, d - t - u];
+        let (p, q) = (-d * 8.0, d * 8.0);
+        let sight = node(&[p; 3], &[q; 3], Some(0.0));
+        for sign in [1.0, -1.0] {
+            let rows: [Divider; 3] = core::array::from_fn(|k| {
+                let x = d * [0.0, 2.0, -1.0][k];
+                ([(x - t[k] * 2.0, None), (x + t[k] * 4.0, None)], sign)
+            });
+            assert!(!check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]), "{round}");
+        }
+    }
+}
+
+/// Lines on both sides of an edge, given three times from different ends: weights for which the sum of sides
+/// is 0 up to rounding.
+#[test]
+fn weights_that_cancel_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let (steps, target_vertices) = ([].iter(), vec![]);
+    let check = Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps };
+    let mut random = Random(7);
+    for round in 0..3000 {
+        let mut int = || DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-900, 900))));
+        let (p, a, b, c) = (int(), int(), int(), int());
+        // Lines through two points at both sides of a point of the edge.
+        let q = [1.0, -0.371].map(|side| a + (b - a) * 0.5 - p + a + c * side);
+        let sight = node(&[p; 3], &[q[0], q[1], q[1]], Some(0.0));
+        let (s, t) = (f64::from(1 + (round % 7)), f64::from(3 + (round % 11)));
+        let part = f64::from(round) / 3000.0;
+        let edge = |from: f64, to: f64| [(a + (b - a) * from, None), (a + (b - a) * to, None)];
+        let rows: [Divider; 3] =
+            [(edge(0.0, 1.0), 1.0), (edge(-1.0, s - 1.0), -1.0), (edge(2.0, 2.0 + t), 1.0)];
+        let weights = [1.0, (1.0 + part * t) / s, part];
+        assert!(!check.excludes(&sight, &rows, &weights), "{round}");
+    }
+}
+
+/// A loop with a corner behind the target's plane by less than the errors of heights, beside the target, the
+/// others before it.
+#[test]
+fn corners_next_to_the_plane_of_the_target_are_not_before_it() {
+    let mut random = Random(8);
+    for round in 0..500 {
+        let target = plane_through_the_origin(&mut random);
+        let normal = unit_normal(&target.map(|x| Vec3::from_array(x).as_dvec3())).unwrap();
+        let at = |x: DVec3| x.as_vec3().to_array();
+        let far = Vec3::from_array(target[0]).as_dvec3();
+        let lateral = normal.cross(far) * 4.0;
+        let wall = [at(normal * -1e-20), at(far * 2.0 + lateral + normal), at(far * 2.0 - lateral + normal)];
+        let mut world = World::new(target, &[wall]);
+        let min = (far * 0.5 + normal * 4000.0).round();
+        world.cell = CellBox { min, max: min + DVec3::ONE };
+        let (check, sight) = world.node_from(normal);
+        let corners = world.shapes[1].map(|x| (x, None));
+        assert!(!check.is_on_piece(&sight, world.piece(1), &corners), "{round}");
+        // The height over the plane is the target's by rounding.
+        assert!(sight.before_q.height(corners[0].0).abs() < check.delta);
+    }
+}
+
+/// Surfaces of two triangles that meet in a ridge from a corner of the target over the target: one that dips
+/// below the plane by less than rounding, and a tent behind the plane whose ridge is over it.
+#[test]
+fn ridges_next_to_the_plane_of_the_target_are_refused() {
+    let mut random = Random(9);
+    let mut tried = [0; 2];
+    for round in 0..4000 {
+        let target = plane_through_the_origin(&mut random);
+        let far = Vec3::from_array(target[0]).as_dvec3();
+        let normal = unit_normal(&target.map(|x| Vec3::from_array(x).as_dvec3())).unwrap();
+        let at = |x: DVec3| x.as_vec3().to_array();
+        let lateral = normal.cross(far) * random.fine_range(2.0, 6.0);
+        let is_tent = round % 2 == 1;
+        let depth = normal * random.fine_range(50.0, 800.0) * if is_tent { -1.0 } else { 1.0 };
+        let middle = far * random.fine_range(0.3, 1.2) + depth;
+        // The greatest coordinate is that of the viewcell.
+        let min = (far * 0.5 + normal * 60_000.0).round();
+        let max = min + DVec3::ONE;
+        let delta = 128.0 * 2f64.powi(-53) * min.abs().max(max.abs()).max_element();
+        let ridge = at(normal * if is_tent { 2.7 * delta } else { -1e-20 });
+        let [left, right] = [at(middle + lateral), at(middle - lateral)];
+        let mut world = World::new(target, &[[target[0], ridge, left], [target[0], right, ridge]]);
+        world.cell = CellBox { min, max };
+        let (check, sight) = world.node_from(normal);
+        let corners =
+            |t: usize, k: usize| (world.shapes[t][k], check.tag(world.triangles.vertices(t as u32)[k]));
+        let [far, ridge, left, right] = [corners(1, 0), corners(1, 1), corners(1, 2), corners(2, 1)];
+        if [[far, left], [left, ridge], [far, right], [right, ridge]]
+            .iter()
+            .all(|edge| check.is_missed(&sight, edge, true))
+        {
+            tried[usize::from(is_tent)] += 1;
+            let from = sight.p.center();
+            let parts = if is_tent { [0.3, 0.0, 0.0] } else { [0.5, 0.3, 0.2] };
+            let t = &world.shapes[0];
+            let to = t[0] * parts[0] + t[1] * parts[1] + t[2] * parts[2];
+            assert!(!check.surface_blocks(&sight, &[1, 2], &[], [from, to]), "{round}");
+        }
+    }
+    assert!(tried.iter().all(|tried| *tried > 50), "{tried:?}");
 }

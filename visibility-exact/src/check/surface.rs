@@ -103,8 +103,8 @@ impl Check<'_> {
     }
 }
 
-/// Returns whether a segment crosses the inside of a triangle; `None` if it may touch the boundary, or the
-/// plane at an end.
+/// Returns whether a segment crosses the inside of a triangle that holds none of its ends; `None` if it may
+/// touch the boundary.
 pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let sign = |(value, error): (f64, f64)| i32::from(value > error) - i32::from(value < -error);
     let s: [i32; 3] = core::array::from_fn(|k| sign(side(p, q, t[k], t[(k + 1) % 3], 0.0)));
@@ -112,10 +112,8 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let winds = s[0] != 0 && s[0] == s[1] && s[1] == s[2];
     if (s.contains(&1) && s.contains(&-1)) || ends[0] * ends[1] > 0 {
         Some(false)
-    } else if winds && ends[0] * ends[1] < 0 {
-        Some(true)
     } else {
-        None
+        winds.then_some(true)
     }
 }
 
