@@ -64,10 +64,9 @@ impl Check<'_> {
         all && some
     }
 
-    /// Returns whether no segment from before Q's plane meets an edge, by its side or by a plane that
-    /// separates it from both polygons. `from_before` is whether such segments are enough: P also holds points
-    /// behind Q's plane by less than the errors of heights, from where segments pass below corners of the
-    /// target.
+    /// Returns whether no segment meets an edge, by its side or by a plane that separates it from both
+    /// polygons. With `from_before`, segments that start behind Q's plane do not count: P holds points behind
+    /// it by less than the errors of heights, from where segments pass below corners of the target.
     pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2], from_before: bool) -> bool {
         let ends = [edge[0].0, edge[1].0];
         let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
