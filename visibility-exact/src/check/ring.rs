@@ -42,8 +42,8 @@ impl Check<'_> {
             (sight.before_q.axis().is_some() && sight.before_q.height(x) >= 0.0)
                 || self.is_near_plane_of_q(sight, x)
         };
-        // P's plane is perpendicular to an axis, and the sign of a height over it is exact: an occluder behind
-        // it is inside the viewcell, and segments start before it.
+        // P's plane is perpendicular to an axis, and the sign of a height over it is exact. An occluder
+        // behind the plane is inside the viewcell, and segments start before it.
         let in_slab = |(x, tag): Corner| {
             sight.before_p.height(x) >= 0.0
                 && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta || in_front(x))

@@ -26,11 +26,10 @@ impl Check<'_> {
             return false;
         }
         // Without clearance, surfaces may hold corners of the target. The line that is tested is then before
-        // Q's plane with all its points: one that starts or ends behind the plane, as points of P and Q are by
+        // Q's plane with all its points: one that starts or ends behind the plane, as points of P and Q do by
         // rounding, could pass below these corners, where other segments do not. The start is before the
-        // plane if its height is above the errors of heights. The end is up to delta behind the plane, and
-        // 1.25 delta are surely more; it is still nearer to Q than triangles that are apart from Q, by 3
-        // delta.
+        // plane if its height is above the errors of heights. The end is up to delta behind the plane, and 1.25
+        // delta are surely more. It is still nearer to Q than triangles that are apart from Q, by 3 delta.
         let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
         let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
         let line = [line[0], line[1] + sight.before_q.normal * lift];
@@ -87,8 +86,8 @@ impl Check<'_> {
 
     /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's
     /// are on one side of Q's plane, and it is apart from P. `end` is the end of the line that is tested, at
-    /// most 3 delta from Q: if the triangle is before Q, its plane is farther from this end, so that a line to
-    /// the point of Q next to it crosses the triangle too, or does not either.
+    /// most 3 delta from Q. If the triangle is before Q, its plane is farther from this end, so that lines to
+    /// the points of Q next to the end cross the triangle as often.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,
