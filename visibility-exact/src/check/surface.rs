@@ -26,10 +26,11 @@ impl Check<'_> {
             return false;
         }
         // Without clearance, surfaces may hold corners of the target. The line that is tested is then before
-        // Q's plane with all its points: one that starts or ends behind the plane, as points of P and Q do by
-        // rounding, could pass below these corners, where other segments do not. The start is before the
-        // plane if its height is above the errors of heights. The end is up to delta behind the plane, and 1.25
-        // delta are surely more. It is still nearer to Q than triangles that are apart from Q, by 3 delta.
+        // Q's plane with all its points: one that starts or ends behind the plane, as points of P and Q do
+        // by rounding, could pass below these corners, where other segments do not. The start is before the
+        // plane if its height is above the errors of heights. The end is up to delta behind the plane, and
+        // 1.25 delta are surely more. It is still nearer to Q than triangles that are apart from Q, by 3
+        // delta.
         let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
         let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
         let line = [line[0], line[1] + sight.before_q.normal * lift];
