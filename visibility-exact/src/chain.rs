@@ -135,9 +135,12 @@ impl Search<'_> {
         if shaft.misses(&edge.ends) {
             return true;
         }
-        // Behind Q, but for corners of the target triangle, which are on the boundary of Q.
+        // Behind Q, but for corners of the target triangle, which are on the boundary of Q. Segments from
+        // behind Q's plane, where P holds points by the errors of heights, do meet the edge: if there are no
+        // others, the line through the middle is one.
         let behind = |k: usize| edge.tags[k] < 3 || sight.before_q.height(edge.ends[k]) < -shaft.pad;
-        if (edge.tags[0] < 3 || edge.tags[1] < 3) && behind(0) && behind(1) {
+        let from_before = || sight.before_q.height(sight.p.center()) > 2.0 * shaft.pad;
+        if (edge.tags[0] < 3 || edge.tags[1] < 3) && behind(0) && behind(1) && from_before() {
             return true;
         }
         matches!(signs(sight, edge, sight.side_error(self.delta)), 0 | POSITIVE | NEGATIVE)

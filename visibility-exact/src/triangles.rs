@@ -344,6 +344,14 @@ impl SceneTriangles {
         self.pieces.get(number as usize).map(|piece| &*piece.triangles)
     }
 
+    /// Adds a piece, whether it is convex and occludes or not.
+    #[cfg(test)]
+    pub(crate) fn push_piece(&mut self, triangles: &[u32]) -> u32 {
+        let piece = Piece { ring: Box::default(), positions: Box::default(), triangles: triangles.into() };
+        self.pieces.push(piece);
+        self.pieces.len() as u32 - 1
+    }
+
     /// Returns a bound on the absolute error of each coordinate of a computed point, such as a midpoint of
     /// midpoints, where all coordinates are at most `magnitude`: of 60 steps of one rounding each, and a cut
     /// of four, less than 128 U.

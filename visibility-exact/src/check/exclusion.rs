@@ -2,22 +2,28 @@
 
 use super::context::{Check, Divider};
 use super::exact_side::{D, cross, difference, dot, norm};
+use crate::line_side::U;
 use crate::sight::Sight;
 use alloc::vec::Vec;
 
 impl Check<'_> {
-    /// Returns whether weights of rows make the sum of their sides negative at all pairs of corners.
+    /// Returns whether weights of rows make the sum of their sides negative at all pairs of corners. Rows
+    /// without a weight do not count.
+    ///
+    /// Rounding, with U the unit round-off of `f64`: a term is a side rounded to `f64` times a weight, wrong
+    /// by 2 U of its magnitude, and each of the sums of n terms by U of the sum of their magnitudes.
     pub(super) fn excludes(&self, sight: &Sight, rows: &[Divider], weights: &[f64]) -> bool {
-        if weights.len() != rows.len() || weights.iter().any(|w| w.is_nan() || *w < 0.0) {
+        if weights.iter().any(|w| *w < 0.0) {
             return false;
         }
         let pairs = sight.p.corners().len() * sight.q.corners().len();
+        let rounding = (rows.len() as f64 + 4.0) * U;
         let mut sums = alloc::vec![(0.0, 0.0); pairs];
         for ((edge, sign), weight) in rows.iter().zip(weights) {
             for (sum, (value, error)) in sums.iter_mut().zip(self.sides(sight, edge)) {
                 let term = value * sign * weight;
                 sum.0 += term;
-                sum.1 += error * weight + term.abs() * 1e-15;
+                sum.1 += error * weight + term.abs() * rounding;
             }
         }
         sums.iter().all(|(value, error)| *value < -*error)
@@ -25,53 +31,54 @@ impl Check<'_> {
 
     /// Returns whether three edges exclude all lines, by the form of degree two. With directions t_k times
     /// signs, and without division: det d = sum of L_k t_k for L_k = (t_i x t_j) . d. The sum of
-    /// L_k (side on edge k) is then, up to the common factor, the form at d, whatever p is.
+    /// L_k (side on edge k) is then the form at d, whatever p is, also where det is 0. If all L_k have one
+    /// sign for all d, and the form the other sign, no line has positive sides on all edges.
+    ///
+    /// Rounding, with E the relative error of a double-double operation: components of a product of vectors
+    /// are wrong by 2 E, and a scalar product by 3 E, of the product of the sums of magnitudes. A term of the
+    /// form, the sum of two products of two scalar products, is wrong by 16 E of the product of all four
+    /// sums, and the sum of three terms by 4 E more.
     pub(super) fn corner_excludes(&self, sight: &Sight, rows: [&Divider; 3]) -> bool {
-        let sign = |x: f64| D::from(x);
-        let t = rows.map(|([a, b], s)| difference(b.0, a.0).map(|x| x.times(sign(*s))));
+        let t = rows.map(|([a, b], s)| difference(b.0, a.0).map(|x| x.times(D::from(*s))));
         let c = [cross(t[1], t[2]), cross(t[2], t[0]), cross(t[0], t[1])];
-        let determinant = dot(t[0], c[0]).hi;
-        let orientation = if determinant > 0.0 { 1.0 } else { -1.0 };
         let v = rows[0].0[0].0;
         let e = rows.map(|([a, _], _)| difference(a.0, v));
         let w: [[D; 3]; 3] = core::array::from_fn(|k| cross(e[k], t[k]));
-        let directions: Vec<[D; 3]> = sight
-            .p
-            .corners()
-            .iter()
-            .flat_map(|&p| sight.q.corners().iter().map(move |&q| difference(q, p)))
-            .collect();
-        let (Some(first), true) = (directions.first(), determinant.abs() > 0.0) else { return false };
+        let (p, q) = (sight.p.corners(), sight.q.corners());
+        let directions: Vec<[D; 3]> =
+            p.iter().flat_map(|&p| q.iter().map(move |&q| difference(q, p))).collect();
+        let sign = if directions.iter().any(|d| dot(c[0], *d).hi > 0.0) { 1.0 } else { -1.0 };
         // Changes of directions by 2 delta on each axis.
         let change = 2.0 * self.moved(sight);
-        let level = dot(c[0], *first).hi * orientation;
-        let sense = if level > 0.0 { 1.0 } else { -1.0 };
         // Changes of the ends of edges by delta change each t_k and e_k by 2 delta on each axis, and a
         // product of two vectors by at most twice the product of the sums of their magnitudes.
-        let moved = |u: [D; 3], w: [D; 3]| 4.0 * change * (norm(u) + norm(w) + change);
-        let c_moved: [f64; 3] = core::array::from_fn(|k| moved(t[(k + 1) % 3], t[(k + 2) % 3]));
-        let w_moved: [f64; 3] = core::array::from_fn(|k| moved(e[k], t[k]));
-        let positive = directions.iter().all(|d| {
+        let wrong = |u: [D; 3], w: [D; 3]| {
+            4.0 * change * (norm(u) + norm(w) + change) + 4.0 * D::ERROR * norm(u) * norm(w)
+        };
+        let c_wrong: [f64; 3] = core::array::from_fn(|k| wrong(t[(k + 1) % 3], t[(k + 2) % 3]));
+        let w_wrong: [f64; 3] = core::array::from_fn(|k| wrong(e[k], t[k]));
+        let is_positive = directions.iter().all(|d| {
             (0..3).all(|k| {
-                let least = norm(c[k]) * change + c_moved[k] * (norm(*d) + change);
-                dot(c[k], *d).hi * orientation * sense > least
+                let least =
+                    norm(c[k]) * (change + 4.0 * D::ERROR * norm(*d)) + c_wrong[k] * (norm(*d) + change);
+                dot(c[k], *d).hi * sign > least
             })
         });
-        let rounding: f64 = (0..3).map(|k| norm(c[k]) * norm(w[k])).sum::<f64>() * 1e-24;
-        positive
+        is_positive
             && directions.iter().enumerate().all(|(i, x)| {
                 directions[i..].iter().all(|y| {
-                    let (mut form, mut error) = (0.0, rounding * norm(*x) * norm(*y));
+                    let (mut form, mut error) = (D::ZERO, 0.0);
                     for k in 0..3 {
                         let both =
                             dot(c[k], *x).times(dot(w[k], *y)).plus(dot(c[k], *y).times(dot(w[k], *x)));
-                        form += both.hi * orientation * sense;
-                        error += both.hi.abs() * 1e-15
-                            + 2.0 * change * norm(c[k]) * norm(w[k]) * (norm(*x) + norm(*y) + change);
-                        let changed = c_moved[k] * (norm(w[k]) + w_moved[k]) + norm(c[k]) * w_moved[k];
+                        form = form.plus(both);
+                        let rounded = 20.0 * D::ERROR * norm(*x) * norm(*y);
+                        let moved = 2.0 * change * (norm(*x) + norm(*y) + change);
+                        error += norm(c[k]) * norm(w[k]) * (rounded + moved);
+                        let changed = c_wrong[k] * (norm(w[k]) + w_wrong[k]) + norm(c[k]) * w_wrong[k];
                         error += 2.0 * changed * (norm(*x) + change) * (norm(*y) + change);
                     }
-                    form < -error
+                    form.hi * sign < -error
                 })
             })
     }

@@ -42,13 +42,14 @@ impl Check<'_> {
             (sight.before_q.axis().is_some() && sight.before_q.height(x) >= 0.0)
                 || self.is_near_plane_of_q(sight, x)
         };
+        // P's plane is perpendicular to an axis, and the sign of a height over it is exact. An occluder
+        // behind the plane is inside the viewcell, and segments start before it.
         let in_slab = |(x, tag): Corner| {
-            sight.before_p.height(x) >= -4.0 * self.delta
+            sight.before_p.height(x) >= 0.0
                 && (tag.is_some() || sight.before_q.height(x) > 3.0 * self.delta || in_front(x))
         };
         // What is coplanar with Q blocks nothing.
-        let leaves_plane =
-            ring.iter().any(|(x, tag)| tag.is_none() && sight.before_q.height(*x) > 3.0 * self.delta);
+        let leaves_plane = ring.iter().any(|(x, _)| sight.before_q.height(*x) > 3.0 * self.delta);
         let tags_hold = |(x, tag): Corner| {
             tag.is_none_or(|k| {
                 let vertex = self.target_vertices.get(k);

@@ -25,7 +25,7 @@ impl Check<'_> {
         sight.p.corners().iter().flat_map(move |&p| {
             sight.q.corners().iter().zip(&sight.q.zero).map(move |(&q, &zero)| {
                 let support = 0b111 ^ zero;
-                let is_mixture = zero != 0 && support & !ends == 0;
+                let is_mixture = support & !ends == 0;
                 let is_flat = [&sight.before_p, &sight.before_q].into_iter().any(|plane| {
                     let axis = plane.axis();
                     axis.is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k])
@@ -65,12 +65,13 @@ impl Check<'_> {
     }
 
     /// Returns whether no segment meets an edge, by its side or by a plane that separates it from both
-    /// polygons.
-    pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2]) -> bool {
+    /// polygons. With `from_before`, segments that start behind Q's plane do not count: P holds points behind
+    /// it by less than the errors of heights, from where segments pass below corners of the target.
+    pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2], from_before: bool) -> bool {
         let ends = [edge[0].0, edge[1].0];
         let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
         self.is_outside(sight, &ends)
-            || (edge.iter().any(|end| end.1.is_some()) && edge.iter().all(|&end| behind(end)))
+            || (from_before && edge.iter().all(|&end| behind(end)))
             || self.is_on_side(sight, edge, 1.0)
             || self.is_on_side(sight, edge, -1.0)
     }

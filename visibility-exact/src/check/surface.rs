@@ -4,6 +4,7 @@ use super::context::Check;
 use super::exact_side::side;
 use crate::polygon::Polygon;
 use crate::sight::Sight;
+use crate::triangles::unit_normal;
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -24,9 +25,23 @@ impl Check<'_> {
         {
             return false;
         }
+        // Without clearance, surfaces may hold corners of the target. The line that is tested is then before
+        // Q's plane with all its points: one that starts or ends behind the plane, as points of P and Q do
+        // by rounding, could pass below these corners, where other segments do not. The start is before the
+        // plane if its height is above the errors of heights. The end is up to delta behind the plane, and
+        // 1.25 delta are surely more. It is still nearer to Q than triangles that are apart from Q, by 3
+        // delta.
+        let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
+        let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
+        let line = [line[0], line[1] + sight.before_q.normal * lift];
         let moved: BTreeMap<u32, DVec3> = moved.iter().copied().collect();
         let mut boundary: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();
-        let mut crossings = 0;
+        let mut is_odd = false;
+        let mut count = |t: &[DVec3; 3]| {
+            let found = crosses(line, t);
+            is_odd ^= found == Some(true);
+            found.is_some()
+        };
         for &t in surface {
             let (numbers, corners) = (all.vertices(t), all.corners(t));
             for k in 0..3 {
@@ -37,15 +52,11 @@ impl Check<'_> {
                 }
             }
             let tags = numbers.map(|v| self.tag(v));
-            if !(self.is_outside(sight, &corners)
+            let is_clear = self.is_outside(sight, &corners)
                 || self.is_apart(sight, &corners)
-                || self.touches_beside(sight, &corners, tags))
-            {
+                || self.touches_beside(sight, &corners, tags, line[1]);
+            if !is_clear || !count(&corners) {
                 return false;
-            }
-            match crosses(line, &corners) {
-                Some(crosses) => crossings += u32::from(crosses),
-                None => return false,
             }
         }
         for (&[v, w], &[a, b]) in &boundary {
@@ -53,51 +64,51 @@ impl Check<'_> {
             let (c, d) = (place(v, a), place(w, b));
             // A NaN must fail.
             let near = |x: DVec3, y: DVec3| x.distance(y) <= 3.0 * self.clearance;
-            if !near(a, c) || !near(b, d) || !self.is_missed(sight, &[(c, self.tag(v)), (d, self.tag(w))]) {
+            let edge = [(c, self.tag(v)), (d, self.tag(w))];
+            if !near(a, c) || !near(b, d) || !self.is_missed(sight, &edge, from_before) {
                 return false;
             }
             if (a, b) == (c, d) {
                 continue;
-            }
-            if (c != a && self.tag(v).is_some()) || (d != b && self.tag(w).is_some()) {
-                return false;
             }
             let strip = [a, b, d, c];
             if !(self.is_outside(sight, &strip) || self.is_apart(sight, &strip)) {
                 return false;
             }
             for t in [[a, b, d], [a, d, c]] {
-                if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
-                    continue;
-                }
-                match crosses(line, &t) {
-                    Some(crosses) => crossings += u32::from(crosses),
-                    None => return false,
+                let has_area = t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+                if has_area && !count(&t) {
+                    return false;
                 }
             }
         }
-        crossings % 2 == 1
+        is_odd
     }
 
-    /// Returns whether a triangle touches Q at most at its boundary: it has corners of the target triangle,
-    /// its other corners are on one side of Q's plane, and it is apart from P.
+    /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's
+    /// are on one side of Q's plane, and it is apart from P. `end` is the end of the line that is tested, at
+    /// most 3 delta from Q. If the triangle is before Q, its plane is farther from this end, so that lines to
+    /// the points of Q next to the end cross the triangle as often.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,
         corners: &[DVec3; 3],
         tags: [Option<usize>; 3],
+        end: DVec3,
     ) -> bool {
         let heights: Vec<f64> =
             (0..3).filter(|&k| tags[k].is_none()).map(|k| sight.before_q.height(corners[k])).collect();
         let margin = 3.0 * self.delta;
-        let on_one_side = heights.iter().all(|h| *h > margin) || heights.iter().all(|h| *h < -margin);
+        let is_behind = heights.iter().all(|h| *h < -margin);
+        let is_before = heights.iter().all(|h| *h > margin)
+            && unit_normal(corners).is_some_and(|n| n.dot(end - corners[0]).abs() > 2.0 * margin);
         let apart_from_p = self.is_apart(&Sight { q: sight.p, before_q: sight.before_p, ..*sight }, corners);
-        (1..3).contains(&heights.len()) && on_one_side && apart_from_p
+        (is_behind || is_before) && apart_from_p
     }
 }
 
-/// Returns whether a segment crosses the inside of a triangle; `None` if it may touch the boundary, or the
-/// plane at an end.
+/// Returns whether a segment crosses the inside of a triangle that holds none of its ends; `None` if it may
+/// touch the boundary.
 pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let sign = |(value, error): (f64, f64)| i32::from(value > error) - i32::from(value < -error);
     let s: [i32; 3] = core::array::from_fn(|k| sign(side(p, q, t[k], t[(k + 1) % 3], 0.0)));
@@ -105,10 +116,8 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let winds = s[0] != 0 && s[0] == s[1] && s[1] == s[2];
     if (s.contains(&1) && s.contains(&-1)) || ends[0] * ends[1] > 0 {
         Some(false)
-    } else if winds && ends[0] * ends[1] < 0 {
-        Some(true)
     } else {
-        None
+        winds.then_some(true)
     }
 }
 

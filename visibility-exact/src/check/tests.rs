@@ -162,7 +162,7 @@ fn edges_near_the_plane_of_a_face_are_in_it() {
         let (target_vertices, steps) = (vec![], [].iter());
         let check = Check { triangles: &triangles, clearance: 1e-4, delta: 8e-13, target_vertices, steps };
         for (x, height, is_divided) in
-            [(2.0, 0.0, true), (6.0, 0.0, false), (6.0, -1e-9, false), (6.0, 1e-9, true)]
+            [(2.0, 0.0, true), (6.0, 0.0, false), (6.0, -1e-9, false), (6.0, 1e-9, true), (6.0, 1e-11, true)]
         {
             let ends = [at(x, -5.0, height), at(x, 9.0, height)];
             let found = signs(&sight, &Edge::new(ends[0], ends[1]), sight.side_error(check.delta));
@@ -171,6 +171,14 @@ fn edges_near_the_plane_of_a_face_are_in_it() {
             let on_a_side = [1.0, -1.0].map(|side| check.is_on_side(&sight, &edge, side));
             assert_eq!(on_a_side.contains(&true), !is_divided, "{x} {height}: {on_a_side:?}");
         }
+        // One end alone is in the plane.
+        let edge = [(at(6.0, -5.0, 0.0), None), (at(6.0, 9.0, 1e-3), None)];
+        assert!([1.0, -1.0].iter().all(|&side| !check.is_on_side(&sight, &edge, side)));
+        // Where all points are in the plane, an edge in the plane has them on no side.
+        let corners = [at(9.0, 0.0, 0.0), at(10.0, 0.0, 0.0), at(10.0, 4.0, 0.0)];
+        let flat = Sight { p: Polygon::new(&corners), ..sight };
+        let edge = [(at(2.0, -5.0, 0.0), None), (at(2.0, 9.0, 0.0), None)];
+        assert!([1.0, -1.0].iter().all(|&side| !check.is_on_side(&flat, &edge, side)));
     }
 }
 
