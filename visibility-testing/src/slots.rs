@@ -1,7 +1,7 @@
 //! Random scenes in which an object is seen from a viewcell through slots, and the segment that sees it.
 //!
-//! All coordinates are multiples of 2^-15 m below 512 m: exact in `f32`, and integers of 24 bits here. Whether
-//! the segment misses every triangle follows from products of three differences, exact in `i128`.
+//! All coordinates are multiples of 2^-15 m below 512 m: exact in `f32`, and integers of 24 bits here.
+//! Whether the segment misses every triangle follows from products of three differences, exact in `i128`.
 
 use crate::Random;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
