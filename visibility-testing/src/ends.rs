@@ -4,8 +4,8 @@
 pub const UNIT: i64 = 12;
 
 /// A number and its exact place among the borders of units. The border at the whole number k has rank
-/// [`UNIT`] k. A quarter of a unit has three ranks: the number just before it, the number on it, and the number
-/// just after it. Numbers of one list compare as their ranks do.
+/// [`UNIT`] k. A quarter of a unit has three ranks: the number just before it, the number on it, and the
+/// number just after it. Numbers of one list compare as their ranks do.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct End<T> {
     /// The number, in units.
@@ -14,8 +14,8 @@ pub struct End<T> {
     pub rank: i64,
 }
 
-/// Returns each quarter of a unit from `first` to `last` units, both included, and the next number before and
-/// after each, in ascending order.
+/// Returns each quarter of a unit from `first` to `last` units, both included, and the next number before
+/// and after each, in ascending order.
 ///
 /// ```
 /// use visibility_testing::{UNIT, ends};
