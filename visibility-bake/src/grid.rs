@@ -134,8 +134,8 @@ impl Grid {
     }
 
     /// Returns the place in the grid of the box that contains a point: the numbers of boxes from the origin
-    /// on each axis. A point on a face is in the upper box. [`GridError::TooMany`] if the point is not
-    /// finite or so far that boxes have no extent.
+    /// on each axis. A point on a face is in the upper box. [`GridError::TooMany`] if the point is not finite
+    /// or so far that boxes have no extent.
     pub(crate) fn place(&self, p: DVec3) -> Result<[i64; 3], GridError> {
         let at = ((p - self.origin) / self.size).floor();
         // Beyond 2^52 boxes have no extent.

@@ -8,9 +8,9 @@
 //! rounding. Where rounding swaps two crossings less than 1e-12 pixels apart, a centre between them is
 //! covered twice, and the nearer triangle has it.
 //!
-//! A *claim* records a triangle that ties for a pixel with the triangle that the pixel shows: it comes
-//! within [`EDGE_TIE`] of the pixel's centre, is there at least as near up to [`DEPTH_TIE`], and belongs to
-//! another object. Rounding alone decides which of the two the pixel shows.
+//! A *claim* records a triangle that ties for a pixel with the triangle that the pixel shows: it comes within
+//! [`EDGE_TIE`] of the pixel's centre, is there at least as near up to [`DEPTH_TIE`], and belongs to another
+//! object. Rounding alone decides which of the two the pixel shows.
 
 use alloc::vec::Vec;
 
@@ -68,8 +68,8 @@ pub(crate) struct TieClaim {
     depth_key: f64,
 }
 
-/// Image under construction: the nearest triangle so far at each pixel and its depth key, row by row from
-/// the top.
+/// Image under construction: the nearest triangle so far at each pixel and its depth key, row by row from the
+/// top.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Image {
     /// Number of columns.
@@ -128,8 +128,8 @@ impl Image {
         self.claims.retain(|claim| claim.depth_key >= least(claim.pixel));
     }
 
-    /// Draws triangle number `item`, with finite corners of any size and position, and records the pixels
-    /// for which it ties. Corners in either orientation; a triangle without area draws nothing.
+    /// Draws triangle number `item`, with finite corners of any size and position, and records the pixels for
+    /// which it ties. Corners in either orientation; a triangle without area draws nothing.
     pub(crate) fn fill(&mut self, corners: [Corner; 3], item: u32) {
         let [a, b, c] = corners;
         if self.claims.len() >= MAX_CLAIMS * self.items.len().max(64) && !self.claims_full {
@@ -282,8 +282,8 @@ impl Edge {
         Self { upper, lower, slope: (lower.x - upper.x) / (lower.y - upper.y) }
     }
 
-    /// Returns the x coordinate, in columns, at which the edge crosses height `y`, which must lie between
-    /// its ends.
+    /// Returns the x coordinate, in columns, at which the edge crosses height `y`, which must lie between its
+    /// ends.
     fn crossing(&self, y: f64) -> f64 {
         self.upper.x + (y - self.upper.y) * self.slope
     }
@@ -326,8 +326,8 @@ struct DepthKeyPlane {
 }
 
 impl DepthKeyPlane {
-    /// Interpolates the depth keys of three corners. `None` for triangles without area. Values are clamped
-    /// to the corners' range, since the slopes of a triangle seen almost edge-on are mostly rounding.
+    /// Interpolates the depth keys of three corners. `None` for triangles without area. Values are clamped to
+    /// the corners' range, since the slopes of a triangle seen almost edge-on are mostly rounding.
     fn through(a: Corner, b: Corner, c: Corner) -> Option<Self> {
         let (bx, by, bn) = (b.x - a.x, b.y - a.y, b.depth_key - a.depth_key);
         let (cx, cy, cn) = (c.x - a.x, c.y - a.y, c.depth_key - a.depth_key);
@@ -479,8 +479,8 @@ mod tests {
         assert!(image.claims.len() > 64 && image.claims.len() <= 17 * 64, "{}", image.claims.len());
     }
 
-    /// Edges in all directions that pass a pixel's centre at a given multiple of [`EDGE_TIE`]: an edge
-    /// closer than the limit claims the pixel, an edge beyond the limit does not.
+    /// Edges in all directions that pass a pixel's centre at a given multiple of [`EDGE_TIE`]: an edge closer
+    /// than the limit claims the pixel, an edge beyond the limit does not.
     #[test]
     fn a_claim_reaches_as_far_as_a_tie() {
         for step in 0..200 {

@@ -1,8 +1,8 @@
-//! The grid of the octree: a cube around the scene, divided into 2^10 steps per side, and Morton codes of
-//! its voxels.
+//! The grid of the octree: a cube around the scene, divided into 2^10 steps per side, and Morton codes of its
+//! voxels.
 //!
-//! A voxel is a cube of one step. Its index is three integers, the steps from the grid's minimum corner
-//! along x, y and z, 0 to 1023 each.
+//! A voxel is a cube of one step. Its index is three integers, the steps from the grid's minimum corner along
+//! x, y and z, 0 to 1023 each.
 
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
@@ -13,8 +13,8 @@ pub(crate) const DEPTH: u32 = 10;
 /// Number of steps along each side of the grid.
 pub(crate) const STEPS: u32 = 1 << DEPTH;
 
-/// Cube in scene-relative coordinates (metres, relative to `Scene::origin`), divided into [`STEPS`] steps
-/// per side.
+/// Cube in scene-relative coordinates (metres, relative to `Scene::origin`), divided into [`STEPS`] steps per
+/// side.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Grid {
     /// Minimum corner of the cube, relative to the scene's origin, in metres.
@@ -25,8 +25,8 @@ pub(crate) struct Grid {
 
 impl Grid {
     /// Returns a grid around a box. The grid's cube extends beyond the box in each direction by at least a
-    /// hundredth of the box's longest side, so that no corner of the box lies in a face of the cube. The
-    /// unit cube centred at the origin for a box that is empty, infinite or NaN.
+    /// hundredth of the box's longest side, so that no corner of the box lies in a face of the cube. The unit
+    /// cube centred at the origin for a box that is empty, infinite or NaN.
     pub(crate) fn around(bounds: &Aabb) -> Self {
         if !bounds.is_finite() {
             return Self { min: DVec3::splat(-0.5), step: 1.0 / f64::from(STEPS) };
@@ -39,8 +39,8 @@ impl Grid {
     }
 
     /// Returns the indices along x, y and z, each 0 to 1023, of the voxel (smallest cube of the grid) that
-    /// contains a scene-relative point. A point outside of the grid gives the nearest voxel. A NaN
-    /// coordinate gives index 0 on its axis.
+    /// contains a scene-relative point. A point outside of the grid gives the nearest voxel. A NaN coordinate
+    /// gives index 0 on its axis.
     pub(crate) fn voxel(&self, point: DVec3) -> [u32; 3] {
         // Casts of NaN and of numbers out of range are defined: 0 and the nearest number.
         ((point - self.min) / self.step).to_array().map(|x| (x as u32).min(STEPS - 1))

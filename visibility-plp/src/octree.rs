@@ -1,9 +1,9 @@
-//! Cells that are the leaves of an octree: small where the scene has many vertices, large where the scene
-//! has none.
+//! Cells that are the leaves of an octree: small where the scene has many vertices, large where the scene has
+//! none.
 //!
 //! Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
-//! section 4. Leaves are sorted by Morton code, so the leaf of a point is found by bisection. Each leaf
-//! looks up its neighbours of its own size or larger, and adds itself to the lists of the larger neighbours.
+//! section 4. Leaves are sorted by Morton code, so the leaf of a point is found by bisection. Each leaf looks
+//! up its neighbours of its own size or larger, and adds itself to the lists of the larger neighbours.
 
 use crate::content::Content;
 use crate::cover::{Cover, stopped_rays};
@@ -47,10 +47,10 @@ impl Default for Fineness {
 /// Tessellation into cubes, the leaves of an octree, within a cube slightly larger than the scene.
 ///
 /// # Cost
-/// Building takes O(n log n) in the number of triangles, about three microseconds each, and as much again
-/// per reference (a pair of an object and a cell that the object meets). An object without triangles is in
-/// all cells that its bounds meet. For such objects that overlap in space, such as thousands of nested
-/// boxes, the number of references grows with the number of objects times the number of cells.
+/// Building takes O(n log n) in the number of triangles, about three microseconds each, and as much again per
+/// reference (a pair of an object and a cell that the object meets). An object without triangles is in all
+/// cells that its bounds meet. For such objects that overlap in space, such as thousands of nested boxes, the
+/// number of references grows with the number of objects times the number of cells.
 /// [`Content::reference_count`] returns the number of references; a coarser [`Fineness`] reduces it.
 /// Coincident boxes do not add cells, however many there are.
 ///
@@ -203,8 +203,8 @@ impl OctreeTessellation {
             + self.content.memory()
     }
 
-    /// Returns the minimum corner of a cell in grid steps from the grid's minimum corner, and the cell's
-    /// side in grid steps.
+    /// Returns the minimum corner of a cell in grid steps from the grid's minimum corner, and the cell's side
+    /// in grid steps.
     #[inline]
     fn voxel_and_side(&self, cell: u32) -> ([u32; 3], u32) {
         let [x, y, z, side] = self.leaf_positions[cell as usize].map(u32::from);
@@ -235,16 +235,16 @@ fn encode_neighbour(leaf: u32, axis: usize, upwards: bool) -> u32 {
     leaf | (axis as u32 * 2 + u32::from(upwards)) << LEAF_BITS
 }
 
-/// Decodes a neighbour encoded by [`encode_neighbour`]. Returns the number of the neighbouring leaf, the
-/// axis (0, 1, 2) along which it lies, and whether it lies towards greater coordinates.
+/// Decodes a neighbour encoded by [`encode_neighbour`]. Returns the number of the neighbouring leaf, the axis
+/// (0, 1, 2) along which it lies, and whether it lies towards greater coordinates.
 #[inline]
 pub(crate) fn decode_neighbour(encoded: u32) -> (u32, usize, bool) {
     let side = encoded >> LEAF_BITS;
     (encoded & ((1 << LEAF_BITS) - 1), (side / 2) as usize, side & 1 != 0)
 }
 
-/// Returns the adjacency of all leaves, encoded by [`encode_neighbour`], and the numbers of the leaves with
-/// a face on the surface of the cube that the octree fills.
+/// Returns the adjacency of all leaves, encoded by [`encode_neighbour`], and the numbers of the leaves with a
+/// face on the surface of the cube that the octree fills.
 fn find_neighbours(codes: &[u32], leaf_positions: &[[u16; 4]]) -> (IndexLists, Vec<u32>) {
     let mut pairs = Vec::new();
     let mut boundary = Vec::new();
@@ -307,8 +307,8 @@ fn enclosing(nodes: &[Node], grid: &Grid, shape: &Shape) -> (u32, [u32; 3], u32)
     (node, voxel, side)
 }
 
-/// Assigns every object to all leaves that its shapes meet. Also samples which share of the rays through
-/// each leaf its objects stop. `leaves` is the number of leaves.
+/// Assigns every object to all leaves that its shapes meet. Also samples which share of the rays through each
+/// leaf its objects stop. `leaves` is the number of leaves.
 fn assign_objects(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> Content {
     let mut pairs = Vec::new();
     let mut cover = alloc::vec![Cover::default(); leaves];

@@ -14,8 +14,8 @@ pub struct End<T> {
     pub rank: i64,
 }
 
-/// Returns each quarter of a unit from `first` to `last` units, both included, and the next number before
-/// and after each, in ascending order.
+/// Returns each quarter of a unit from `first` to `last` units, both included, and the next number before and
+/// after each, in ascending order.
 ///
 /// ```
 /// use visibility_testing::{UNIT, ends};

@@ -1,8 +1,8 @@
 //! The solid triangles around the boxes of a grid, and the voxels of a box that they leave to a camera.
 //!
 //! The diagonal of a voxel is less than the radius that the camera keeps free around itself. A voxel that
-//! touches a solid surface therefore contains no position of the camera: each of its points is nearer to
-//! that surface than the radius.
+//! touches a solid surface therefore contains no position of the camera: each of its points is nearer to that
+//! surface than the radius.
 
 use super::camera_range::CameraRange;
 use super::triangle_columns::{Columns, extent};

@@ -55,8 +55,8 @@ const QUARTERS: [u64; 4] = [0x0f0f_0f0f, 0xf0f0_f0f0, 0x0f0f_0f0f_0000_0000, 0xf
 /// Width and height of a quarter of a tile, in pixels.
 const HALF: usize = SIDE / 2;
 
-/// Flatness limit of a triangle: if the depth keys of its corners differ by no more than this fraction of
-/// the greatest of them, the whole triangle gets the depth key of its farthest corner.
+/// Flatness limit of a triangle: if the depth keys of its corners differ by no more than this fraction of the
+/// greatest of them, the whole triangle gets the depth key of its farthest corner.
 const FLAT: f32 = 0.001;
 
 /// Scratch for the coverage and depth that one mesh contributes: one [`ContourTile`] for each tile of the
@@ -263,8 +263,8 @@ impl<'a> ContourRaster<'a> {
         }
     }
 
-    /// Covers the mesh's pixels in `tiles`, each at the least depth key of its quarter of a tile, and
-    /// empties the mesh's contributions.
+    /// Covers the mesh's pixels in `tiles`, each at the least depth key of its quarter of a tile, and empties
+    /// the mesh's contributions.
     #[inline(always)]
     pub(crate) fn merge(self, tiles: &mut Tiles) {
         let [x0, x1, y0, y1] = self.used;
@@ -365,8 +365,8 @@ impl Sides {
     }
 
     /// Returns the least and the greatest column, in pixels, of the polygon between the rows `top` and
-    /// `bottom`. The least is infinity and the greatest negative infinity if the polygon does not reach
-    /// these rows.
+    /// `bottom`. The least is infinity and the greatest negative infinity if the polygon does not reach these
+    /// rows.
     #[inline(always)]
     fn span(&self, top: f64, bottom: f64) -> [f64; 2] {
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);

@@ -4,11 +4,11 @@
 //! # Why it is sound
 //! Take any set of triangles that all run in the same sense on the screen. Their *contour* is the set of
 //! their directed edges that are not cancelled by the opposite edge of another triangle. If a point lies
-//! strictly to the left of the line of every contour edge, each edge sweeps a positive angle about the
-//! point. So the contour winds round the point at least once, and since all triangles wind in the same
-//! sense, at least one of them covers the point. The same holds on the sphere of directions about the eye:
-//! corners may lie behind the eye, and where triangles are cut at the near plane, the cuts join the contour.
-//! Nothing here assumes a convex solid. For a convex solid, no pixel inside its outline is lost.
+//! strictly to the left of the line of every contour edge, each edge sweeps a positive angle about the point.
+//! So the contour winds round the point at least once, and since all triangles wind in the same sense, at
+//! least one of them covers the point. The same holds on the sphere of directions about the eye: corners may
+//! lie behind the eye, and where triangles are cut at the near plane, the cuts join the contour. Nothing here
+//! assumes a convex solid. For a convex solid, no pixel inside its outline is lost.
 //!
 //! A triangle that covers a point lies in its own depth plane. So the depth key there is at least the least
 //! value of all drawn triangles' planes, and at least that of the farthest corner. (Durand, "A
@@ -103,8 +103,8 @@ pub(crate) struct ScreenExtent {
     pub(crate) depth_keys: [f32; 2],
 }
 
-/// Eight times the unit round-off of `f32` (2^-24): the margin, relative to a sum of magnitudes, by which
-/// row bounds are moved inwards and depth planes lowered.
+/// Eight times the unit round-off of `f32` (2^-24): the margin, relative to a sum of magnitudes, by which row
+/// bounds are moved inwards and depth planes lowered.
 const EIGHT_U32: f64 = 4.0 * f32::EPSILON as f64;
 
 impl ScreenShape {
@@ -134,15 +134,15 @@ impl ScreenShape {
 
     /// Restricts the shape to pixels all of whose points satisfy `a x + b y + c >= 0` in pixel coordinates.
     /// With sampled coverage, only the centre of the pixel must satisfy it. A NaN coefficient leaves no
-    /// pixel. `size` is the width and height of the buffer in pixels. Returns false, without a change, if
-    /// the shape already has [`MAX_EDGES`] row bounds on the side that the half-plane bounds, left (`a > 0`)
-    /// or right.
+    /// pixel. `size` is the width and height of the buffer in pixels. Returns false, without a change, if the
+    /// shape already has [`MAX_EDGES`] row bounds on the side that the half-plane bounds, left (`a > 0`) or
+    /// right.
     ///
     /// The bound on the points of a row is `x >= s y + t`, where `s` is `-b / a` and `t` is `-c / a`. The
     /// worst point of the row is at its top or bottom. In `f32`, `s`, `t`, the product and the sum are each
-    /// rounded once, so the result is off by at most `4u (|s| H + |t|)`, with `u = 2^-24` and `W` and `H`
-    /// the width and height of the buffer. The offset is moved inwards by `8u` of that, and by another `16u
-    /// (W + 2)` for the error of rounding to whole pixels.
+    /// rounded once, so the result is off by at most `4u (|s| H + |t|)`, with `u = 2^-24` and `W` and `H` the
+    /// width and height of the buffer. The offset is moved inwards by `8u` of that, and by another `16u (W +
+    /// 2)` for the error of rounding to whole pixels.
     #[inline(always)]
     pub(crate) fn add_edge(&mut self, [a, b, c]: [f64; 3], size: [f64; 2], coverage: Coverage) -> bool {
         if a == 0.0 {
