@@ -24,8 +24,8 @@ use visibility_testing::{End, UNIT, ends, ends_f32};
 /// Width and height of the buffer in pixels: three tiles by two.
 const SIZE: [usize; 2] = [24, 16];
 
-/// Greatest distance in ranks from the border of a pixel within which margins may decide either way: less than
-/// a quarter of a pixel.
+/// Greatest distance in ranks from the border of a pixel within which margins may decide either way: less
+/// than a quarter of a pixel.
 const HAIR: i64 = 2;
 
 /// Returns whether a closed range holds all of a pixel, with both of its ends moved inwards by some ranks.
@@ -59,8 +59,8 @@ fn check_covered(tiles: &Tiles, axis: usize, across: usize, range: [i64; 2], wha
     }
 }
 
-/// Calls `each` with all pairs of ends from before the first border to behind the last of an axis, inverted and
-/// empty ones among them.
+/// Calls `each` with all pairs of ends from before the first border to behind the last of an axis, inverted
+/// and empty ones among them.
 fn for_each_range(axis: usize, mut each: impl FnMut(&End<f64>, &End<f64>)) {
     let all = ends(-1, SIZE[axis] as i32 + 1);
     all.iter().for_each(|low| all.iter().for_each(|high| each(low, high)));
@@ -120,8 +120,8 @@ fn edges_that_are_not_numbers_leave_no_pixel() {
     }
 }
 
-/// Contours of one rectangle, without slack: the winding numbers and the pixels near an edge together leave out
-/// every pixel that an edge enters.
+/// Contours of one rectangle, without slack: the winding numbers and the pixels near an edge together leave
+/// out every pixel that an edge enters.
 #[test]
 fn contours_cover_the_pixels_between_their_ends() {
     let size = SIZE.map(|side| side as f64);
@@ -248,8 +248,8 @@ fn masks_hold_the_pixels_of_rectangles() {
     }
 }
 
-/// A picture that is covered but for one pixel: a rectangle is hidden if and only if the pixel is not in it, by
-/// every way to ask.
+/// A picture that is covered but for one pixel: a rectangle is hidden if and only if the pixel is not in it,
+/// by every way to ask.
 #[test]
 fn rectangles_are_hidden_unless_the_only_hole_is_in_them() {
     let mut coarsely = 0;

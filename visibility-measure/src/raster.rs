@@ -386,9 +386,9 @@ mod tests {
         }
     }
 
-    /// Nearer rectangles with every pair of ends before a picture that is covered. A rectangle shows where its
-    /// left or upper end is not behind a centre and the other end is. It shows or ties where it is at most the
-    /// next number away from a centre.
+    /// Nearer rectangles with every pair of ends before a picture that is covered. A rectangle shows where
+    /// its left or upper end is not behind a centre and the other end is. It shows or ties where it is at
+    /// most the next number away from a centre.
     #[test]
     fn rectangles_show_and_tie_at_the_centers_between_their_ends() {
         let (size, all) = (3, ends(-1, 4));

@@ -4,8 +4,8 @@
 pub const UNIT: i64 = 12;
 
 /// A number and its exact place among the borders of units. The border at the whole number k has rank
-/// [`UNIT`] k. A quarter of a unit has three ranks: the number just before it, the number on it, and the number
-/// just after it. Numbers of one list compare as their ranks do.
+/// [`UNIT`] k. A quarter of a unit has three ranks: the number just before it, the number on it, and the
+/// number just after it. Numbers of one list compare as their ranks do.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct End<T> {
     /// The number, in units.

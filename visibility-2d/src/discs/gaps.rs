@@ -180,15 +180,15 @@ mod tests {
         (to - from).rem_euclid(TURN)
     }
 
-    /// A cut and a question between every two numbers around borders of sectors. What is not within the cut is
-    /// open.
+    /// A cut and a question between every two numbers around borders of sectors. What is not within the cut
+    /// is open.
     #[test]
     fn directions_are_open_unless_they_are_within_a_cut() {
         let all = around(&[0, 1, 2, 3, 64, 65, 127, 128, 200, 255, 256]);
         for (&(first, a), &(last, b)) in all.iter().flat_map(|x| all.iter().map(move |y| (x, y))) {
             // An interval as thin as the error may be the wrong way around.
             let cut = width(a, b);
-            if cut > TURN / 2 - 3 || cut < 3 {
+            if !(3..=TURN / 2 - 3).contains(&cut) {
                 continue;
             }
             let mut gaps = Gaps::new();

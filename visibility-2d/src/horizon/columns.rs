@@ -87,16 +87,16 @@ impl Block {
         self.common = all;
     }
 
-    /// Returns whether all columns hide what is at inverse depth `inverse_depth` or less, between the heights
-    /// `low` and `high`, each with the step of the highest top.
+    /// Returns whether all columns hide what is at inverse depth `inverse_depth` or less, between the
+    /// heights `low` and `high`, each with the step of the highest top.
     #[inline(always)]
     pub(crate) fn is_hidden_throughout(&self, inverse_depth: f32, low: f32, high: f32) -> bool {
         let Step { inverse_depth: w, low: from, high: to } = self.common;
         (w > inverse_depth) & (from < low) & (to > high)
     }
 
-    /// Returns a mask of the columns with a step that hides what is at inverse depth `inverse_depth` or less,
-    /// between the heights `low` and `high`.
+    /// Returns a mask of the columns with a step that hides what is at inverse depth `inverse_depth` or
+    /// less, between the heights `low` and `high`.
     // Not inlined, since it compiles to vector instructions only by itself.
     #[inline(never)]
     pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
@@ -282,8 +282,9 @@ fn ceil(x: f64) -> f64 {
     if whole < x { whole + 1.0 } else { whole }
 }
 
-/// Lowers, for each side of a column from the right side of column `begin` on, `heights` and `inverse_depths`
-/// to the height (times `sense`) and the inverse depth of an outline there, less the error bounds.
+/// Lowers, for each side of a column from the right side of column `begin` on, `heights` and
+/// `inverse_depths` to the height (times `sense`) and the inverse depth of an outline there, less the error
+/// bounds.
 fn sample(
     heights: &mut [f64],
     inverse_depths: &mut [f64],
@@ -461,8 +462,8 @@ mod tests {
         }
     }
 
-    /// A wall that is lower at one corner, as a notch or as a step down or up: the column that the corner is in
-    /// hides no more than the lower height.
+    /// A wall that is lower at one corner, as a notch or as a step down or up: the column that the corner is
+    /// in hides no more than the lower height.
     #[test]
     fn corners_lower_the_columns_that_they_are_in() {
         for End { value, rank } in ends(1, 15) {

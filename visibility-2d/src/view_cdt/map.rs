@@ -81,8 +81,8 @@ impl ViewCdt {
         }
     }
 
-    /// Sets the number of vertices of the image from which on no occluder is entered, at most 3,072, which is
-    /// the default. An occluder has some six, and as many as it crosses outlines.
+    /// Sets the number of vertices of the image from which on no occluder is entered, at most 3,072, which
+    /// is the default. An occluder has some six, and as many as it crosses outlines.
     pub fn with_vertices(self, most: usize) -> Self {
         Self { most: most.min(MOST_VERTICES), ..self }
     }
@@ -205,7 +205,7 @@ mod tests {
             let far = far_end(end.value / SLICES, false);
             assert_eq!(far * SLICES, end.rank.div_euclid(UNIT) as f64, "{end:?}");
             let (key, far) = (end.value, far_end(end.value, true));
-            let is_cell = far <= key && key < 2.0 * far || key < f64::MIN_POSITIVE && far <= key;
+            let is_cell = far <= key && (key < 2.0 * far || key < f64::MIN_POSITIVE);
             assert!(is_cell && (far <= 0.0 || far.log2().fract() == 0.0), "{end:?}: {far}");
         }
         for key in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
