@@ -80,8 +80,8 @@ pub struct Lack {
 }
 
 impl Lack {
-    /// Calls `each` with what the occluders of `scene` lack for cullers that use meshes: a mesh, or one within
-    /// the object's bounds. Does not call `each` if they lack nothing. Takes constant time.
+    /// Calls `each` with what the occluders of `scene` lack for cullers that use meshes: a mesh, or one
+    /// within the object's bounds. Does not call `each` if they lack nothing. Takes constant time.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),

@@ -122,7 +122,8 @@ fn triangles_outside_the_bounds_are_refused() {
 }
 
 /// Bounds as programs compute them hold their mesh: around the vertices as placed in `f64` and rounded to the
-/// nearest, and as middle plus half extent. The same bounds moved or shrunk by some times the rounding do not.
+/// nearest, and as middle plus half extent. The same bounds moved or shrunk by some times the rounding do
+/// not.
 #[test]
 fn bounds_computed_to_the_nearest_hold_their_mesh_and_others_do_not() {
     let mut random = Random(38);

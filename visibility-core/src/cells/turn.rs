@@ -15,12 +15,12 @@ use glam::DVec3;
 impl CellGraph {
     /// Turns each portal whose polygon is wound the wrong way, so that its normal points from its first cell
     /// into its second, and returns the portals turned, ascending. `bodies[i]` is the body of cell `i` in
-    /// world space. Bodies and portals may be misplaced by up to `tolerance` metres. Call this function before
-    /// anything is baked from the graph.
+    /// world space. Bodies and portals may be misplaced by up to `tolerance` metres. Call this function
+    /// before anything is baked from the graph.
     ///
-    /// A body decides if it lies on one side of the portal's plane. One that reaches across the plane, such as
-    /// a courtyard around a house, or one that is inverted, infinite or NaN, leaves the decision to the body
-    /// on the other side. The portal need not touch the bodies, so that walls may be thick:
+    /// A body decides if it lies on one side of the portal's plane. One that reaches across the plane, such
+    /// as a courtyard around a house, or one that is inverted, infinite or NaN, leaves the decision to the
+    /// body on the other side. The portal need not touch the bodies, so that walls may be thick:
     /// [`validate_bodies`](Self::validate_bodies) checks that as well. Time is linear in the numbers of
     /// portals and of their bodies' planes.
     ///
@@ -70,8 +70,8 @@ impl CellGraph {
     }
 }
 
-/// Returns whether the normal of a portal points from the second body's side to the first's. `None` if the bodies
-/// do not decide.
+/// Returns whether the normal of a portal points from the second body's side to the first's. `None` if the
+/// bodies do not decide.
 fn is_wound_wrong(portal: &Portal, [first, second]: [&Viewcell; 2], tolerance: f64) -> Option<bool> {
     let Portal { polygon, plane, .. } = portal;
     let vertices = polygon.vertices();
@@ -122,8 +122,8 @@ fn greatest(body: &Viewcell, normal: DVec3, anchor: DVec3) -> f64 {
     let mut least = of_box(normal);
     for plane in body.planes.iter().filter_map(Plane::normalized) {
         let offset = plane.signed_distance(anchor);
-        // In the body p . x + offset >= 0, and so n . x <= (n + k p) . x + k offset for each k >= 0. The bound
-        // is convex in k and bends where a component vanishes: its least value is at one of these k.
+        // In the body p . x + offset >= 0, and so n . x <= (n + k p) . x + k offset for each k >= 0. The
+        // bound is convex in k and bends where a component vanishes: its least value is at one of these k.
         for k in [1.0].into_iter().chain((-normal / plane.normal).to_array()) {
             if k > 0.0 && k.is_finite() {
                 least = least.min(of_box(normal + plane.normal * k) + k * offset);

@@ -4,11 +4,11 @@ use super::Triangle;
 use crate::{Aabb, OccluderMesh};
 use glam::{Affine3A, Vec3, Vec3A};
 
-/// Tests whether the image of `mesh` under `transform` lies within `bounds`, up to rounding. False if `bounds`
-/// are improper, or if the image is NaN.
+/// Tests whether the image of `mesh` under `transform` lies within `bounds`, up to rounding. False if
+/// `bounds` are improper, or if the image is NaN.
 ///
-/// The transformed box of the mesh decides most calls, in constant time. A turned mesh may fit into bounds that
-/// its transformed box does not fit into: then each vertex is tested.
+/// The transformed box of the mesh decides most calls, in constant time. A turned mesh may fit into bounds
+/// that its transformed box does not fit into: then each vertex is tested.
 pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb) -> bool {
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
     let reach = mesh.bounds().min.abs().max(mesh.bounds().max.abs());
@@ -22,8 +22,8 @@ pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb
             || mesh.positions().iter().map(vertex).all(|p| holds(p, p)))
 }
 
-/// Tests whether a corner of `triangles` lies outside of `bounds` by more than rounding. False if `bounds` are
-/// improper; NaN corners are not outside.
+/// Tests whether a corner of `triangles` lies outside of `bounds` by more than rounding. False if `bounds`
+/// are improper; NaN corners are not outside.
 pub(super) fn is_any_outside(triangles: &[Triangle], bounds: &Aabb) -> bool {
     let outside = |p: &Vec3| {
         let p = Vec3A::from(*p);
@@ -36,11 +36,11 @@ pub(super) fn is_any_outside(triangles: &[Triangle], bounds: &Aabb) -> bool {
 /// Returns the corners of `bounds`, moved outwards by what the rounding of the bounds and of points that they
 /// hold may come to. `size` bounds the magnitudes that the coordinates of such a point are the sum of.
 ///
-/// With u = 2^-24: the image of a vertex errs by less than 4.1 u of `size`, as `Aabb::transformed` derives. The
-/// bounds were computed elsewhere, to the nearest: two roundings of a side (middle plus half extent), or those
-/// of a transform, on numbers of at most `size`, and one where the side is kept: less than 9 u of `size` and
-/// the side. In all less than 14 u; 16 u are taken. An underflow loses at most the least normal number, up to
-/// eight times. An infinite side admits everything.
+/// With u = 2^-24: the image of a vertex errs by less than 4.1 u of `size`, as `Aabb::transformed` derives.
+/// The bounds were computed elsewhere, to the nearest: two roundings of a side (middle plus half extent), or
+/// those of a transform, on numbers of at most `size`, and one where the side is kept: less than 9 u of
+/// `size` and the side. In all less than 14 u; 16 u are taken. An underflow loses at most the least normal
+/// number, up to eight times. An infinite side admits everything.
 fn widened(bounds: &Aabb, size: Vec3A) -> [Vec3A; 2] {
     let slack = |side: Vec3A| (size + side.abs()) * (8.0 * f32::EPSILON) + 8.0 * f32::MIN_POSITIVE;
     let (min, max) = (Vec3A::from(bounds.min), Vec3A::from(bounds.max));

@@ -5,12 +5,12 @@ use crate::{Aabb, Scene};
 use alloc::{collections::BTreeSet, vec};
 
 /// Returns a child that breaks the rules of [`BoxHierarchy`]: an object whose present bounds are not within
-/// its own box and the boxes of all nodes above it, or a node that is listed a second time. `None` if there is
-/// no such child, and the hierarchy hides nothing visible. For tests of hierarchies and for debug builds: a
-/// walk does not check its hierarchy.
+/// its own box and the boxes of all nodes above it, or a node that is listed a second time. `None` if there
+/// is no such child, and the hierarchy hides nothing visible. For tests of hierarchies and for debug builds:
+/// a walk does not check its hierarchy.
 ///
-/// Unknown objects count as visible, as do nodes and objects with an inverted or NaN box; none of these breaks
-/// a rule. Allocates; time is linear in the numbers of objects and, but for a logarithm, of nodes.
+/// Unknown objects count as visible, as do nodes and objects with an inverted or NaN box; none of these
+/// breaks a rule. Allocates; time is linear in the numbers of objects and, but for a logarithm, of nodes.
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy, first_misplaced};

@@ -19,8 +19,8 @@ pub enum SceneCellsError {
     Tolerance(f64),
     /// The bodies of a portal's cells do not tell which way the portal is wound, as the graph's error says.
     Graph(CellGraphError),
-    /// Portals were wound the wrong way in the graph as it was given, and have been turned. A PVS of that graph
-    /// would hide visible cells.
+    /// Portals were wound the wrong way in the graph as it was given, and have been turned. A PVS of that
+    /// graph would hide visible cells.
     TurnedPortals {
         /// First portal that was turned.
         first: PortalId,
