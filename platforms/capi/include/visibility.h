@@ -261,7 +261,9 @@ enum vis_status vis_cells_create(const struct vis_graph *graph,
 void vis_cells_destroy(struct vis_cells *cells);
 
 // Limits what is seen from a cell to its row of a baked set, whose targets must be the cells of the graph.
-// The set may be destroyed afterwards.
+// The set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set that was baked from another
+// graph. Of one made by `vis_pvs_create` nobody knows: pipelines with the cells are then
+// `VIS_ACCURACY_APPROXIMATE`.
 enum vis_status vis_cells_set_pvs(struct vis_cells *cells, const struct vis_pvs *pvs);
 
 // Opens or closes a portal, like a door.
@@ -497,17 +499,17 @@ enum vis_status vis_scene_pvs_create(const struct vis_scene *scene,
 // Loads the `length` bytes of a file that the program `bake` has written for a scene, for
 // `vis_pipeline_add_pvs`. They are checked. The scene must have just the objects of the baked scene,
 // inserted in the same order and with the same bounds; returns `VIS_ERROR_ARGUMENT` for another. Objects
-// that change later are never hidden. `version` is that of the level, as `bake` prints it: a hash of all that
-// the bake rests on, triangles included. Returns `VIS_ERROR_ARGUMENT` if the set is of another version.
+// that change later are never hidden. `version` is that of the level, as `bake` prints it: a hash of all
+// that the bake rests on, triangles included. Returns `VIS_ERROR_ARGUMENT` if the set is of another version.
 enum vis_status vis_scene_pvs_read_version(const struct vis_scene *scene,
                                            const uint8_t *bytes,
                                            size_t length,
                                            uint64_t version,
                                            struct vis_scene_pvs **scene_pvs);
 
-// Loads a file as `vis_scene_pvs_read_version` does, for a level that carries no version. An edit that leaves
-// all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is hidden:
-// pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` says why.
+// Loads a file as `vis_scene_pvs_read_version` does, for a level that carries no version. An edit that
+// leaves all bounds as they are, such as a new door in a wall, is not noticed, and what it makes visible is
+// hidden: pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` says why.
 enum vis_status vis_scene_pvs_read(const struct vis_scene *scene,
                                    const uint8_t *bytes,
                                    size_t length,
