@@ -199,7 +199,7 @@ impl Enclosure {
         }))
     }
 
-    /// Culls from `views` random eyes in the enclosure with the culler that `make` returns, and counts what it
+    /// Culls from `views` random eyes in the enclosure with the culler that `make` makes, and counts what it
     /// keeps. Panics if the culler hides an object of which a sampled point is seen.
     pub fn count(
         &self,

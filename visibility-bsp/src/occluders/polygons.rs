@@ -44,8 +44,8 @@ pub(super) struct Polygon {
     /// Whether the polygon also hides for eyes behind its front; if false, only for eyes in front, and for
     /// those in its shell.
     pub(super) two_sided: bool,
-    /// Index in `Occluders::shells` of the box around the closed two-sided objects that the polygon was made
-    /// from, or [`NO_SHELL`]. For an eye in the box the polygon hides on both sides. For other eyes the
+    /// Index in `Occluders::shells` of the box around the convex two-sided solid that is the polygon's only
+    /// object, or [`NO_SHELL`]. For an eye in the box the polygon hides on both sides. For other eyes the
     /// fronts of a closed object hide all that its backs do.
     pub(super) shell: u32,
 }
@@ -111,7 +111,7 @@ pub struct Occluders {
     /// Minimum and maximum corners of the boxes that contain sections, in metres relative to
     /// `Scene::origin`.
     pub(super) solids: Vec<[DVec3; 2]>,
-    /// Minimum and maximum corners of the boxes around closed two-sided objects, in metres relative to
+    /// Minimum and maximum corners of the boxes around convex two-sided solids, in metres relative to
     /// `Scene::origin`.
     pub(super) shells: Vec<[DVec3; 2]>,
     /// By object index: indices of the polygons made from the object, dropped ones included.
@@ -263,31 +263,13 @@ impl Occluders {
     }
 
     /// Tests whether a polygon may hide for eyes behind its front. True for a two-sided polygon, and for one
-    /// of closed two-sided objects whose shell meets `eyes`, the minimum and maximum corner of the box of the
+    /// of a convex two-sided solid whose shell meets `eyes`, the minimum and maximum corner of the box of the
     /// eyes, `None` for parallel views.
     pub(super) fn hides_behind(&self, polygon: &Polygon, eyes: Option<&[DVec3; 2]>) -> bool {
         let meets = |&[min, max]: &[DVec3; 2]| {
             eyes.is_some_and(|[low, high]| high.cmpge(min).all() && low.cmple(max).all())
         };
         polygon.two_sided || self.shells.get(polygon.shell as usize).is_some_and(meets)
-    }
-
-    /// Returns the index in `shells` of a box around the shells of all `sources`, or [`NO_SHELL`] if a source
-    /// has none: its backs hide nothing, so a polygon that it is part of hides only from the front.
-    /// `shell_of` gives the index of each source's own shell.
-    fn shell_around(&mut self, sources: &[u32], shell_of: &[u32]) -> u32 {
-        if let &[only] = sources {
-            return shell_of[only as usize];
-        }
-        let mut around = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        for &source in sources {
-            let Some(&[min, max]) = self.shells.get(shell_of[source as usize] as usize) else {
-                return NO_SHELL;
-            };
-            around = [around[0].min(min), around[1].max(max)];
-        }
-        self.shells.push(around);
-        self.shells.len() as u32 - 1
     }
 
     /// Appends polygons made from the occluder meshes of the objects `ids`. Polygons are joined across these
@@ -301,7 +283,7 @@ impl Occluders {
             if let Some((mesh, transform)) = scene.occluder(id) {
                 let (closed, first) = (is_closed(mesh.triangles()), triangles.len());
                 triangles_of(mesh, transform, source, closed, &mut triangles);
-                if closed && mesh.is_two_sided() && first < triangles.len() {
+                if mesh.is_convex() && mesh.is_two_sided() && first < triangles.len() {
                     let (min, max) = bounds_of(triangles[first..].iter().flat_map(|t| t.corners));
                     shell = self.shells.len() as u32;
                     self.shells.push([min, max]);
@@ -335,8 +317,10 @@ impl Occluders {
             let center = centers[number as usize];
             let radius = outline.vertices.iter().map(|v| v.distance(center)).fold(0.0, f64::max);
             let number = self.polygons.len() as u32;
-            let shell =
-                if outline.two_sided { NO_SHELL } else { self.shell_around(&outline.sources, &shell_of) };
+            let shell = match outline.sources[..] {
+                [only] if !outline.two_sided => shell_of[only as usize],
+                _ => NO_SHELL,
+            };
             self.polygons.push(Polygon {
                 first: self.vertices.len() as u32,
                 count: outline.vertices.len() as u32,

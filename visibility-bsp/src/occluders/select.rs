@@ -120,7 +120,7 @@ impl Selector {
     /// Replaces `chosen` by the up to `count` polygons with the greatest upper bound on their solid angle
     /// from `eye`, greatest first. Polygons with a bound of 0 or less are left out. If `volume` is given,
     /// only polygons that may be inside it are considered. `region` is the minimum and maximum corner of the
-    /// box of all eyes to choose for, in metres relative to `Scene::origin`; `None` for the eye alone. Chooses
+    /// box of all eyes to choose for, in metres relative to `Scene::origin`; `None`: the eye alone. Chooses
     /// none if `lost`.
     pub(crate) fn choose(
         &mut self,

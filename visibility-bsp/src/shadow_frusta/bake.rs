@@ -152,7 +152,7 @@ impl Bake<'_> {
             [[0.5, 0.5, 0.5], [0.1, 0.1, 0.1], [0.9, 0.9, 0.1], [0.9, 0.1, 0.9], [0.1, 0.9, 0.9]].map(at);
         let mut candidates: Vec<(u32, f32)> = Vec::new();
         for eye in eyes {
-            self.selector.choose(self.occluders, &Eye::Point(eye), Some([min, max]), None, CANDIDATES / 2);
+            self.selector.choose(self.occluders, &Eye::Point(eye), None, None, CANDIDATES / 2);
             candidates.extend(self.selector.chosen.iter().map(|c| (c.polygon, c.bound)));
         }
         candidates.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));

@@ -305,7 +305,7 @@ fn radius_squared(mesh: &OccluderMesh, transform: &Affine3A) -> f32 {
     (half * half).dot(scale)
 }
 
-/// Tests whether the eye is inside or near the bounds of a mesh: within [`NEAR_RADII`]. The middle of the mesh
+/// Tests whether the eye is in or near the bounds of a mesh: within [`NEAR_RADII`]. The middle of the mesh
 /// then says little about what the mesh covers. False for parallel views, for which no mesh is near, and NaN.
 fn is_near(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye) -> bool {
     let Eye::Point(eye) = eye else { return false };
