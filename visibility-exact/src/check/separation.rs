@@ -105,18 +105,24 @@ impl Check<'_> {
         a > d + margin || b < c - margin
     }
 
-    /// Returns whether a polygon of points touches neither P nor Q.
+    /// Returns whether the convex hull of three or four points touches neither P nor Q.
+    ///
+    /// If a plane separates two convex polytopes at all, one does that is parallel to a face of either or to
+    /// a side of each. All of these are tried: every three points make a face, in a plane or not, every two a
+    /// side. A polygon's faces are its plane, and those across the plane along its sides. The order of the
+    /// points does not matter, so that a strip is apart from whichever end it is looked at.
     pub(super) fn is_apart(&self, sight: &Sight, points: &[DVec3]) -> bool {
+        let pairs = || (1..points.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+        let side = |i: usize, j: usize| (points[j] - points[i]).normalize_or_zero();
         let apart = |polygon: &Polygon, plane: &Half| {
-            let (n, corners) = (points.len(), polygon.corners());
-            let side = |k: usize| points[(k + 1) % n] - points[k % n];
+            let corners = polygon.corners();
             let separates = |normal: DVec3| self.separates(normal, points, corners);
             separates(plane.normal)
-                || separates(side(0).normalize_or_zero().cross(side(1).normalize_or_zero()))
+                || pairs().any(|(i, j)| (0..i).any(|k| separates(side(i, j).cross(side(i, k)))))
                 || (0..corners.len()).any(|i| {
                     let along = (corners[(i + 1) % corners.len()] - corners[i]).normalize_or_zero();
                     separates(plane.normal.cross(along))
-                        || (0..n).any(|k| separates(along.cross(side(k).normalize_or_zero())))
+                        || pairs().any(|(i, j)| separates(along.cross(side(i, j))))
                 })
         };
         apart(&sight.p, &sight.before_p) && apart(&sight.q, &sight.before_q)
