@@ -1,7 +1,7 @@
 //! Dividing edges that leave a node without segments.
 
 use super::context::{Check, Divider};
-use super::exact_side::{D, cross, difference, dot, norm};
+use super::exact_side::{D, cross, difference, dot, norm, side};
 use crate::sight::Sight;
 use alloc::vec::Vec;
 
@@ -14,7 +14,7 @@ impl Check<'_> {
         let pairs = sight.p.corners().len() * sight.q.corners().len();
         let mut sums = alloc::vec![(0.0, 0.0); pairs];
         for ((edge, sign), weight) in rows.iter().zip(weights) {
-            for (sum, (value, error)) in sums.iter_mut().zip(self.sides(sight, edge)) {
+            for (sum, (value, error)) in sums.iter_mut().zip(self.sides(sight, edge, side)) {
                 let term = value * sign * weight;
                 sum.0 += term;
                 sum.1 += error * weight + term.abs() * 1e-15;
