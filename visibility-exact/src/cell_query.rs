@@ -451,8 +451,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Answers for a target, and returns the number of nodes used. A target counts as hidden only if the
-    /// proof passes its check, which shares no arithmetic with the search. A proof that is refused is counted,
-    /// and leaves the target undecided.
+    /// proof passes its check, which shares no code with the search. A proof that is refused is counted, and
+    /// leaves the target undecided.
     fn solve(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
         let (mut answer, used) = self.search.solve_target(target, budget);
         if answer == Answer::Hidden {
