@@ -119,6 +119,7 @@ pub struct CellQuery<'a> {
     verdicts: Vec<Verdict>,
     proofs: Vec<ProvenHidden>,
     rays: u64,
+    refused: u64,
     prices: Prices,
 }
 
@@ -152,6 +153,7 @@ impl<'a> CellQuery<'a> {
             verdicts,
             proofs: Vec::new(),
             rays: 0,
+            refused: 0,
             prices: Prices::default(),
         }
     }
@@ -227,8 +229,8 @@ impl<'a> CellQuery<'a> {
             return None;
         }
         let nodes = self.nodes();
-        let (verdicts, proofs, rays) = (self.verdicts, self.proofs, self.rays);
-        Some((CellVerdicts { verdicts, proofs, rays, nodes, is_decided: true }, self.search.chain))
+        let Self { search, verdicts, proofs, rays, refused, .. } = self;
+        Some((CellVerdicts { verdicts, proofs, rays, nodes, refused, is_decided: true }, search.chain))
     }
 
     fn nodes(&self) -> u64 {
@@ -433,7 +435,7 @@ impl<'a> CellQuery<'a> {
         }
         let target = Target::Box { min, max };
         let budget = self.prices.budget(group.len());
-        let (answer, used) = self.search.solve_target(target, budget);
+        let (answer, used) = self.solve(target, budget);
         self.prices.add(group.len(), budget, used, answer);
         match answer {
             Answer::Hidden => {
@@ -446,6 +448,22 @@ impl<'a> CellQuery<'a> {
             }
             Answer::Undecided => false,
         }
+    }
+
+    /// Answers for a target, and returns the number of nodes used. A target counts as hidden only if the
+    /// proof passes its check, which shares no code with the search. A proof that is refused is counted, and
+    /// leaves the target undecided.
+    fn solve(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
+        let (mut answer, used) = self.search.solve_target(target, budget);
+        if answer == Answer::Hidden {
+            let proof = self.proof(target);
+            if proof.check(self.search.triangles).is_err() {
+                self.refused += 1;
+                answer = Answer::Undecided;
+            }
+            self.search.steps = proof.steps;
+        }
+        (answer, used)
     }
 
     /// Records objects as hidden. The proof of the last of `targets` is that of the last search.
@@ -497,7 +515,7 @@ impl<'a> CellQuery<'a> {
                 if spent > most || self.search.is_stopped || !is_apart(&cell, &corners, pad) {
                     return;
                 }
-                let (answer, used) = self.search.solve_target(Target::Triangle(t), budget);
+                let (answer, used) = self.solve(Target::Triangle(t), budget);
                 spent += used;
                 match answer {
                     // A triangle without area is a segment, the side of no other triangle: it stays open.
@@ -544,7 +562,7 @@ impl<'a> CellQuery<'a> {
             let is_asked = is_part && spent <= most && !self.search.is_stopped && !self.meets_cell(min, max);
             if is_asked {
                 let target = Target::Box { min, max };
-                let (answer, used) = self.search.solve_target(target, PART);
+                let (answer, used) = self.solve(target, PART);
                 spent += used;
                 match answer {
                     Answer::Hidden => {

@@ -52,8 +52,8 @@ impl fmt::Display for ProofError {
 impl core::error::Error for ProofError {}
 
 impl Proof {
-    /// Checks the proof against the triangles that it was made for. Takes some 20 times as long as a node of
-    /// the search, for each node.
+    /// Checks the proof against the triangles that it was made for. A culler has done so with every proof by
+    /// which it calls an object hidden, which took 30 to 50 % of the time of the search.
     ///
     /// # Errors
     /// [`ProofError`] if a step does not hold. A proof for other triangles may fail in any way, or hold by

@@ -55,6 +55,9 @@ pub struct CellVerdicts {
     pub rays: u64,
     /// Number of nodes of the search for proofs.
     pub nodes: u64,
+    /// Number of proofs that the search ended with and that [`Proof::check`] refused. What they were for was
+    /// left undecided. None is known.
+    pub refused: u64,
     /// Whether the viewcell could be used. If not, nothing was asked and all objects are open.
     pub(crate) is_decided: bool,
 }

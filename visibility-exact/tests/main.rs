@@ -4,6 +4,7 @@
 mod bakes;
 mod common;
 mod coplanar;
+mod game_maps;
 mod grid_worlds;
 mod groups;
 mod guided_rays;

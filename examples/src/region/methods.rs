@@ -165,9 +165,10 @@ impl Method for ExactCuller {
     fn sandwich(&self) -> Option<Sandwich> {
         let found = self.last()?;
         let [seen, hidden, open] = found.counts();
-        let proofs = || found.proofs.iter().flat_map(|hidden| &hidden.proofs);
-        let bad_proofs = proofs().filter(|proof| proof.check(self.triangles()).is_err()).count();
-        Some(Sandwich { seen, hidden, open, proofs: proofs().count(), bad_proofs })
+        // The culler has checked all proofs: those refused are not among those kept.
+        let (kept, bad_proofs) =
+            (found.proofs.iter().map(|hidden| hidden.proofs.len()), found.refused as usize);
+        Some(Sandwich { seen, hidden, open, proofs: kept.sum::<usize>() + bad_proofs, bad_proofs })
     }
 }
 

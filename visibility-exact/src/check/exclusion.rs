@@ -1,7 +1,7 @@
 //! Dividing edges that leave a node without segments.
 
 use super::context::{Check, Divider};
-use super::exact_side::{D, cross, difference, dot, norm};
+use super::exact_side::{D, cross, difference, dot, norm, side};
 use crate::line_side::U;
 use crate::sight::Sight;
 use alloc::vec::Vec;
@@ -20,7 +20,7 @@ impl Check<'_> {
         let rounding = (rows.len() as f64 + 4.0) * U;
         let mut sums = alloc::vec![(0.0, 0.0); pairs];
         for ((edge, sign), weight) in rows.iter().zip(weights) {
-            for (sum, (value, error)) in sums.iter_mut().zip(self.sides(sight, edge)) {
+            for (sum, (value, error)) in sums.iter_mut().zip(self.sides(sight, edge, side)) {
                 let term = value * sign * weight;
                 sum.0 += term;
                 sum.1 += error * weight + term.abs() * rounding;

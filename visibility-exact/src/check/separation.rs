@@ -1,8 +1,9 @@
 //! Edges that no segment of a node meets, and planes between points and polygons.
 
 use super::context::{Check, Corner};
-use super::exact_side::{D, dot, side};
+use super::exact_side::{D, dot, quick_side};
 use crate::half::Half;
+use crate::line_side::U;
 use crate::polygon::Polygon;
 use crate::sight::Sight;
 use alloc::vec::Vec;
@@ -11,11 +12,13 @@ use visibility_core::glam::DVec3;
 impl Check<'_> {
     /// Returns the sides of an edge, with errors, at the pairs of corners. A side is exactly 0 where the
     /// corner of Q is a mixture of ends of the edge, where all four points have one coordinate in common,
-    /// that of the plane of P or Q, and where all four are taken to be in Q's plane.
+    /// that of the plane of P or Q, and where all four are taken to be in Q's plane. Other sides are those
+    /// that `side` returns.
     pub(super) fn sides<'b>(
         &'b self,
         sight: &'b Sight,
         edge: &'b [Corner; 2],
+        side: fn(DVec3, DVec3, DVec3, DVec3, f64) -> (f64, f64),
     ) -> impl Iterator<Item = (f64, f64)> + 'b {
         let [(a, tag_a), (b, tag_b)] = *edge;
         let is_near = |x: DVec3| self.is_near_plane_of_q(sight, x);
@@ -57,7 +60,7 @@ impl Check<'_> {
     /// it there.
     pub(super) fn is_on_side(&self, sight: &Sight, edge: &[Corner; 2], sign: f64) -> bool {
         let mut some = false;
-        let all = self.sides(sight, edge).all(|(value, error)| {
+        let all = self.sides(sight, edge, quick_side).all(|(value, error)| {
             some |= value != 0.0;
             (value == 0.0 && error == 0.0) || value * sign > error
         });
@@ -70,10 +73,10 @@ impl Check<'_> {
     pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2], from_before: bool) -> bool {
         let ends = [edge[0].0, edge[1].0];
         let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
-        self.is_outside(sight, &ends)
-            || (from_before && edge.iter().all(|&end| behind(end)))
-            || self.is_on_side(sight, edge, 1.0)
+        self.is_on_side(sight, edge, 1.0)
             || self.is_on_side(sight, edge, -1.0)
+            || (from_before && edge.iter().all(|&end| behind(end)))
+            || self.is_outside(sight, &ends)
     }
 
     /// Returns whether a plane separates some points from the convex hull of both polygons.
@@ -94,30 +97,47 @@ impl Check<'_> {
 
     /// Returns whether points and others have heights over a plane that are apart by more than three times
     /// the error of positions.
+    ///
+    /// Heights in `f64` decide where they do: with components of the normal of at most 1 and coordinates of
+    /// at most m, three products and two sums round by at most 9 U m, and the gap between two heights by
+    /// 18 U m and once more. Where the gap is within 32 U m of the margin, double-double heights decide: the
+    /// answer is always theirs.
     pub(super) fn separates(&self, normal: DVec3, points: &[DVec3], others: &[DVec3]) -> bool {
         let normal = normal.normalize_or_zero();
-        let direction = normal.to_array().map(D::from);
-        let range = |points: &[DVec3]| {
-            let heights = points.iter().map(|x| dot(direction, x.to_array().map(D::from)).hi);
+        let margin = 3.0 * self.delta;
+        let gap = |[(a, b), (c, d)]: [(f64, f64); 2]| (a - d).max(c - b);
+        let range = |points: &[DVec3], height: &dyn Fn(&DVec3) -> f64| {
+            let heights = points.iter().map(height);
             heights.fold((f64::MAX, f64::MIN), |(a, b), h| (a.min(h), b.max(h)))
         };
-        let ((a, b), (c, d)) = (range(points), range(others));
-        let margin = 3.0 * self.delta;
-        a > d + margin || b < c - margin
+        let rough = gap([points, others].map(|points| range(points, &|x| normal.dot(*x))));
+        let most = points.iter().chain(others).fold(0.0f64, |m, x| m.max(x.abs().max_element()));
+        if (rough - margin).abs() > 32.0 * U * most {
+            return rough > margin;
+        }
+        let direction = normal.to_array().map(D::from);
+        let height = |x: &DVec3| dot(direction, x.to_array().map(D::from)).hi;
+        gap([points, others].map(|points| range(points, &height))) > margin
     }
 
-    /// Returns whether a polygon of points touches neither P nor Q.
+    /// Returns whether the convex hull of three or four points touches neither P nor Q.
+    ///
+    /// If a plane separates two convex polytopes at all, one does that is parallel to a face of either or to
+    /// a side of each. All of these are tried: every three points make a face, in a plane or not, every two a
+    /// side. A polygon's faces are its plane, and those across the plane along its sides. The order of the
+    /// points does not matter, so that a strip is apart from whichever end it is looked at.
     pub(super) fn is_apart(&self, sight: &Sight, points: &[DVec3]) -> bool {
+        let pairs = || (1..points.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+        let side = |i: usize, j: usize| (points[j] - points[i]).normalize_or_zero();
         let apart = |polygon: &Polygon, plane: &Half| {
-            let (n, corners) = (points.len(), polygon.corners());
-            let side = |k: usize| points[(k + 1) % n] - points[k % n];
+            let corners = polygon.corners();
             let separates = |normal: DVec3| self.separates(normal, points, corners);
             separates(plane.normal)
-                || separates(side(0).normalize_or_zero().cross(side(1).normalize_or_zero()))
+                || pairs().any(|(i, j)| (0..i).any(|k| separates(side(i, j).cross(side(i, k)))))
                 || (0..corners.len()).any(|i| {
                     let along = (corners[(i + 1) % corners.len()] - corners[i]).normalize_or_zero();
                     separates(plane.normal.cross(along))
-                        || (0..n).any(|k| separates(along.cross(side(k).normalize_or_zero())))
+                        || pairs().any(|(i, j)| separates(along.cross(side(i, j))))
                 })
         };
         apart(&sight.p, &sight.before_p) && apart(&sight.q, &sight.before_q)

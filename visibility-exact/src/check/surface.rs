@@ -1,7 +1,7 @@
 //! Surfaces of triangles that all segments of a node cross.
 
 use super::context::Check;
-use super::exact_side::side;
+use super::exact_side::quick_side;
 use crate::polygon::Polygon;
 use crate::sight::Sight;
 use crate::triangles::unit_normal;
@@ -52,9 +52,9 @@ impl Check<'_> {
                 }
             }
             let tags = numbers.map(|v| self.tag(v));
-            let is_clear = self.is_outside(sight, &corners)
-                || self.is_apart(sight, &corners)
-                || self.touches_beside(sight, &corners, tags, line[1]);
+            let is_clear = self.is_apart(sight, &corners)
+                || self.touches_beside(sight, &corners, tags, line[1])
+                || self.is_outside(sight, &corners);
             if !is_clear || !count(&corners) {
                 return false;
             }
@@ -72,7 +72,7 @@ impl Check<'_> {
                 continue;
             }
             let strip = [a, b, d, c];
-            if !(self.is_outside(sight, &strip) || self.is_apart(sight, &strip)) {
+            if !(self.is_apart(sight, &strip) || self.is_outside(sight, &strip)) {
                 return false;
             }
             for t in [[a, b, d], [a, d, c]] {
@@ -111,8 +111,8 @@ impl Check<'_> {
 /// touch the boundary.
 pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let sign = |(value, error): (f64, f64)| i32::from(value > error) - i32::from(value < -error);
-    let s: [i32; 3] = core::array::from_fn(|k| sign(side(p, q, t[k], t[(k + 1) % 3], 0.0)));
-    let ends = [p, q].map(|x| sign(side(x, t[0], t[1], t[2], 0.0)));
+    let s: [i32; 3] = core::array::from_fn(|k| sign(quick_side(p, q, t[k], t[(k + 1) % 3], 0.0)));
+    let ends = [p, q].map(|x| sign(quick_side(x, t[0], t[1], t[2], 0.0)));
     let winds = s[0] != 0 && s[0] == s[1] && s[1] == s[2];
     if (s.contains(&1) && s.contains(&-1)) || ends[0] * ends[1] > 0 {
         Some(false)

@@ -122,13 +122,15 @@ pub fn clearance(objects: &[Vec<Triangle>], target: usize, p: DVec3, q: DVec3) -
     others.flat_map(|(_, t)| t).map(|t| distance(p, q, t)).fold(f64::INFINITY, f64::min)
 }
 
-/// Panics unless a seen object's segment misses the triangles of all other objects, and each proof holds.
+/// Panics unless a seen object's segment misses the triangles of all other objects, and each proof that the
+/// search ended with holds, those of no object too.
 /// Returns the number of proofs.
 pub fn check(
     objects: &[Vec<Triangle>],
     triangles: &SceneTriangles,
     found: &visibility_exact::CellVerdicts,
 ) -> usize {
+    assert_eq!(found.refused, 0, "proofs that their check refused");
     let mut proofs = 0;
     for proof in found.proofs.iter().flat_map(|hidden| &hidden.proofs) {
         proof.check(triangles).unwrap();

@@ -1,0 +1,151 @@
+//! Worlds like a game's map: terraces of large abutting panels with T-joints, parapets, decals in the planes
+//! of panels, splinters and triangles much larger than a room, on grids of several widths and on none. The
+//! check accepts every proof that the search ends with.
+
+use crate::common::{Triangle, check, few_rays, prepared};
+use visibility_core::glam::{DQuat, DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_exact::{Effort, ExactCuller, Settings};
+use visibility_testing::Random;
+
+/// Triangles of a map, each coordinate a multiple of `grid` metres before the map is turned; 0 is no grid.
+struct Map {
+    random: Random,
+    grid: f64,
+    turn: DQuat,
+    objects: Vec<Vec<Triangle>>,
+}
+
+impl Map {
+    fn range(&mut self, from: f64, to: f64) -> f64 {
+        self.random.fine_range(from, to)
+    }
+
+    /// Adds a polygon as a fan of triangles from one of its corners, each an object.
+    fn polygon(&mut self, corners: &[DVec3]) {
+        let first = self.random.below(corners.len());
+        let at = |k: usize| {
+            let corner = corners[(first + k) % corners.len()];
+            let snapped = if self.grid > 0.0 { (corner / self.grid).round() * self.grid } else { corner };
+            (self.turn * snapped).as_vec3()
+        };
+        let fan: Vec<Triangle> = (1..corners.len() - 1).map(|k| [at(0), at(k), at(k + 1)]).collect();
+        self.objects.extend(fan.into_iter().map(|t| vec![t]));
+    }
+
+    /// Adds a strip of panels between two lines along z, at x and y given for either line. Their ends are at
+    /// the places given, and at others now and then, where they meet their neighbours in T-joints.
+    fn strip(&mut self, [a, b]: [[f64; 2]; 2], places: &[f64]) {
+        for pair in places.windows(2) {
+            let at = |line: [f64; 2], z: f64| DVec3::new(line[0], line[1], z);
+            let [from, to] = [pair[0], pair[1]];
+            match self.random.below(4) {
+                0 => {
+                    let middle = self.range(from, to);
+                    self.polygon(&[at(a, from), at(a, middle), at(a, to), at(b, to), at(b, from)]);
+                }
+                1 => {
+                    let middle = self.range(from, to);
+                    self.polygon(&[at(a, from), at(b, middle), at(b, from)]);
+                    self.polygon(&[at(a, from), at(a, to), at(b, to), at(b, middle)]);
+                }
+                2 => self.polygon(&[at(a, from), at(a, to), at(b, to)]),
+                _ => self.polygon(&[at(a, from), at(a, to), at(b, to), at(b, from)]),
+            }
+        }
+    }
+}
+
+/// A terrace that rises away from a viewcell below it, whose walls go up beyond its floors, behind a wall.
+fn map(number: u64) -> (Viewcell, Vec<Vec<Triangle>>) {
+    let mut random = Random(number + 1);
+    let grid = [1.0, 0.5, 0.0, 0.125][number as usize % 4];
+    let turn = match number % 3 {
+        2 => DQuat::from_rotation_y(random.fine_range(-0.5, 0.5)),
+        _ => DQuat::IDENTITY,
+    };
+    let mut map = Map { random, grid, turn, objects: Vec::new() };
+    let mut places: Vec<f64> = (0..4).map(|_| map.range(-9.0, 9.0)).collect();
+    places.sort_by(f64::total_cmp);
+    let (mut x, mut y) = (8.0, 2.0);
+    for _ in 0..2 {
+        let (depth, rise, parapet) = (map.range(1.0, 3.0), map.range(1.0, 3.0), map.range(0.5, 2.0));
+        map.strip([[x, y], [x, y + rise]], &places);
+        y += rise;
+        map.strip([[x, y], [x, y + parapet]], &places);
+        map.strip([[x, y], [x + depth, y]], &places);
+        x += depth;
+    }
+    map.strip([[x, y], [x, y + 2.0]], &places);
+    let (y, z) = (map.range(1.0, 5.0), map.range(-5.0, 5.0));
+    map.polygon(&[DVec3::new(8.0, y, z), DVec3::new(8.0, y + 1.0, z), DVec3::new(8.0, y, z + 2.0)]);
+    map.polygon(&[DVec3::new(6.0, y, z), DVec3::new(6.0, y + 0.001, z), DVec3::new(6.0, y, z + 20.0)]);
+    if number.is_multiple_of(2) {
+        let far = map.range(100.0, 1000.0);
+        map.polygon(&[DVec3::new(-far, 0.0, -far), DVec3::new(far, 0.0, -far), DVec3::new(0.0, 0.0, far)]);
+    }
+    let size = DVec3::new(map.range(0.5, 2.0), map.range(0.2, 1.0), map.range(0.5, 2.0));
+    let min = DVec3::new(map.range(-9.0, 0.0), map.range(0.5, 2.0), map.range(-9.0, 9.0));
+    let min = if grid > 0.0 { (min / grid).round() * grid } else { min };
+    (Viewcell::from_box(min, min + size), map.objects)
+}
+
+/// Decides maps; returns the numbers of objects seen, hidden and open, and of proofs.
+fn decide(maps: std::ops::Range<u64>, c: f64) -> [usize; 4] {
+    let mut counts = [0; 4];
+    for number in maps {
+        let (cell, objects) = map(number);
+        let triangles = prepared(&objects);
+        let settings = few_rays(Settings::new(Effort::Exact(c)));
+        let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
+        for (sum, count) in counts.iter_mut().zip(found.counts()) {
+            *sum += count;
+        }
+        counts[3] += check(&objects, &triangles, &found);
+    }
+    counts
+}
+
+#[test]
+fn proofs_in_maps_hold() {
+    for c in [1e-4, 1e-2] {
+        let counts = decide(0..60, c);
+        assert!(counts[0] > 500 && counts[1] > 300 && counts[3] > 300, "{counts:?}");
+    }
+}
+
+#[test]
+#[ignore = "long: 2,000 maps"]
+fn proofs_in_many_maps_hold() {
+    for c in [1e-4, 1e-2] {
+        println!("c = {c}: seen, hidden, open, proofs {:?}", decide(0..2000, c));
+    }
+}
+
+/// A wall, a sill over it and a wall on the sill. The surface that hides the triangle behind has a strip, out
+/// of plane, that ends at the triangle's corner.
+#[test]
+fn a_strip_out_of_plane_is_apart_from_whichever_end_it_is_looked_at() {
+    let objects: [&[[[f32; 3]; 3]]; 4] = [
+        &[
+            [[8.0, 4.0, -6.0], [8.0, 4.0, -8.0], [8.0, 0.0, -6.0]],
+            [[8.0, 0.5, -4.0], [8.0, 4.0, -6.0], [8.0, 0.0, -6.0]],
+            [[8.0, 0.5, -4.0], [8.0, 6.0, -4.0], [8.0, 4.0, -6.0]],
+        ],
+        &[
+            [[-12.0, 8.0, 8.0], [-12.0, 8.0, 6.0], [-12.0, 8.5, 9.8]],
+            [[-12.0, 8.0, 6.0], [-12.0, 6.0, 4.0], [-12.0, 8.0, 4.0]],
+            [[-12.0, 8.0, 11.0], [-12.0, 8.0, 8.0], [-12.0, 8.5, 9.8]],
+        ],
+        &[[[-13.0, 8.0, 6.0], [-13.0, 8.5, 9.7], [-13.0, 8.0, 4.0]]],
+        &[[[-13.0, 8.0, 6.0], [-12.0, 8.0, 6.0], [-12.0, 8.0, 8.0]]],
+    ];
+    let objects: Vec<Vec<Triangle>> =
+        objects.iter().map(|object| object.iter().map(|t| t.map(Vec3::from_array)).collect()).collect();
+    let triangles = prepared(&objects);
+    let cell = Viewcell::from_box(DVec3::new(15.0, 1.0, -10.0), DVec3::new(17.0, 1.5, -8.0));
+    let settings = few_rays(Settings::new(Effort::Exact(1e-4)));
+    let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
+    assert_eq!(check(&objects, &triangles, &found), 1);
+    assert_eq!(found.counts(), [3, 1, 0]);
+}
