@@ -55,6 +55,8 @@ impl Faces {
     /// are left out. Of triangles with the same three vertices one is kept: with both orientations, or two-sided
     /// if any is.
     pub(crate) fn weld(triangles: &[LevelTriangle]) -> Self {
+        let is_finite = |t: &&LevelTriangle| t.corners.iter().all(|p| p.is_finite());
+        let triangles: Vec<&LevelTriangle> = triangles.iter().filter(is_finite).collect();
         // Adding 0 turns -0 into 0, so that equal positions have equal bits.
         let position = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
         let mut places: Vec<([u32; 3], u32)> = (0..)

@@ -129,10 +129,9 @@ const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 
 /// The occluders of a level: planar polygons made of its opaque, static triangles, in clusters.
 ///
-/// Every point of a polygon lies on a triangle of the level, but for at most the polygon's [extent] along its
-/// normal: polygons hide nothing that the triangles do not hide. Where a line runs round an odd or other number of
-/// times inside a polygon's outline is told by its winding number: it is positive, seen from the front, where the
-/// polygon is.
+/// A line that meets no edge goes through a polygon if the polygon's outline winds round the line. It then goes
+/// through a triangle of the level within the polygon's [extent] along the normal: nothing is hidden that the
+/// triangles do not hide. The winding number is positive for a line that comes from the front.
 ///
 /// [extent]: OccluderPolygon::extent
 ///
