@@ -1,0 +1,37 @@
+//! Clusters: polygons that lie close together and face alike, with a bounded number of edges.
+
+use visibility_core::glam::DVec3;
+
+/// What a cluster is made by: the middle of a polygon, its normal, and its number of edges.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Item {
+    /// Index of the polygon.
+    pub(crate) polygon: u32,
+    /// Middle of the polygon's box in metres.
+    pub(crate) middle: DVec3,
+    /// Number of the polygon's edges.
+    pub(crate) edges: usize,
+}
+
+/// Sorts `items` so that those of a cluster lie next to each other, and calls `each` with the range of every
+/// cluster. A cluster has at most `max_edges` edges, or a single polygon. Sets of polygons are halved by their
+/// middles, along the axis in which these extend farthest, until they are small enough: n log n steps.
+pub(crate) fn divide(items: &mut [Item], max_edges: usize, first: usize, each: &mut impl FnMut([usize; 2])) {
+    let edges: usize = items.iter().map(|item| item.edges).sum();
+    if edges <= max_edges || items.len() <= 1 {
+        if !items.is_empty() {
+            each([first, first + items.len()]);
+        }
+        return;
+    }
+    let middles = || items.iter().map(|item| item.middle);
+    let extent =
+        middles().fold(DVec3::NEG_INFINITY, DVec3::max) - middles().fold(DVec3::INFINITY, DVec3::min);
+    let (axis, half) = (extent.max_position(), items.len() / 2);
+    items.select_nth_unstable_by(half, |a, b| {
+        a.middle[axis].total_cmp(&b.middle[axis]).then(a.polygon.cmp(&b.polygon))
+    });
+    let (low, high) = items.split_at_mut(half);
+    divide(low, max_edges, first, each);
+    divide(high, max_edges, first + half, each);
+}

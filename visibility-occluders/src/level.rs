@@ -1,0 +1,290 @@
+//! The occluders of a level, and how they are made.
+
+use crate::clusters::{Item, divide};
+use crate::faces::{Faces, LevelTriangle};
+use crate::outlines::{OutlineEdge, outline, straighten};
+use crate::regions::{Region, Regions};
+use crate::t_junctions::insert_t_junctions;
+use alloc::vec::Vec;
+use core::fmt;
+use visibility_core::Aabb;
+use visibility_core::glam::{DVec3, Vec3};
+
+/// How the occluders of a level are made.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct LevelSettings {
+    flatness: f64,
+    kept_area: f64,
+    max_cluster_edges: usize,
+}
+
+impl Default for LevelSettings {
+    fn default() -> Self {
+        Self { flatness: 4.0 * f64::from(f32::EPSILON), kept_area: 0.99, max_cluster_edges: 96 }
+    }
+}
+
+impl LevelSettings {
+    /// Sets how far a polygon's vertices may be off its plane, as a fraction of the greatest coordinate. 4.8e-7
+    /// by default, some roundings of a coordinate to `f32`. Greater values give fewer polygons, which count as
+    /// farther away by as much. Below 0 or NaN counts as 0.
+    #[must_use]
+    pub fn with_flatness(self, flatness: f64) -> Self {
+        Self { flatness: flatness.max(0.0), ..self }
+    }
+
+    /// Sets the least share of the area of all polygons that is kept, from 0 to 1. The smallest polygons are left
+    /// out. 0.99 by default: the last hundredth of the area is mostly in most of the polygons.
+    #[must_use]
+    pub fn with_kept_area(self, share: f64) -> Self {
+        Self { kept_area: share.clamp(0.0, 1.0), ..self }
+    }
+
+    /// Sets the maximum number of edges of a cluster of more than one polygon. 96 by default.
+    #[must_use]
+    pub fn with_max_cluster_edges(self, edges: usize) -> Self {
+        Self { max_cluster_edges: edges, ..self }
+    }
+}
+
+/// A planar polygon of a level, of any form: concave, with holes, or in several parts.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct OccluderPolygon {
+    /// Unit normal of the front.
+    pub normal: DVec3,
+    /// Bounds on `normal . p` over all points `p` of the polygon, least and greatest, in metres. Roundings of
+    /// that product in `f64` are included.
+    pub extent: [f64; 2],
+    /// Area in square metres.
+    pub area: f64,
+    /// Range of the polygon's edges in [`LevelOccluders::edges`], half-open.
+    pub edges: [u32; 2],
+    /// True if the polygon hides from both sides, false if from its front only.
+    pub two_sided: bool,
+}
+
+/// Polygons that lie close together.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct OccluderCluster {
+    /// Box around the cluster's polygons in metres relative to `Scene::origin`.
+    pub bounds: Aabb,
+    /// Range of the cluster's polygons in [`LevelOccluders::polygons`], half-open, greatest area first.
+    pub polygons: [u32; 2],
+    /// Range of the cluster's vertices in [`LevelOccluders::vertices`], half-open. No other cluster uses them.
+    pub vertices: [u32; 2],
+    /// Sum of the areas of the polygons in square metres.
+    pub area: f64,
+}
+
+/// Counts of what making the occluders did.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+#[non_exhaustive]
+pub struct LevelReport {
+    /// Number of triangles given.
+    pub triangles: usize,
+    /// Number of triangles left after those without area and all but one of equal ones were left out.
+    pub faces: usize,
+    /// Number of edges that one face alone has, after welding.
+    pub open_edges: usize,
+    /// Number of vertices inserted into edges that they lie on.
+    pub t_junctions: usize,
+    /// Number of edges that one face alone has, after T-junctions were resolved.
+    pub open_edges_left: usize,
+    /// Number of planar polygons found.
+    pub polygons: usize,
+    /// Number of vertices of outlines removed from the middle of straight lines.
+    pub straightened: usize,
+    /// Area of the polygons left out, in square metres.
+    pub area_left_out: f64,
+}
+
+/// Reason why the occluders of a level cannot be made.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub enum LevelError {
+    /// More triangles than indices of corners, 2^32, allow.
+    TooManyTriangles {
+        /// Number of triangles given.
+        triangles: usize,
+    },
+}
+
+impl fmt::Display for LevelError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooManyTriangles { triangles } => {
+                write!(
+                    f,
+                    "{triangles} triangles are more than {MAX_TRIANGLES}, which indices of 32 bits allow"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for LevelError {}
+
+/// Maximum number of triangles. T-junctions add corners, so a quarter of the range of indices is left for them.
+const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
+
+/// The occluders of a level: planar polygons made of its opaque, static triangles, in clusters.
+///
+/// A line that meets no edge goes through a polygon if the polygon's outline winds round the line. It then goes
+/// through a triangle of the level within the polygon's [extent] along the normal: nothing is hidden that the
+/// triangles do not hide. The winding number is positive for a line that comes from the front.
+///
+/// [extent]: OccluderPolygon::extent
+///
+/// ```
+/// use visibility_core::glam::Vec3;
+/// use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+/// // A wall of two rectangles that meet in a T-junction.
+/// let quad = |[y0, y1]: [f32; 2], [z0, z1]: [f32; 2]| {
+///     let [a, b, c, d] = [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| Vec3::new(5.0, y, z));
+///     [[a, b, c], [a, c, d]].map(|corners| LevelTriangle { corners, two_sided: true })
+/// };
+/// let wall = [quad([0.0, 2.0], [0.0, 3.0]), quad([2.0, 4.0], [0.0, 1.0]), quad([2.0, 4.0], [1.0, 3.0])].concat();
+/// let level = LevelOccluders::new(&wall, LevelSettings::default())?;
+/// assert_eq!((level.polygons().len(), level.edges().len()), (1, 4));
+/// # Ok::<(), visibility_occluders::LevelError>(())
+/// ```
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct LevelOccluders {
+    vertices: Vec<Vec3>,
+    edges: Vec<OutlineEdge>,
+    polygons: Vec<OccluderPolygon>,
+    clusters: Vec<OccluderCluster>,
+    report: LevelReport,
+}
+
+impl LevelOccluders {
+    /// Makes the occluders of a level from its triangles. The order of the triangles decides between equals only.
+    /// Takes some microseconds a triangle, and 200 bytes while it works.
+    ///
+    /// # Errors
+    /// [`LevelError::TooManyTriangles`].
+    pub fn new(triangles: &[LevelTriangle], settings: LevelSettings) -> Result<Self, LevelError> {
+        if triangles.len() > MAX_TRIANGLES {
+            return Err(LevelError::TooManyTriangles { triangles: triangles.len() });
+        }
+        let mut faces = Faces::weld(triangles);
+        let mut report =
+            LevelReport { triangles: triangles.len(), faces: faces.faces.len(), ..LevelReport::default() };
+        report.open_edges = open_edges(&faces);
+        report.t_junctions = insert_t_junctions(&mut faces);
+        report.open_edges_left = open_edges(&faces);
+        let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
+        let flatness = settings.flatness * f64::from(magnitude.max_element());
+        let regions = Regions::find(&faces, flatness);
+        report.polygons = regions.regions.len();
+        let mut kept: Vec<&Region> = regions.regions.iter().collect();
+        report.area_left_out = leave_out_smallest(&mut kept, settings.kept_area);
+        let mut outlines: Vec<_> = kept.iter().map(|region| outline(&faces, &regions, region)).collect();
+        report.straightened = straighten(&faces.vertices, &mut outlines);
+        let mut level = Self { report, ..Self::default() };
+        let middle = |outline: &Vec<OutlineEdge>| {
+            let points = || outline.iter().map(|edge| faces.at(edge[0]));
+            (points().fold(DVec3::INFINITY, DVec3::min) + points().fold(DVec3::NEG_INFINITY, DVec3::max))
+                * 0.5
+        };
+        let mut items: Vec<Item> = (0..)
+            .zip(&outlines)
+            .filter(|(_, outline)| !outline.is_empty())
+            .map(|(polygon, outline)| Item { polygon, middle: middle(outline), edges: outline.len() })
+            .collect();
+        let mut ranges = Vec::new();
+        divide(&mut items, settings.max_cluster_edges, 0, &mut |range| ranges.push(range));
+        for [first, end] in ranges {
+            // Regions are sorted by area, so polygons of lesser index are larger.
+            items[first..end].sort_unstable_by_key(|item| item.polygon);
+            let polygons = items[first..end].iter().map(|item| item.polygon as usize);
+            level.push_cluster(&faces, polygons.map(|i| (kept[i], &outlines[i][..])), magnitude.as_dvec3());
+        }
+        Ok(level)
+    }
+
+    /// Appends a cluster of regions, each given with its outline. `magnitude` bounds all coordinates.
+    fn push_cluster<'a>(
+        &mut self,
+        faces: &Faces,
+        regions: impl Iterator<Item = (&'a Region, &'a [OutlineEdge])> + Clone,
+        magnitude: DVec3,
+    ) {
+        let mut used: Vec<u32> =
+            regions.clone().flat_map(|(_, outline)| outline).flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        let first_vertex = self.vertices.len() as u32;
+        self.vertices.extend(used.iter().map(|&vertex| faces.vertices[vertex as usize]));
+        let local = |vertex: u32| used.binary_search(&vertex).map_or(0, |at| first_vertex + at as u32);
+        let first_polygon = self.polygons.len() as u32;
+        let mut area = 0.0;
+        for (region, outline) in regions {
+            let first = self.edges.len() as u32;
+            self.edges.extend(outline.iter().map(|edge| edge.map(local)));
+            // A product of three terms is wrong by at most 3 u of the sum of the terms' magnitudes.
+            let rounding = 2.0 * f64::EPSILON * region.normal.abs().dot(magnitude);
+            self.polygons.push(OccluderPolygon {
+                normal: region.normal,
+                extent: [region.extent[0] - rounding, region.extent[1] + rounding],
+                area: region.area,
+                edges: [first, self.edges.len() as u32],
+                two_sided: region.two_sided,
+            });
+            area += region.area;
+        }
+        self.clusters.push(OccluderCluster {
+            bounds: Aabb::from_points(self.vertices[first_vertex as usize..].iter().copied()),
+            polygons: [first_polygon, self.polygons.len() as u32],
+            vertices: [first_vertex, self.vertices.len() as u32],
+            area,
+        });
+    }
+
+    /// Returns the positions of the outlines' vertices in metres relative to `Scene::origin`, cluster by cluster.
+    pub fn vertices(&self) -> &[Vec3] {
+        &self.vertices
+    }
+
+    /// Returns the edges of all outlines as start and end, indices into [`vertices`](Self::vertices). The polygon
+    /// lies to the left of the edge, seen from the polygon's front.
+    pub fn edges(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+
+    /// Returns the polygons of all clusters.
+    pub fn polygons(&self) -> &[OccluderPolygon] {
+        &self.polygons
+    }
+
+    /// Returns the clusters.
+    pub fn clusters(&self) -> &[OccluderCluster] {
+        &self.clusters
+    }
+
+    /// Returns what making the occluders did.
+    pub fn report(&self) -> &LevelReport {
+        &self.report
+    }
+}
+
+/// Returns the number of edges that one face alone has.
+fn open_edges(faces: &Faces) -> usize {
+    faces.sides().chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() == 1).count()
+}
+
+/// Sorts regions by area, greatest first, and leaves out the last ones as long as those kept have at least the
+/// given share of the area of all. Returns the area left out.
+fn leave_out_smallest(regions: &mut Vec<&Region>, share: f64) -> f64 {
+    regions.sort_by(|a, b| b.area.total_cmp(&a.area));
+    let all: f64 = regions.iter().map(|region| region.area).sum();
+    let mut kept = 0.0;
+    let count = regions.iter().take_while(|region| {
+        let more = kept < share * all;
+        kept += if more { region.area } else { 0.0 };
+        more
+    });
+    let count = count.count();
+    regions.truncate(count);
+    (all - kept).max(0.0)
+}

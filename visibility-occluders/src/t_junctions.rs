@@ -1,0 +1,143 @@
+//! T-junctions: vertices that lie exactly on an edge of another face are inserted into that edge, so that both
+//! faces share the edge's parts.
+//!
+//! A vertex that lies on an edge but for rounding is not inserted. Between it and the edge there is a gap, however
+//! narrow, through which something may be seen.
+
+use crate::faces::Faces;
+use alloc::vec::Vec;
+use robust::{Coord, orient2d};
+use visibility_core::glam::{DVec3, Vec3};
+
+/// Maximum number of points in a leaf of a [`PointTree`].
+const LEAF: usize = 8;
+
+/// Tests whether `p` lies on the open segment from `a` to `b`, in exact arithmetic. False for the ends.
+pub(crate) fn is_between(a: Vec3, b: Vec3, p: Vec3) -> bool {
+    let [a, b, p] = [a, b, p].map(|v| v.as_dvec3().to_array());
+    let turn = |i: usize, j: usize| {
+        let [a, b, p] = [a, b, p].map(|v| Coord { x: v[i], y: v[j] });
+        orient2d(a, b, p)
+    };
+    let inside = (0..3).all(|i| a[i].min(b[i]) <= p[i] && p[i] <= a[i].max(b[i]));
+    inside && p != a && p != b && turn(0, 1) == 0.0 && turn(1, 2) == 0.0 && turn(2, 0) == 0.0
+}
+
+/// Points in a tree of boxes, to be found along a segment.
+struct PointTree {
+    /// Indices of the points, those of a node next to each other.
+    points: Vec<u32>,
+    /// Box around the points of each node: least and greatest coordinates. The children of node `i` are
+    /// `2 i + 1` and `2 i + 2`, each with half of its points.
+    boxes: Vec<[Vec3; 2]>,
+}
+
+impl PointTree {
+    fn new(points: Vec<u32>, positions: &[Vec3]) -> Self {
+        let mut tree = Self { points, boxes: Vec::new() };
+        tree.divide(0, [0, tree.points.len()], positions);
+        tree
+    }
+
+    /// Sorts the points `first..end` into the subtree of `node`.
+    fn divide(&mut self, node: usize, [first, end]: [usize; 2], positions: &[Vec3]) {
+        let points = &mut self.points[first..end];
+        let at = |point: &u32| positions[*point as usize];
+        let low = points.iter().map(at).fold(Vec3::INFINITY, Vec3::min);
+        let high = points.iter().map(at).fold(Vec3::NEG_INFINITY, Vec3::max);
+        if self.boxes.len() <= node {
+            self.boxes.resize(node + 1, [Vec3::INFINITY, Vec3::NEG_INFINITY]);
+        }
+        self.boxes[node] = [low, high];
+        if points.len() <= LEAF {
+            return;
+        }
+        let (axis, middle) = ((high - low).max_position(), points.len() / 2);
+        points.select_nth_unstable_by(middle, |a, b| at(a)[axis].total_cmp(&at(b)[axis]));
+        self.divide(2 * node + 1, [first, first + middle], positions);
+        self.divide(2 * node + 2, [first + middle, end], positions);
+    }
+
+    /// Calls `each` with every point whose leaf the segment from `a` to `b` may meet.
+    fn along(&self, a: Vec3, b: Vec3, each: &mut impl FnMut(u32)) {
+        self.search(0, [0, self.points.len()], [a, b].map(Vec3::as_dvec3), each);
+    }
+
+    fn search(&self, node: usize, [first, end]: [usize; 2], segment: [DVec3; 2], each: &mut impl FnMut(u32)) {
+        if first == end || is_apart(segment, self.boxes[node].map(Vec3::as_dvec3)) {
+            return;
+        }
+        if end - first <= LEAF {
+            return self.points[first..end].iter().for_each(|&point| each(point));
+        }
+        let middle = first + (end - first) / 2;
+        self.search(2 * node + 1, [first, middle], segment, each);
+        self.search(2 * node + 2, [middle, end], segment, each);
+    }
+}
+
+/// Tests whether a segment certainly misses a closed box: their shadows along an axis, or across the segment
+/// and an axis, are apart. False in case of doubt.
+fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
+    if a.max(b).cmplt(low).any() || a.min(b).cmpgt(high).any() {
+        return true;
+    }
+    let (along, half, from) = (b - a, (high - low) * 0.5, (low + high) * 0.5 - a);
+    let across = along.cross(from).abs();
+    let reach = DVec3::new(
+        half.y * along.z.abs() + half.z * along.y.abs(),
+        half.z * along.x.abs() + half.x * along.z.abs(),
+        half.x * along.y.abs() + half.y * along.x.abs(),
+    );
+    // Rounding is some 2^-50 of the products in `across`; a point too many is tested exactly later.
+    let rounding = 1e-14 * along.abs().max_element() * (from.abs() + half).max_element();
+    across.cmpgt(reach + rounding).any()
+}
+
+/// Inserts into each open edge, which belongs to one face only, the ends of other open edges that lie on it.
+/// Returns the number of corners inserted. Takes some microseconds for an open edge.
+pub(crate) fn insert_t_junctions(faces: &mut Faces) -> usize {
+    let sides = faces.sides();
+    let open: Vec<_> =
+        sides.chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() == 1).map(|same| same[0]).collect();
+    let mut ends: Vec<u32> = open.iter().flat_map(|side| side.edge).collect();
+    ends.sort_unstable();
+    ends.dedup();
+    let tree = PointTree::new(ends, &faces.vertices);
+    // For each vertex found: the corner that the side starts at, and the place along the side to sort by.
+    let mut found: Vec<(u32, u32)> = Vec::new();
+    for side in &open {
+        let [a, b] = side.edge.map(|vertex| faces.vertices[vertex as usize]);
+        let begin = found.len();
+        tree.along(a, b, &mut |vertex| {
+            if is_between(a, b, faces.vertices[vertex as usize]) {
+                found.push((side.corner, vertex));
+            }
+        });
+        // Points of one line are in order along the axis in which the line is longest.
+        let axis = (b - a).abs().max_position();
+        let rising = (b[axis] > a[axis]) == side.forward;
+        found[begin..].sort_unstable_by(|p, q| {
+            let order = faces.vertices[p.1 as usize][axis].total_cmp(&faces.vertices[q.1 as usize][axis]);
+            if rising { order } else { order.reverse() }
+        });
+    }
+    let count = found.len();
+    // A stable sort keeps the order along each side.
+    found.sort_by_key(|&(corner, _)| corner);
+    let mut inserts = found.iter().peekable();
+    let old = core::mem::take(&mut faces.corners);
+    faces.corners.reserve(old.len() + count);
+    for face in &mut faces.faces {
+        let [first, end] = face.corners;
+        face.corners[0] = faces.corners.len() as u32;
+        for corner in first..end {
+            faces.corners.push(old[corner as usize]);
+            while let Some((_, vertex)) = inserts.next_if(|insert| insert.0 == corner) {
+                faces.corners.push(*vertex);
+            }
+        }
+        face.corners[1] = faces.corners.len() as u32;
+    }
+    count
+}

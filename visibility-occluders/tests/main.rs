@@ -1,0 +1,5 @@
+//! One program for the tests of all files here: it compiles and runs in less time than many.
+#![allow(missing_docs)]
+
+mod lines;
+mod walls;

@@ -1,0 +1,81 @@
+//! Walls as kits and editors make them: rows of panels, copies, sheets for both sides.
+
+use visibility_core::glam::Vec3;
+use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+
+/// Returns the two triangles of a rectangle across the x axis.
+fn panel(x: f32, y: [f32; 2], z: [f32; 2], two_sided: bool) -> [LevelTriangle; 2] {
+    let at = |i: usize, j: usize| Vec3::new(x, y[i], z[j]);
+    [[at(0, 0), at(1, 0), at(1, 1)], [at(0, 0), at(1, 1), at(0, 1)]]
+        .map(|corners| LevelTriangle { corners, two_sided })
+}
+
+fn made(triangles: &[LevelTriangle]) -> LevelOccluders {
+    LevelOccluders::new(triangles, LevelSettings::default().with_kept_area(1.0)).unwrap()
+}
+
+#[test]
+fn rows_of_panels_that_are_half_a_panel_apart_are_one_rectangle() {
+    let mut wall = Vec::new();
+    for row in 0..6 {
+        let shift = (row % 2) as f32;
+        let z = [row as f32, row as f32 + 1.0];
+        wall.extend(panel(5.0, [-1.0, 1.0 - shift], z, true));
+        for i in 0..7 {
+            let y = 1.0 - shift + 2.0 * i as f32;
+            wall.extend(panel(5.0, [y, (y + 2.0).min(14.0)], z, true));
+        }
+    }
+    let level = made(&wall);
+    let report = level.report();
+    assert_eq!(report.open_edges_left, 2 * 6 + 8 + 8, "sides of the rectangle, in the lengths of its panels");
+    assert!(report.t_junctions > 60, "only {} T-junctions were found", report.t_junctions);
+    assert_eq!((level.polygons().len(), level.edges().len()), (1, 4));
+    assert_eq!(level.polygons()[0].area, 15.0 * 6.0);
+}
+
+#[test]
+fn a_hole_stays_open() {
+    let wall = [
+        panel(5.0, [0.0, 4.0], [0.0, 1.0], true),
+        panel(5.0, [0.0, 1.0], [1.0, 3.0], true),
+        panel(5.0, [2.0, 4.0], [1.0, 3.0], true),
+        panel(5.0, [0.0, 4.0], [3.0, 4.0], true),
+    ];
+    let level = made(&wall.concat());
+    assert_eq!((level.polygons().len(), level.edges().len()), (1, 8), "a square with a square hole");
+}
+
+#[test]
+fn copies_and_signs_of_zero_make_no_difference() {
+    let wall = panel(0.0, [0.0, 2.0], [0.0, 2.0], false);
+    let mut copies = wall.to_vec();
+    for mut t in panel(-0.0, [-0.0, 2.0], [-0.0, 2.0], false) {
+        t.corners.rotate_left(1);
+        copies.push(t);
+    }
+    assert_eq!(made(&copies).edges(), made(&wall).edges());
+    assert!(!made(&copies).polygons()[0].two_sided);
+    // A copy that faces the other way closes the back.
+    for t in wall {
+        let [a, b, c] = t.corners;
+        copies.push(LevelTriangle { corners: [a, c, b], ..t });
+    }
+    let both = made(&copies);
+    assert_eq!((both.polygons().len(), both.edges().len()), (1, 4));
+    assert!(both.polygons()[0].two_sided);
+}
+
+#[test]
+fn triangles_without_area_or_number_are_left_out() {
+    let mut triangles = panel(1.0, [0.0, 1.0], [0.0, 1.0], true).to_vec();
+    for corner in [Vec3::NAN, Vec3::INFINITY, triangles[0].corners[0]] {
+        let mut broken = triangles[0];
+        broken.corners[1] = corner;
+        triangles.push(broken);
+    }
+    let level = made(&triangles);
+    assert_eq!((level.report().triangles, level.report().faces), (5, 2));
+    assert_eq!((level.polygons().len(), level.edges().len()), (1, 4));
+    assert!(made(&[]).clusters().is_empty());
+}
