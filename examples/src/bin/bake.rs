@@ -205,25 +205,28 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     bar.finish_and_clear();
     if let Some(path) = &arguments.cache {
         write(path, &outcome.cache.to_bytes())?;
-        println!("{} of {} viewcells from {}", outcome.reused, range.len(), path.display());
     }
-    if arguments.shard.is_some() {
+    let (reused, complete) = (outcome.reused, outcome.complete || arguments.shard.is_some());
+    let said = if arguments.shard.is_some() {
         let shard = Shard::new(level.fingerprint(), outcome);
         write(&arguments.out, &shard.to_bytes())?;
-        println!("viewcells {} to {} of {count}: {}", range.start, range.end, arguments.out.display());
+        format!("viewcells {} to {} of {count}: {}\n", range.start, range.end, arguments.out.display())
     } else {
         let seconds = start.elapsed().as_secs_f64();
         let set = level.set(&outcome.cells)?;
         write(&arguments.out, &set.to_bytes())?;
-        let (cells, complete) = (&outcome.cells, outcome.complete);
-        let report = Report::new(&level, cells, &outcome.times, &set, seconds, complete);
-        tell(&level, cells, &report, &arguments.json, &arguments.pictures)?;
-        if !complete {
-            // The next call goes on.
-            return Ok(());
-        }
+        let report = Report::new(&level, &outcome.cells, &outcome.times, &set, seconds, outcome.complete);
+        write_report(&level, &outcome.cells, &report, &arguments.json, &arguments.pictures)?;
+        report.text()
+    };
+    if complete {
+        forget(&settings.state);
     }
-    forget(&settings.state);
+    // All is written before anything is printed: the program ends where nobody reads.
+    if let Some(path) = &arguments.cache {
+        println!("{reused} of {} viewcells from {}", range.len(), path.display());
+    }
+    print!("{said}");
     Ok(())
 }
 
@@ -265,18 +268,19 @@ fn put_together(arguments: &Assembly) -> Result<(), Failure> {
     let set = level.set(&cells)?;
     write(&arguments.out, &set.to_bytes())?;
     let report = Report::new(&level, &cells, &[], &set, 0.0, true);
-    tell(&level, &cells, &report, &arguments.json, &arguments.pictures)
+    write_report(&level, &cells, &report, &arguments.json, &arguments.pictures)?;
+    print!("{}", report.text());
+    Ok(())
 }
 
-/// Prints the report of a bake, and writes it and its pictures where they are asked for.
-fn tell(
+/// Writes the report of a bake and its pictures where they are asked for.
+fn write_report(
     level: &Level,
     cells: &[CellSandwich],
     report: &Report,
     json: &Option<PathBuf>,
     folder: &Option<PathBuf>,
 ) -> Result<(), Failure> {
-    print!("{}", report.text());
     if let Some(path) = json {
         write(path, &serde_json::to_vec(report).map_err(|error| error.to_string())?)?;
     }

@@ -150,7 +150,7 @@ impl Culler for LargeOccludersCuller {
         let rounded_eye = self.rounded_eye(view.eye(scene.origin()));
         let chosen = news || self.chosen_at != Some(rounded_eye) || !self.inner.map().coherent;
         if chosen {
-            self.selector.choose(&self.occluders, &rounded_eye, None, None, self.most);
+            self.selector.choose(&self.occluders, &rounded_eye, false, None, self.most);
             self.selected.clear();
             self.selected.extend(self.selector.chosen.iter().map(|chosen| chosen.polygon));
             self.chosen_at = Some(rounded_eye);

@@ -262,14 +262,19 @@ impl Occluders {
         }
     }
 
-    /// Tests whether a polygon may hide for eyes behind its front. True for a two-sided polygon, and for one
-    /// of a convex two-sided solid whose shell meets `eyes`, the minimum and maximum corner of the box of the
-    /// eyes, `None` for parallel views.
-    pub(super) fn hides_behind(&self, polygon: &Polygon, eyes: Option<&[DVec3; 2]>) -> bool {
-        let meets = |&[min, max]: &[DVec3; 2]| {
-            eyes.is_some_and(|[low, high]| high.cmpge(min).all() && low.cmple(max).all())
-        };
-        polygon.two_sided || self.shells.get(polygon.shell as usize).is_some_and(meets)
+    /// Returns the polygon as [`occluder_polygon`](Self::occluder_polygon) does, for eyes outside of its shell:
+    /// there its back hides only if the polygon is two-sided.
+    pub(crate) fn outside_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
+        let two_sided = self.polygons[polygon as usize].two_sided;
+        OccluderPolygon { two_sided, ..self.occluder_polygon(polygon) }
+    }
+
+    /// Tests whether a polygon may hide for an eye behind its front. True for a two-sided polygon, and for one
+    /// of a convex two-sided solid whose shell holds `eye`, `None` for parallel views.
+    pub(super) fn hides_behind(&self, polygon: &Polygon, eye: Option<DVec3>) -> bool {
+        let holds =
+            |&[min, max]: &[DVec3; 2]| eye.is_some_and(|eye| eye.cmpge(min).all() && eye.cmple(max).all());
+        polygon.two_sided || self.shells.get(polygon.shell as usize).is_some_and(holds)
     }
 
     /// Appends polygons made from the occluder meshes of the objects `ids`. Polygons are joined across these

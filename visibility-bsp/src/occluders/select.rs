@@ -119,14 +119,13 @@ impl Selector {
 
     /// Replaces `chosen` by the up to `count` polygons with the greatest upper bound on their solid angle
     /// from `eye`, greatest first. Polygons with a bound of 0 or less are left out. If `volume` is given,
-    /// only polygons that may be inside it are considered. `region` is the minimum and maximum corner of the
-    /// box of all eyes to choose for, in metres relative to `Scene::origin`; `None`: the eye alone. Chooses
-    /// none if `lost`.
+    /// only polygons that may be inside it are considered. `samples_region` tells that the eye stands for a
+    /// region, so that what hides only from within a solid around the eye is left out. Chooses none if `lost`.
     pub(crate) fn choose(
         &mut self,
         occluders: &Occluders,
         eye: &Eye,
-        region: Option<[DVec3; 2]>,
+        samples_region: bool,
         volume: Option<&ViewVolume>,
         count: usize,
     ) {
@@ -135,10 +134,10 @@ impl Selector {
         if self.lost || count == 0 {
             return;
         }
-        let eyes = region.or(match eye {
-            Eye::Point(eye) => Some([*eye; 2]),
-            Eye::Direction(_) => None,
-        });
+        let eye_point = match eye {
+            Eye::Point(eye) if !samples_region => Some(*eye),
+            _ => None,
+        };
         // Only a selection: rounding is harmless.
         let is_in =
             |center: DVec3, radius: f64| volume.is_none_or(|volume| volume.meets_sphere(center, radius));
@@ -157,7 +156,7 @@ impl Selector {
             let block = &occluders.blocks[block as usize];
             for number in block.first..block.first + block.count {
                 let polygon = &occluders.polygons[number as usize];
-                let bound = bound(polygon, occluders.hides_behind(polygon, eyes.as_ref()), eye);
+                let bound = bound(polygon, occluders.hides_behind(polygon, eye_point), eye);
                 if bound > least && polygon.count > 0 && is_in(polygon.center, polygon.radius) {
                     self.chosen.push(Chosen { polygon: number, bound });
                 }

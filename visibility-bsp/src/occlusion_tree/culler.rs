@@ -97,7 +97,7 @@ impl Culler for OcclusionTreeCuller {
         self.selector.choose(
             occluders,
             &view.eye(scene.origin()),
-            None,
+            false,
             Some(&volume),
             tree.most.saturating_mul(CANDIDATES_PER_POLYGON),
         );

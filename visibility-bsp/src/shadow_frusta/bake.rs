@@ -152,7 +152,7 @@ impl Bake<'_> {
             [[0.5, 0.5, 0.5], [0.1, 0.1, 0.1], [0.9, 0.9, 0.1], [0.9, 0.1, 0.9], [0.1, 0.9, 0.9]].map(at);
         let mut candidates: Vec<(u32, f32)> = Vec::new();
         for eye in eyes {
-            self.selector.choose(self.occluders, &Eye::Point(eye), None, None, CANDIDATES / 2);
+            self.selector.choose(self.occluders, &Eye::Point(eye), true, None, CANDIDATES / 2);
             candidates.extend(self.selector.chosen.iter().map(|c| (c.polygon, c.bound)));
         }
         candidates.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
@@ -185,7 +185,7 @@ impl Bake<'_> {
     /// `Occluders`, and `eyes` are in metres relative to `Scene::origin`. All zero for a polygon without
     /// area. Not bounded for rounding, since it only guides the choice.
     fn hidden_by(&self, polygon: u32, eyes: &[DVec3; SAMPLES]) -> [u64; WORDS] {
-        let occluder_polygon = self.occluders.occluder_polygon(polygon);
+        let occluder_polygon = self.occluders.outside_polygon(polygon);
         let mut set = [0u64; WORDS];
         // Normals of the planes through the eye and each edge.
         let mut sides = Vec::new();

@@ -88,7 +88,7 @@ impl Culler for ShadowFrustaCuller {
                 self.selector.chosen.extend(chosen.map(|&polygon| Chosen { polygon, bound: 0.0 }));
             }
             Eye::Direction(_) => {
-                self.selector.choose(occluders, &projection.eye, None, None, self.frusta.most)
+                self.selector.choose(occluders, &projection.eye, false, None, self.frusta.most)
             }
         }
         let volume = ViewVolume::for_selection(view, scene);
