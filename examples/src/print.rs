@@ -1,9 +1,9 @@
 //! `print`, `println` and `eprintln` for programs whose readers may leave: `region | head -3`.
 //!
-//! The standard library's macros panic when nobody reads any more. These end the program, without a message and
-//! with success, since the reader has what it wanted. Programs take them by
-//! `use visibility_examples::{eprintln, print, println}`, which hides the standard ones, and write their
-//! files before they print.
+//! The standard library's macros panic when nobody reads any more. These end the program, without a message
+//! and with success, since the reader has what it wanted. Programs take them by `use
+//! visibility_examples::{eprintln, print, println}`, which hides the standard ones, and write their files
+//! before they print.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};

@@ -14,8 +14,8 @@ pub(crate) struct Item {
 }
 
 /// Sorts `items` so that those of a cluster lie next to each other, and calls `each` with the range of every
-/// cluster. A cluster has at most `max_edges` edges, or a single polygon. Sets of polygons are halved by their
-/// middles, along the axis in which these extend farthest, until they are small enough: n log n steps.
+/// cluster. A cluster has at most `max_edges` edges, or a single polygon. Sets of polygons are halved by
+/// their middles, along the axis in which these extend farthest, until they are small enough: n log n steps.
 pub(crate) fn divide(items: &mut [Item], max_edges: usize, first: usize, each: &mut impl FnMut([usize; 2])) {
     let edges: usize = items.iter().map(|item| item.edges).sum();
     if edges <= max_edges || items.len() <= 1 {

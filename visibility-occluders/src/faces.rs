@@ -9,7 +9,8 @@ use visibility_core::glam::{DVec3, Vec3};
 pub struct LevelTriangle {
     /// Corners in metres relative to `Scene::origin`, counter-clockwise seen from the front.
     pub corners: [Vec3; 3],
-    /// True if the triangle is drawn, and so hides, from both sides; false if it is drawn from its front only.
+    /// True if the triangle is drawn, and so hides, from both sides; false if it is drawn from its front
+    /// only.
     pub two_sided: bool,
 }
 
@@ -51,9 +52,8 @@ pub(crate) struct Side {
 }
 
 impl Faces {
-    /// Welds triangles. Triangles that have no area or are not finite
-    /// are left out. Of triangles with the same three vertices one is kept: with both orientations, or two-sided
-    /// if any is.
+    /// Welds triangles. Triangles that have no area or are not finite are left out. Of triangles with the
+    /// same three vertices one is kept: with both orientations, or two-sided if any is.
     pub(crate) fn weld(triangles: &[LevelTriangle]) -> Self {
         let is_finite = |t: &&LevelTriangle| t.corners.iter().all(|p| p.is_finite());
         let triangles: Vec<&LevelTriangle> = triangles.iter().filter(is_finite).collect();

@@ -25,16 +25,16 @@ impl Default for LevelSettings {
 }
 
 impl LevelSettings {
-    /// Sets how far a polygon's vertices may be off its plane, as a fraction of the greatest coordinate. 4.8e-7
-    /// by default, some roundings of a coordinate to `f32`. Greater values give fewer polygons, which count as
-    /// farther away by as much. Below 0 or NaN counts as 0.
+    /// Sets how far a polygon's vertices may be off its plane, as a fraction of the greatest coordinate.
+    /// 4.8e-7 by default, some roundings of a coordinate to `f32`. Greater values give fewer polygons, which
+    /// count as farther away by as much. Below 0 or NaN counts as 0.
     #[must_use]
     pub fn with_flatness(self, flatness: f64) -> Self {
         Self { flatness: flatness.max(0.0), ..self }
     }
 
-    /// Sets the least share of the area of all polygons that is kept, from 0 to 1. The smallest polygons are left
-    /// out. 0.99 by default: the last hundredth of the area is mostly in most of the polygons.
+    /// Sets the least share of the area of all polygons that is kept, from 0 to 1. The smallest polygons are
+    /// left out. 0.99 by default: the last hundredth of the area is mostly in most of the polygons.
     #[must_use]
     pub fn with_kept_area(self, share: f64) -> Self {
         Self { kept_area: share.clamp(0.0, 1.0), ..self }
@@ -70,7 +70,8 @@ pub struct OccluderCluster {
     pub bounds: Aabb,
     /// Range of the cluster's polygons in [`LevelOccluders::polygons`], half-open, greatest area first.
     pub polygons: [u32; 2],
-    /// Range of the cluster's vertices in [`LevelOccluders::vertices`], half-open. No other cluster uses them.
+    /// Range of the cluster's vertices in [`LevelOccluders::vertices`], half-open. No other cluster uses
+    /// them.
     pub vertices: [u32; 2],
     /// Sum of the areas of the polygons in square metres.
     pub area: f64,
@@ -124,14 +125,15 @@ impl fmt::Display for LevelError {
 
 impl core::error::Error for LevelError {}
 
-/// Maximum number of triangles. T-junctions add corners, so a quarter of the range of indices is left for them.
+/// Maximum number of triangles. T-junctions add corners, so a quarter of the range of indices is left for
+/// them.
 const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 
 /// The occluders of a level: planar polygons made of its opaque, static triangles, in clusters.
 ///
-/// A line that meets no edge goes through a polygon if the polygon's outline winds round the line. It then goes
-/// through a triangle of the level within the polygon's [extent] along the normal: nothing is hidden that the
-/// triangles do not hide. The winding number is positive for a line that comes from the front.
+/// A line that meets no edge goes through a polygon if the polygon's outline winds round the line. It then
+/// goes through a triangle of the level within the polygon's [extent] along the normal: nothing is hidden
+/// that the triangles do not hide. The winding number is positive for a line that comes from the front.
 ///
 /// [extent]: OccluderPolygon::extent
 ///
@@ -143,8 +145,9 @@ const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 ///     let [a, b, c, d] = [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| Vec3::new(5.0, y, z));
 ///     [[a, b, c], [a, c, d]].map(|corners| LevelTriangle { corners, two_sided: true })
 /// };
-/// let wall = [quad([0.0, 2.0], [0.0, 3.0]), quad([2.0, 4.0], [0.0, 1.0]), quad([2.0, 4.0], [1.0, 3.0])].concat();
-/// let level = LevelOccluders::new(&wall, LevelSettings::default())?;
+/// let high = quad([0.0, 2.0], [0.0, 3.0]);
+/// let low = [quad([2.0, 4.0], [0.0, 1.0]), quad([2.0, 4.0], [1.0, 3.0])].concat();
+/// let level = LevelOccluders::new(&[&high[..], &low].concat(), LevelSettings::default())?;
 /// assert_eq!((level.polygons().len(), level.edges().len()), (1, 4));
 /// # Ok::<(), visibility_occluders::LevelError>(())
 /// ```
@@ -158,8 +161,8 @@ pub struct LevelOccluders {
 }
 
 impl LevelOccluders {
-    /// Makes the occluders of a level from its triangles. The order of the triangles decides between equals only.
-    /// Takes some microseconds a triangle, and 200 bytes while it works.
+    /// Makes the occluders of a level from its triangles. The order of the triangles decides between equals
+    /// only. Takes some microseconds a triangle, and 200 bytes while it works.
     ///
     /// # Errors
     /// [`LevelError::TooManyTriangles`].
@@ -241,13 +244,14 @@ impl LevelOccluders {
         });
     }
 
-    /// Returns the positions of the outlines' vertices in metres relative to `Scene::origin`, cluster by cluster.
+    /// Returns the positions of the outlines' vertices in metres relative to `Scene::origin`, cluster by
+    /// cluster.
     pub fn vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 
-    /// Returns the edges of all outlines as start and end, indices into [`vertices`](Self::vertices). The polygon
-    /// lies to the left of the edge, seen from the polygon's front.
+    /// Returns the edges of all outlines as start and end, indices into [`vertices`](Self::vertices). The
+    /// polygon lies to the left of the edge, seen from the polygon's front.
     pub fn edges(&self) -> &[[u32; 2]] {
         &self.edges
     }
@@ -273,8 +277,8 @@ fn open_edges(faces: &Faces) -> usize {
     faces.sides().chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() == 1).count()
 }
 
-/// Sorts regions by area, greatest first, and leaves out the last ones as long as those kept have at least the
-/// given share of the area of all. Returns the area left out.
+/// Sorts regions by area, greatest first, and leaves out the last ones as long as those kept have at least
+/// the given share of the area of all. Returns the area left out.
 fn leave_out_smallest(regions: &mut Vec<&Region>, share: f64) -> f64 {
     regions.sort_by(|a, b| b.area.total_cmp(&a.area));
     let all: f64 = regions.iter().map(|region| region.area).sum();

@@ -9,12 +9,12 @@ use visibility_core::glam::Vec3;
 /// An edge of an outline: the region lies to its left, seen from the region's front. Start and end vertex.
 pub(crate) type OutlineEdge = [u32; 2];
 
-/// Returns the outline of a region: the sides of its faces, without those that cancel out. An edge that is run
-/// through n times more often in one direction than in the other is listed n times.
+/// Returns the outline of a region: the sides of its faces, without those that cancel out. An edge that is
+/// run through n times more often in one direction than in the other is listed n times.
 ///
-/// The outline is the boundary of the sum of all faces, so that its winding number about a line is the number of
-/// faces that the line goes through from front to back, less the number of those that it goes through from back
-/// to front. Faces that overlap count each.
+/// The outline is the boundary of the sum of all faces, so that its winding number about a line is the number
+/// of faces that the line goes through from front to back, less the number of those that it goes through from
+/// back to front. Faces that overlap count each.
 pub(crate) fn outline(faces: &Faces, regions: &Regions, region: &Region) -> Vec<OutlineEdge> {
     let mut sides: Vec<([u32; 2], bool)> = Vec::new();
     for member in &regions.members[region.members[0] as usize..region.members[1] as usize] {

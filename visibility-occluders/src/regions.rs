@@ -4,8 +4,8 @@ use crate::faces::{Faces, Side};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Least cosine of the angle between the normals of a region and of a face in it. Faces of one plane may be off
-/// by more than their rounding only where they are thin.
+/// Least cosine of the angle between the normals of a region and of a face in it. Faces of one plane may be
+/// off by more than their rounding only where they are thin.
 const LEAST_COSINE: f64 = 0.999;
 
 /// Faces whose vertices all lie within a thin slab.
@@ -111,8 +111,8 @@ impl Regions {
 }
 
 /// Returns whether the face of `side` must be turned to continue a region beyond the edge that it shares with
-/// the region's face `member` (whose own side of the edge is `own`). `None` if the face cannot continue the region:
-/// it looks another way, lies on the same side of the edge, or hides from other sides.
+/// the region's face `member` (whose own side of the edge is `own`). `None` if the face cannot continue the
+/// region: it looks another way, lies on the same side of the edge, or hides from other sides.
 fn turn(faces: &Faces, region: &Region, member: Member, own: &Side, side: &Side) -> Option<bool> {
     let face = &faces.faces[side.face as usize];
     let cosine = face.normal.dot(region.normal);

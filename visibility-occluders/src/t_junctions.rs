@@ -1,8 +1,8 @@
-//! T-junctions: vertices that lie exactly on an edge of another face are inserted into that edge, so that both
-//! faces share the edge's parts.
+//! T-junctions: vertices that lie exactly on an edge of another face are inserted into that edge, so that
+//! both faces share the edge's parts.
 //!
-//! A vertex that lies on an edge but for rounding is not inserted. Between it and the edge there is a gap, however
-//! narrow, through which something may be seen.
+//! A vertex that lies on an edge but for rounding is not inserted. Between it and the edge there is a gap,
+//! however narrow, through which something may be seen.
 
 use crate::faces::Faces;
 use alloc::vec::Vec;

@@ -1,5 +1,5 @@
-//! The occluders of random levels against lines, in whole numbers: a line goes through a polygon of the level if
-//! and only if it goes through a triangle that the polygon was made of.
+//! The occluders of random levels against lines, in whole numbers: a line goes through a polygon of the level
+//! if and only if it goes through a triangle that the polygon was made of.
 
 use visibility_core::glam::Vec3;
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle, OccluderPolygon};
@@ -61,8 +61,8 @@ impl Line {
     }
 }
 
-/// Returns the triangles of a wall: rectangles between whole multiples of 8 in a plane across an axis or slanted,
-/// in rows of random lengths, so that corners end on the sides of neighbours.
+/// Returns the triangles of a wall: rectangles between whole multiples of 8 in a plane across an axis or
+/// slanted, in rows of random lengths, so that corners end on the sides of neighbours.
 fn wall(random: &mut Random, triangles: &mut Vec<LevelTriangle>) {
     let (axis, slant) = (random.below(3), random.between(-1, 1) as f32);
     let place = 8.0 * random.between(-8, 8) as f32;
@@ -111,8 +111,8 @@ fn is_in_slab(polygon: &OccluderPolygon, triangle: &LevelTriangle) -> bool {
     })
 }
 
-/// Compares random lines, half of them aimed near corners, in levels of random walls. Returns the number of lines
-/// that hit a triangle.
+/// Compares random lines, half of them aimed near corners, in levels of random walls. Returns the number of
+/// lines that hit a triangle.
 fn trial(seed: u64, levels: usize) -> usize {
     let mut random = Random(seed);
     let mut count = 0;

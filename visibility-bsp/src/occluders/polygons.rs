@@ -262,15 +262,15 @@ impl Occluders {
         }
     }
 
-    /// Returns the polygon as [`occluder_polygon`](Self::occluder_polygon) does, for eyes outside of its shell:
-    /// there its back hides only if the polygon is two-sided.
+    /// Returns the polygon as [`occluder_polygon`](Self::occluder_polygon) does, for eyes outside of its
+    /// shell: there its back hides only if the polygon is two-sided.
     pub(crate) fn outside_polygon(&self, polygon: u32) -> OccluderPolygon<'_> {
         let two_sided = self.polygons[polygon as usize].two_sided;
         OccluderPolygon { two_sided, ..self.occluder_polygon(polygon) }
     }
 
-    /// Tests whether a polygon may hide for an eye behind its front. True for a two-sided polygon, and for one
-    /// of a convex two-sided solid whose shell holds `eye`, `None` for parallel views.
+    /// Tests whether a polygon may hide for an eye behind its front. True for a two-sided polygon, and for
+    /// one of a convex two-sided solid whose shell holds `eye`, `None` for parallel views.
     pub(super) fn hides_behind(&self, polygon: &Polygon, eye: Option<DVec3>) -> bool {
         let holds =
             |&[min, max]: &[DVec3; 2]| eye.is_some_and(|eye| eye.cmpge(min).all() && eye.cmple(max).all());

@@ -138,8 +138,9 @@ impl SceneCells {
     /// # Errors
     /// [`SceneCellsError::TurnedPortals`] if portals were turned when the cells were made, and the PVS has no
     /// source: one of the graph as it was given would hide visible cells. Call [`CellGraph::turn_portals`]
-    /// before both. [`SceneCellsError::Pvs`] if the targets of `pvs` are not cells, or if its counts of viewcells or
-    /// targets differ from the number of cells; [`SceneCellsError::OtherGraph`] if its source is another.
+    /// before both. [`SceneCellsError::Pvs`] if the targets of `pvs` are not cells, or if its counts of
+    /// viewcells or targets differ from the number of cells; [`SceneCellsError::OtherGraph`] if its source is
+    /// another.
     pub fn with_pvs(mut self, pvs: Pvs) -> Result<Self, SceneCellsError> {
         let (cells, viewcells, targets) = (self.graph.cell_count(), pvs.viewcell_count(), pvs.target_count());
         if pvs.targets() != PvsTargets::Cells || viewcells != cells || targets != cells {
