@@ -9,6 +9,7 @@ mod bsp_scenes;
 mod cell_scenes;
 mod cut_occluders;
 mod engine;
+mod exact_scenes;
 mod extremes;
 mod gltf_files;
 mod hom_scenes;

@@ -143,7 +143,8 @@ impl Search<'_> {
         if (edge.tags[0] < 3 || edge.tags[1] < 3) && behind(0) && behind(1) && from_before() {
             return true;
         }
-        matches!(signs(sight, edge, sight.side_error(self.delta)), 0 | POSITIVE | NEGATIVE)
+        // An edge in one plane with P and Q, whose sides are all exactly 0, may be met. The check refuses it.
+        matches!(signs(sight, edge, sight.side_error(self.delta)), POSITIVE | NEGATIVE)
     }
 
     /// Returns whether a triangle certainly touches neither P nor Q, but for the boundary of Q at corners of

@@ -355,7 +355,7 @@ impl Search<'_> {
         };
         for k in 0..found.ring.len() {
             let occurring = signs(sight, &found.edge(k), sight.side_error(self.delta));
-            found.divides.push(occurring != 0 && occurring != sides);
+            found.divides.push(occurring != sides);
         }
         Some(found)
     }

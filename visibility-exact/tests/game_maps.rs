@@ -3,7 +3,7 @@
 //! check accepts every proof that the search ends with.
 
 use crate::common::{Triangle, check, few_rays, prepared};
-use visibility_core::glam::{DQuat, DVec3, Vec3};
+use visibility_core::glam::{DQuat, DVec3};
 use visibility_core::pvs::Viewcell;
 use visibility_exact::{Effort, ExactCuller, Settings};
 use visibility_testing::Random;
@@ -122,11 +122,10 @@ fn proofs_in_many_maps_hold() {
     }
 }
 
-/// A wall, a sill over it and a wall on the sill. The surface that hides the triangle behind has a strip, out
-/// of plane, that ends at the triangle's corner.
-#[test]
-fn a_strip_out_of_plane_is_apart_from_whichever_end_it_is_looked_at() {
-    let objects: [&[[[f32; 3]; 3]]; 4] = [
+/// A wall, a sill over it and a wall on the sill, by objects, and a viewcell. The surface that hides the
+/// triangle behind has a strip, out of plane, that ends at the triangle's corner.
+fn wall_and_sill() -> (Vec<Vec<[DVec3; 3]>>, [DVec3; 2]) {
+    let objects: [&[[[f64; 3]; 3]]; 4] = [
         &[
             [[8.0, 4.0, -6.0], [8.0, 4.0, -8.0], [8.0, 0.0, -6.0]],
             [[8.0, 0.5, -4.0], [8.0, 4.0, -6.0], [8.0, 0.0, -6.0]],
@@ -140,12 +139,81 @@ fn a_strip_out_of_plane_is_apart_from_whichever_end_it_is_looked_at() {
         &[[[-13.0, 8.0, 6.0], [-13.0, 8.5, 9.7], [-13.0, 8.0, 4.0]]],
         &[[[-13.0, 8.0, 6.0], [-12.0, 8.0, 6.0], [-12.0, 8.0, 8.0]]],
     ];
-    let objects: Vec<Vec<Triangle>> =
-        objects.iter().map(|object| object.iter().map(|t| t.map(Vec3::from_array)).collect()).collect();
-    let triangles = prepared(&objects);
-    let cell = Viewcell::from_box(DVec3::new(15.0, 1.0, -10.0), DVec3::new(17.0, 1.5, -8.0));
+    let objects = objects.map(|object| object.iter().map(|t| t.map(DVec3::from_array)).collect());
+    (objects.to_vec(), [DVec3::new(15.0, 1.0, -10.0), DVec3::new(17.0, 1.5, -8.0)])
+}
+
+/// Decides objects of triangles from a box. Returns the number of proofs, and those of objects seen, hidden
+/// and open.
+fn decide_from([a, b]: [DVec3; 2], objects: &[Vec<Triangle>]) -> (usize, [usize; 3]) {
+    let triangles = prepared(objects);
     let settings = few_rays(Settings::new(Effort::Exact(1e-4)));
-    let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
-    assert_eq!(check(&objects, &triangles, &found), 1);
-    assert_eq!(found.counts(), [3, 1, 0]);
+    let found =
+        ExactCuller::new(triangles.clone(), settings).verdicts(&Viewcell::from_box(a.min(b), a.max(b)));
+    (check(objects, &triangles, &found), found.counts())
+}
+
+#[test]
+fn a_strip_out_of_plane_is_apart_from_whichever_end_it_is_looked_at() {
+    let (objects, cell) = wall_and_sill();
+    let objects: Vec<Vec<Triangle>> =
+        objects.iter().map(|object| object.iter().map(|t| t.map(DVec3::as_vec3)).collect()).collect();
+    assert_eq!(decide_from(cell, &objects), (1, [3, 1, 0]));
+}
+
+/// Returns a wall and a sill like [`wall_and_sill`], and a viewcell: corners and viewcell moved by small
+/// steps, corners that meet together, then axes exchanged and mirrored, all scaled and moved. Objects,
+/// triangles and their corners are in any order.
+fn like_wall_and_sill(random: &mut Random) -> ([DVec3; 2], Vec<Vec<Triangle>>) {
+    let (mut objects, cell) = wall_and_sill();
+    let step = random.pick(&[0.0, 0.001, 0.02, 0.1]);
+    let steps = |random: &mut Random, most: i32, step: f64| {
+        DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-most, most)) * step))
+    };
+    let mut corners: Vec<DVec3> = objects.iter().flatten().flatten().copied().collect();
+    corners.sort_by_key(|v| v.to_array().map(|x| (x * 10.0) as i32));
+    corners.dedup();
+    let moves: Vec<DVec3> = corners.iter().map(|_| steps(random, 2, step)).collect();
+    let cell_move = steps(random, 4, 0.25);
+    let (first, is_odd) = (random.below(3), random.one_in(2));
+    let mirror = DVec3::from_array(core::array::from_fn(|_| random.pick(&[1.0, -1.0])));
+    let scale = random.pick(&[0.5, 1.0, 2.0, 1.7]);
+    let shift = random.pick(&[0.0, 1.0, 50.3]) * steps(random, 4, 0.5);
+    let place = |v: DVec3| {
+        let (j, k) = ((first + 1) % 3, (first + 2) % 3);
+        let [j, k] = if is_odd { [k, j] } else { [j, k] };
+        DVec3::new(v[first], v[j], v[k]) * mirror * scale + shift
+    };
+    for corner in objects.iter_mut().flatten().flatten() {
+        let at = corners.iter().position(|v| v == corner).unwrap();
+        *corner = place(*corner + moves[at]);
+    }
+    for triangles in &mut objects {
+        for t in triangles.iter_mut() {
+            shuffle(t, random);
+        }
+        shuffle(triangles, random);
+    }
+    shuffle(&mut objects, random);
+    let objects =
+        objects.iter().map(|object| object.iter().map(|t| t.map(DVec3::as_vec3)).collect()).collect();
+    (cell.map(|v| place(v + cell_move)), objects)
+}
+
+fn shuffle<T>(list: &mut [T], random: &mut Random) {
+    for last in (1..list.len()).rev() {
+        list.swap(last, random.below(last + 1));
+    }
+}
+
+#[test]
+fn strips_out_of_plane_are_apart_in_worlds_like_that() {
+    let mut random = Random(11);
+    let (mut proofs, mut hidden) = (0, 0);
+    for _ in 0..1000 {
+        let (cell, objects) = like_wall_and_sill(&mut random);
+        let (found, counts) = decide_from(cell, &objects);
+        (proofs, hidden) = (proofs + found, hidden + counts[1]);
+    }
+    assert!(proofs > 200 && hidden > 200, "{proofs} proofs, {hidden} hidden");
 }

@@ -6,6 +6,7 @@
 
 pub mod allocations;
 pub mod cameras;
+mod distance;
 pub mod enclosures;
 mod ends;
 mod exact;
@@ -18,6 +19,7 @@ mod slabs;
 mod slots;
 pub mod swapped;
 
+pub use distance::distance;
 pub use ends::{End, UNIT, ends, ends_f32};
 pub use exact::sign_of_sum;
 pub use forged_counts::{forge_counts, mend_header};
