@@ -41,7 +41,7 @@ pub fn write_with<E: Display + From<std::io::Error>>(
     }
     let path = target(path);
     let part = beside(&path, ".part");
-    // What a program has left that was killed is overwritten.
+    // A `.part` file left by a killed program is overwritten.
     let file = lock(&part, &path)?;
     let written = file.set_len(0).map_err(E::from).and_then(|()| fill(file)).and_then(|file| {
         if let Ok(before) = std::fs::metadata(&path) {
@@ -227,7 +227,7 @@ mod tests {
         assert!(Lock::new(&folder.join("b.set")).is_ok());
         drop(lock);
         assert!(names(&folder).is_empty());
-        // What a program has left that was killed stops nobody.
+        // A `.part` file left by a killed program stops nobody.
         std::fs::write(beside(&file, ".lock"), b"").unwrap();
         drop(Lock::new(&file).unwrap());
         // Of many that begin and end at once, one at a time has the lock.

@@ -242,7 +242,7 @@ fn core_and_image_space() {
             },
         ] {
             if let Ok(culler) = CasterCuller::new(light) {
-                show(&what, &world, culler.with_receivers(receivers));
+                show(&what, &world, culler.with_receivers(receivers, world.scene.origin()));
             }
         }
         for two_sided in [false, true] {

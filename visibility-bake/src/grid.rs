@@ -56,8 +56,8 @@ pub enum GridError {
     Size,
     /// There would be more viewcells than [`Grid::LIMIT`].
     Count {
-        /// Number of viewcells of a box, or of those that a walk passes, each as often as it is passed.
-        /// Counts beyond the greatest number count as that.
+        /// Number of viewcells over the box or along the walk; a viewcell passed twice counts twice. Counts
+        /// beyond the greatest number count as that.
         count: u128,
     },
     /// The box or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or a flood of

@@ -141,7 +141,7 @@ fn what_was_not_compared_is_not_promised() {
         let mut lacks = Vec::new();
         culler.for_each_lack(&boxes, &mut |lack| lacks.push(lack.to_string()));
         let expected: &[&str] =
-            if is_checked { &[] } else { &["objects that a PVS hides which may be of another level: 2"] };
+            if is_checked { &[] } else { &["objects hidden by a PVS that may be of another level: 2"] };
         assert_eq!(lacks, expected);
     }
     let level = set.version() ^ 1;

@@ -49,7 +49,8 @@
 use crate::binary_format::{Format, FormatError, Reader, Writer};
 use alloc::vec::Vec;
 
-/// Format of saved bakes. Versions 1 and 2 held cell-to-cell bakes only and cannot be read.
+/// Format of saved bakes. Earlier versions are refused: 1 and 2 held cell-to-cell bakes only, and 3 may hold
+/// answers of a sweep that hid visible objects.
 const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 4 };
 
 /// Progress of a bake: the number of items done and the cost so far.

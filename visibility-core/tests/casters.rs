@@ -509,7 +509,11 @@ fn receivers_leave_fewer_casters_and_no_blocker_out() {
         let center = eye.sample(&mut rng).as_vec3();
         let receivers = Aabb::new(center - 25.0, center + 25.0);
         let all = cull(&scene, &eye.view(), CasterCuller::new(light).unwrap());
-        let some = cull(&scene, &eye.view(), CasterCuller::new(light).unwrap().with_receivers(receivers));
+        let some = cull(
+            &scene,
+            &eye.view(),
+            CasterCuller::new(light).unwrap().with_receivers(receivers, DVec3::ZERO),
+        );
         let rays = rays(&mut rng, &eye, &light, |p| receivers.contains_point(p.as_vec3()));
         needed += shoot(&boxes, &scene, &ids, &some, &rays, &|| format!("{light:?} {eye:?}")).needed;
         assert!(some.iter(&scene).all(|id| all.contains(&scene, id)));
@@ -534,7 +538,7 @@ fn receivers_are_of_the_origin_that_they_were_given_for() {
         let [low, high] = ground.map(|side| DVec3::new(side, side, 0.1 * side));
         Aabb::from_world(low, high, origin)
     };
-    let mut culler = CasterCuller::new(sun).unwrap().with_receivers(receivers(DVec3::ZERO));
+    let mut culler = CasterCuller::new(sun).unwrap().with_receivers(receivers(DVec3::ZERO), DVec3::ZERO);
     let casts = |culler: &mut CasterCuller, scene: &Scene| {
         let mut visible = VisibleSet::new();
         visible.fill(scene, &view);
@@ -546,7 +550,7 @@ fn receivers_are_of_the_origin_that_they_were_given_for() {
     scene.set_origin(far).unwrap();
     scene.set_bounds(id, Aabb::from_world(lamp[0], lamp[1], far)).unwrap();
     assert!(casts(&mut culler, &scene), "the ground has not moved");
-    culler.set_receivers(receivers(far));
+    culler.set_receivers(receivers(far), far);
     assert!(casts(&mut culler, &scene));
     scene.set_bounds(id, Aabb::from_world(lamp[0] + far, lamp[1] + far, far)).unwrap();
     assert!(!casts(&mut culler, &scene), "beside the ground");
@@ -652,7 +656,7 @@ fn hostile_lights_and_views_do_no_harm() {
             scene.insert(Aabb::new(a.min(b), a.max(b)));
         }
         let receivers = Aabb::new(wild(&mut rng).as_vec3(), wild(&mut rng).as_vec3());
-        let culler = if rng.one_in(2) { culler.with_receivers(receivers) } else { culler };
+        let culler = if rng.one_in(2) { culler.with_receivers(receivers, DVec3::ZERO) } else { culler };
         let casters = cull(&scene, &view, culler);
         assert!(casters.contains(&scene, always));
         culled += 5 - casters.count(&scene);

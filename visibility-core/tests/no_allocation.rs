@@ -194,8 +194,9 @@ fn many_views_allocate_nothing_once_warm() {
         Light::Spot { position: place, direction: DVec3::NEG_Z, half_angle: 0.7, range: 150.0 },
     ];
     let receivers = Aabb::from_arrays([-90.0; 3], [90.0; 3]);
-    let mut shadows =
-        lights.map(|light| Pipeline::new().with(CasterCuller::new(light).unwrap().with_receivers(receivers)));
+    let mut shadows = lights.map(|light| {
+        Pipeline::new().with(CasterCuller::new(light).unwrap().with_receivers(receivers, DVec3::ZERO))
+    });
     let clip = Plane::new(DVec3::new(1.0, 1.0, 0.0), 60.0);
     let mut eyes = [(); 2].map(|_| (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new()));
     let (mut both, mut casters) = (VisibleSet::with_changes(), VisibleSet::new());

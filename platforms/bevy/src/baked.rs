@@ -183,8 +183,12 @@ impl Culler for BakedCuller {
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
-        if let Some(culler) = &self.culler {
-            culler.for_each_lack(scene, each);
+        match &self.culler {
+            Some(culler) => culler.for_each_lack(scene, each),
+            None if !self.is_checked => {
+                each(Lack { what: "a set that was not compared with the version of the level", count: 1 });
+            }
+            None => {}
         }
     }
 }

@@ -111,9 +111,8 @@ pub struct CasterCuller {
     /// Tangent of a spot light's half angle. `None` for other lights, and for a half angle of pi/2 or more,
     /// or so little less that the cone bounds nothing.
     tangent: Option<f64>,
-    receivers: Option<Aabb>,
-    /// Origin of the scene that `receivers` are relative to; NaN until the next frame.
-    receivers_origin: DVec3,
+    /// Box of the receivers, and the origin of the scene that it is relative to.
+    receivers: Option<(Aabb, DVec3)>,
 }
 
 impl CasterCuller {
@@ -122,8 +121,7 @@ impl CasterCuller {
     /// # Errors
     /// [`LightError`] if a direction, position, range or angle of the light is invalid.
     pub fn new(light: Light) -> Result<Self, LightError> {
-        let (simd, receivers_origin) = (Simd::best(), DVec3::NAN);
-        let mut this = Self { simd, light, tangent: None, receivers: None, receivers_origin };
+        let mut this = Self { simd: Simd::best(), light, tangent: None, receivers: None };
         this.set_light(light)?;
         Ok(this)
     }
@@ -135,19 +133,17 @@ impl CasterCuller {
 
     /// Returns the culler restricted to shadows that fall into the box `receivers`, as
     /// [`set_receivers`](Self::set_receivers) does.
-    pub fn with_receivers(mut self, receivers: Aabb) -> Self {
-        self.set_receivers(receivers);
+    pub fn with_receivers(mut self, receivers: Aabb, origin: DVec3) -> Self {
+        self.set_receivers(receivers, origin);
         self
     }
 
-    /// Restricts the culler to shadows that fall into the box `receivers`, relative to the scene's origin in
-    /// the next frame. The box must contain everything that receives shadows in the view. The restriction
-    /// helps most if the view has no far plane and the sun is low. A box that is improper or not finite
-    /// removes the restriction. In scenes with another origin the restriction does not count: set the box
-    /// again after the origin has moved.
-    pub fn set_receivers(&mut self, receivers: Aabb) {
-        self.receivers = receivers.is_finite().then_some(receivers);
-        self.receivers_origin = DVec3::NAN;
+    /// Restricts the culler to shadows that fall into the box `receivers`, in metres relative to `origin`,
+    /// which is [`Scene::origin`] as the box was measured. The box must contain everything that receives
+    /// shadows in the view. The restriction helps most if the view has no far plane and the sun is low. A box
+    /// that is improper or not finite removes it. It is ignored while the scene has another origin.
+    pub fn set_receivers(&mut self, receivers: Aabb, origin: DVec3) {
+        self.receivers = receivers.is_finite().then_some((receivers, origin));
     }
 
     /// Returns the light, in world coordinates.
@@ -189,7 +185,7 @@ impl CasterCuller {
             push_ball(&mut planes, p, range);
         }
         push_hull(&mut planes, view.planes(scene.origin()).with_slots(), source, reach);
-        if let Some(receivers) = self.receivers.filter(|_| self.receivers_origin == scene.origin()) {
+        if let Some((receivers, _)) = self.receivers.filter(|&(_, origin)| origin == scene.origin()) {
             push_hull(&mut planes, (0..).zip(&sides(&receivers)), source, reach);
         }
         planes
@@ -214,9 +210,6 @@ impl Culler for CasterCuller {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        if self.receivers_origin.is_nan() {
-            self.receivers_origin = scene.origin();
-        }
         let planes = self.planes(scene, view, reach(scene));
         let mut stats = CullStats::default();
         // At least one pass, so that the set is brought to the layout of the scene and counted, even without

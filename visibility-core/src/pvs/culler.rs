@@ -365,7 +365,7 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         }
         let unchecked = shared.objects.iter().filter(|(id, _)| id.is_some()).count();
         if !shared.is_checked && unchecked > 0 {
-            each(Lack { what: "objects that a PVS hides which may be of another level", count: unchecked });
+            each(Lack { what: "objects hidden by a PVS that may be of another level", count: unchecked });
         }
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! # Format
 //! All numbers are little-endian:
-//! - The header of the [binary format](crate::binary_format): `VISI-PVS`, version 2, kind (0: cells, 1:
+//! - The header of the [binary format](crate::binary_format): `VISI-PVS`, version 3, kind (0: cells, 1:
 //!   objects). In place of a fingerprint, the header holds the number of viewcells and the number of targets
 //!   (`u32` each).
 //! - For each 16th viewcell from the first on, the offset of its row from the first row, in bytes (`u32`),
@@ -79,7 +79,7 @@ impl PartialEq for Pvs {
 
 impl Eq for Pvs {}
 
-const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 2 };
+const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 3 };
 
 /// In the form of a row: the row is the difference from another.
 const DIFFERS: u8 = 1;

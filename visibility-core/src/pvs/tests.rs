@@ -38,7 +38,7 @@ fn the_form_of_a_stored_set_stays() {
     let pvs = Pvs::new(PvsTargets::Objects, 300, &rows, |id| [ViewcellId(id.0 / 2)]).unwrap();
     let stored = |content: &[u8]| {
         let counts = [&[2, 0, 0, 0, 44, 1, 0, 0][..], &[40 + content.len() as u8, 0, 0, 0, 0, 0, 0, 0]];
-        let mut bytes = [b"VISI-PVS", &[2, 0, 0, 0, 1, 0, 0, 0][..], &counts.concat()].concat();
+        let mut bytes = [b"VISI-PVS", &[3, 0, 0, 0, 1, 0, 0, 0][..], &counts.concat()].concat();
         let all = bytes.iter().chain(content);
         let sum = all
             .fold(0xcbf2_9ce4_8422_2325_u64, |sum, &b| (sum ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
@@ -90,9 +90,10 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
         Pvs::from_bytes(resealed(bytes)).unwrap_err().to_string()
     };
     let last = good.len() - 1;
+    assert_eq!(wrong(8, 2), "version 2 of the format, where only version 3 is known: bake again");
     assert_eq!(
-        wrong(8, 3),
-        "version 3 of the format, where only version 2 is known: it is of a later release"
+        wrong(8, 4),
+        "version 4 of the format, where only version 3 is known: it is of a later release"
     );
     assert_eq!(wrong(12, 7), "at byte 40: the targets are neither cells nor objects");
     assert_eq!(wrong(rows + 1, 9), "the row of viewcell 0: it has no known form");

@@ -345,7 +345,7 @@ impl Scene {
         let payload = self.tree.payload(slot);
         self.layered -= usize::from(payload.layers != u32::MAX);
         self.occluders -= usize::from(payload.occluder);
-        self.count_occluder(id.index, usize::wrapping_sub);
+        self.count_occluder(id.index, false);
         self.forget_details(id);
         self.tree.remove(slot);
         self.queue.push(slot.node());
@@ -518,10 +518,10 @@ impl Scene {
         let slot = self.slot(id)?;
         let was_occluder = self.tree.payload(slot).occluder;
         self.occluders = self.occluders + usize::from(occluder) - usize::from(was_occluder);
-        self.count_occluder(id.index, usize::wrapping_sub);
+        self.count_occluder(id.index, false);
         let mask = &mut self.tree.occluders[slot.node()];
         *mask = *mask & !(1 << slot.lane()) | u64::from(occluder) << slot.lane();
-        self.count_occluder(id.index, usize::wrapping_add);
+        self.count_occluder(id.index, true);
         self.log.push(id, self.generations.len());
         Ok(())
     }

@@ -179,13 +179,13 @@ impl Scene {
     /// Gives an object a mesh or takes it away. A given mesh counts once [`check_mesh`](Self::check_mesh) has
     /// found it within the object's bounds.
     pub(super) fn replace_mesh(&mut self, index: u32, mesh: Option<PlacedMesh>) {
-        self.count_occluder(index, usize::wrapping_sub);
+        self.count_occluder(index, false);
         if let Some(mesh) = mesh {
             self.placements.get_or_insert(index).mesh = Some(mesh);
         } else if let Some(placement) = self.placements.get_mut(index) {
             placement.mesh = None;
         }
-        self.count_occluder(index, usize::wrapping_add);
+        self.count_occluder(index, true);
     }
 
     /// Finds out anew whether the mesh of an object lies within the object's bounds: in local coordinates if
@@ -207,15 +207,22 @@ impl Scene {
         }
     }
 
-    /// Adds an object to the counts of occluders that lack something, or takes it out. Does nothing for an
-    /// object that is not flagged as an occluder.
-    pub(super) fn count_occluder(&mut self, index: u32, add: fn(usize, usize) -> usize) {
+    /// Adds an object to the counts of occluders that lack something (`is_added`), or takes it out. Does
+    /// nothing for an object that is not flagged as an occluder.
+    pub(super) fn count_occluder(&mut self, index: u32, is_added: bool) {
         if !self.tree.payload(self.tree.slots[index as usize]).occluder {
             return;
         }
-        match self.placements.get(index).and_then(|placement| placement.mesh) {
-            None => self.meshless = add(self.meshless, 1),
-            Some(mesh) => self.outside = add(self.outside, usize::from(!mesh.is_inside)),
+        let mesh = self.placements.get(index).and_then(|placement| placement.mesh);
+        let count = match mesh {
+            None => &mut self.meshless,
+            Some(mesh) if !mesh.is_inside => &mut self.outside,
+            Some(_) => return,
+        };
+        if is_added {
+            *count += 1;
+        } else {
+            *count -= 1;
         }
     }
 

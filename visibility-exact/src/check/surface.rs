@@ -86,9 +86,9 @@ impl Check<'_> {
     }
 
     /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's
-    /// are on one side of Q's plane, and it is apart from P. `end` is the end of the line that is tested, at
-    /// most 3 delta from Q. If the triangle is before Q, its plane is farther from this end, so that lines to
-    /// the points of Q next to the end cross the triangle as often.
+    /// are on one side of Q's plane, there are such corners, and it is apart from P. `end` is the end of the
+    /// line that is tested, at most 3 delta from Q. If the triangle is before Q, its plane is farther from
+    /// this end, so that lines to the points of Q next to the end cross the triangle as often.
     pub(super) fn touches_beside(
         &self,
         sight: &Sight,
@@ -99,16 +99,17 @@ impl Check<'_> {
         let heights: Vec<f64> =
             (0..3).filter(|&k| tags[k].is_none()).map(|k| sight.before_q.height(corners[k])).collect();
         let margin = 3.0 * self.delta;
-        let is_behind = heights.iter().all(|h| *h < -margin);
-        let is_before = heights.iter().all(|h| *h > margin)
+        let is_behind = !heights.is_empty() && heights.iter().all(|h| *h < -margin);
+        let is_before = !heights.is_empty()
+            && heights.iter().all(|h| *h > margin)
             && unit_normal(corners).is_some_and(|n| n.dot(end - corners[0]).abs() > 2.0 * margin);
         let apart_from_p = self.is_apart(&Sight { q: sight.p, before_q: sight.before_p, ..*sight }, corners);
         (is_behind || is_before) && apart_from_p
     }
 }
 
-/// Returns whether a segment crosses the inside of a triangle that holds none of its ends; `None` if it may
-/// touch the boundary.
+/// Returns whether a segment crosses the inside of a triangle; `None` if it may touch the boundary, or the
+/// plane at an end.
 pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let sign = |(value, error): (f64, f64)| i32::from(value > error) - i32::from(value < -error);
     let s: [i32; 3] = core::array::from_fn(|k| sign(quick_side(p, q, t[k], t[(k + 1) % 3], 0.0)));
@@ -117,7 +118,7 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     if (s.contains(&1) && s.contains(&-1)) || ends[0] * ends[1] > 0 {
         Some(false)
     } else {
-        winds.then_some(true)
+        (winds && !ends.contains(&0)).then_some(true)
     }
 }
 

@@ -136,22 +136,23 @@ impl SceneCells {
     /// A PVS without a source may be of another graph: a culler of the cells is then approximate.
     ///
     /// # Errors
-    /// [`SceneCellsError::TurnedPortals`] if portals were turned when the cells were made, and the PVS has no
-    /// source: one of the graph as it was given would hide visible cells. Call [`CellGraph::turn_portals`]
-    /// before both. [`SceneCellsError::Pvs`] if the targets of `pvs` are not cells, or if its counts of
-    /// viewcells or targets differ from the number of cells; [`SceneCellsError::OtherGraph`] if its source is
-    /// another.
+    /// [`SceneCellsError::TurnedPortals`] if portals were turned when the cells were made, unless the source
+    /// says that the PVS is of the turned graph: one of the graph as it was given would hide visible cells.
+    /// Call [`CellGraph::turn_portals`] before the bake. [`SceneCellsError::Pvs`] if the targets of `pvs` are
+    /// not cells, or if its counts of viewcells or targets differ from the number of cells;
+    /// [`SceneCellsError::OtherGraph`] if its source is another.
     pub fn with_pvs(mut self, pvs: Pvs) -> Result<Self, SceneCellsError> {
         let (cells, viewcells, targets) = (self.graph.cell_count(), pvs.viewcell_count(), pvs.target_count());
         if pvs.targets() != PvsTargets::Cells || viewcells != cells || targets != cells {
             return Err(SceneCellsError::Pvs { cells, viewcells, targets });
         }
-        match (pvs.source(), self.turned.first()) {
-            (Some(source), _) if source != self.graph.version() => return Err(SceneCellsError::OtherGraph),
-            (None, Some(&first)) => {
+        let is_of_graph = pvs.source().map(|source| source == self.graph.version());
+        match (is_of_graph, self.turned.first()) {
+            (Some(true), _) | (None, None) => {}
+            (_, Some(&first)) => {
                 return Err(SceneCellsError::TurnedPortals { first, count: self.turned.len() });
             }
-            _ => {}
+            (Some(false), None) => return Err(SceneCellsError::OtherGraph),
         }
         self.pvs = Some(pvs);
         self.stamp = Stamp::new();
