@@ -208,7 +208,7 @@ impl BakedSet {
     }
 
     /// Returns the indices of the objects that count as visible from a viewcell, ascending. Empty for an
-    /// unknown viewcell.
+    /// unknown viewcell. Decodes all classes of objects, in time linear in the number of objects of the set.
     pub fn row(&self, viewcell: ViewcellId) -> Vec<u32> {
         let mut bits = Vec::new();
         self.pvs.write_bits(viewcell, &mut bits);
