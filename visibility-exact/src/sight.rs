@@ -221,7 +221,7 @@ mod tests {
     use std::{vec, vec::Vec};
     use visibility_core::glam::Vec3;
     use visibility_core::{Aabb, Object, Scene};
-    use visibility_testing::{Random, sign_of_sum};
+    use visibility_testing::{Random, orientation_sign};
 
     fn unit_cell() -> CellBox {
         CellBox { min: DVec3::ZERO, max: DVec3::ONE }
@@ -299,32 +299,9 @@ mod tests {
                 let x = random.vec3(-8.0, 8.0).as_dvec3();
                 let height = sight.before_q.height(x);
                 let is_front = sight.before_q.normal.dot(unit_normal(&t).unwrap()) > 0.0;
-                let exact = orientation(&t, x) * if is_front { 1 } else { -1 };
+                let exact = orientation_sign(t[0], t[1], t[2], x) * if is_front { 1 } else { -1 };
                 assert!(height.abs() <= 4.0 * delta || (height > 0.0) == (exact > 0), "{round}: {height}");
             }
         }
-    }
-
-    /// Returns the sign of the height of x over a triangle's plane, of six products of three coordinates for
-    /// each corner left out, by exact sums.
-    fn orientation(t: &[DVec3; 3], x: DVec3) -> i32 {
-        let minor = |a: DVec3, b: DVec3, c: DVec3, sign: f64| {
-            let orders = [
-                (0, 1, 2, 1.0),
-                (1, 2, 0, 1.0),
-                (2, 0, 1, 1.0),
-                (0, 2, 1, -1.0),
-                (2, 1, 0, -1.0),
-                (1, 0, 2, -1.0),
-            ];
-            orders.map(|(i, j, k, s)| (a[i] * b[j], c[k] * s * sign))
-        };
-        let all = [
-            minor(t[0], t[1], t[2], -1.0),
-            minor(t[0], t[1], x, 1.0),
-            minor(t[0], x, t[2], 1.0),
-            minor(x, t[1], t[2], 1.0),
-        ];
-        sign_of_sum(all.into_iter().flatten())
     }
 }

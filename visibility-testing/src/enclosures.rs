@@ -258,3 +258,22 @@ impl Enclosure {
         counts
     }
 }
+
+/// Asserts, for each of the first `count` enclosures, that of the objects whose sampled points are all blocked
+/// no more than the share `most` is kept, and no more than `most_far` if only those beyond 1 m from the
+/// enclosure count.
+pub fn assert_most_hidden(
+    make: &dyn Fn(&Scene) -> Box<dyn Culler + Send + Sync>,
+    count: usize,
+    [most, most_far]: [f64; 2],
+) {
+    for (enclosure, seed) in enclosures().iter().zip(0..).take(count) {
+        let counts = enclosure.count(seed, 90, make);
+        println!("{}, two-sided {}: {counts:?}", enclosure.name, enclosure.two_sided);
+        assert!(counts.blocked > 500, "{}: too few are blocked: {counts:?}", enclosure.name);
+        let of_blocked = |share: f64| share * counts.blocked as f64;
+        assert!(counts.kept as f64 <= of_blocked(most), "{}: too many are kept: {counts:?}", enclosure.name);
+        let far = counts.kept_far as f64;
+        assert!(far <= of_blocked(most_far), "{}: too many are kept far off: {counts:?}", enclosure.name);
+    }
+}

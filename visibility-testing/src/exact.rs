@@ -1,6 +1,8 @@
 //! Exact signs of sums of products (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
 //! Geometric Predicates", 1997: two-product and grow-expansion).
 
+use visibility_core::glam::DVec3;
+
 /// Returns the sign (-1, 0 or 1) of the exact sum of the products `a * b`. Panics if a nonzero
 /// product's magnitude is not within 1e-270 (inclusive) to 1e300 (exclusive). May panic for more than 48
 /// nonzero products.
@@ -30,4 +32,24 @@ pub fn sign_of_sum(products: impl IntoIterator<Item = (f64, f64)>) -> i32 {
     }
     let sign = |&x: &f64| if x > 0.0 { 1 } else { -1 };
     expansion[..length].iter().rev().find(|&&x| x != 0.0).map_or(0, sign)
+}
+
+/// Returns the sign of det(b - a, c - a, d - a): 1 if `d` is before the plane through `a`, `b` and `c`, from
+/// where these run counter-clockwise. Panics for coordinates of more than 24 bits, as [`sign_of_sum`] does.
+pub fn orientation_sign(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> i32 {
+    assert!([a, b, c, d].iter().all(|x| x.as_vec3().as_dvec3() == *x), "a coordinate of more than 24 bits");
+    // Six products of three coordinates for each point left out.
+    let minor = |a: DVec3, b: DVec3, c: DVec3, sign: f64| {
+        let orders = [
+            (0, 1, 2, 1.0),
+            (1, 2, 0, 1.0),
+            (2, 0, 1, 1.0),
+            (0, 2, 1, -1.0),
+            (2, 1, 0, -1.0),
+            (1, 0, 2, -1.0),
+        ];
+        orders.map(|(i, j, k, s)| (a[i] * b[j], c[k] * s * sign))
+    };
+    let all = [minor(a, b, c, -1.0), minor(a, b, d, 1.0), minor(a, d, c, 1.0), minor(d, b, c, 1.0)];
+    sign_of_sum(all.into_iter().flatten())
 }

@@ -21,7 +21,7 @@ pub mod swapped;
 
 pub use distance::distance;
 pub use ends::{End, UNIT, ends, ends_f32};
-pub use exact::sign_of_sum;
+pub use exact::{orientation_sign, sign_of_sum};
 pub use forged_counts::{forge_counts, mend_header};
 pub use hash::{FNV_START, fnv};
 pub use octree::Octree;

@@ -50,7 +50,7 @@ use crate::triangles::{SceneTriangles, unit_normal};
 use std::{vec, vec::Vec};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Scene};
-use visibility_testing::{Random, sign_of_sum};
+use visibility_testing::{Random, distance, orientation_sign};
 
 /// A triangle target, number 0, among occluders, numbers from 1 on, and a viewcell.
 struct World {
@@ -101,22 +101,20 @@ impl World {
 
     /// Returns whether a segment starts in the viewcell, ends on the target, and touches no occluder before
     /// its end: by exact determinants, of coordinates of 24 bits. With a clearance no occluder is within 6
-    /// clearances, by samples.
+    /// clearances.
     fn sees(&self, [from, to]: [DVec3; 2]) -> bool {
         let is_inside = self.cell.min.cmple(from).all() && from.cmple(self.cell.max).all();
         let is_on = |t: &[DVec3; 3]| {
             let apex = from;
-            let sides = [0, 1, 2].map(|k| orientation(t[k], t[(k + 1) % 3], apex, to));
-            orientation(t[0], t[1], t[2], to) == 0 && !(sides.contains(&1) && sides.contains(&-1))
+            let sides = [0, 1, 2].map(|k| orientation_sign(t[k], t[(k + 1) % 3], apex, to));
+            orientation_sign(t[0], t[1], t[2], to) == 0 && !(sides.contains(&1) && sides.contains(&-1))
         };
         let is_far = |t: &[DVec3; 3]| {
-            let step = from.distance(to) / 4000.0;
-            let samples = (0..=4000).map(|k| from + (to - from) * (f64::from(k) / 4000.0));
-            self.clearance == 0.0 || samples.map(|x| distance(x, t)).all(|d| d > 6.0 * self.clearance + step)
+            self.clearance == 0.0 || distance(from, to, &t.map(|x| x.as_vec3())) > 6.0 * self.clearance
         };
         let is_free = |t: &[DVec3; 3]| {
-            let [start, end] = [from, to].map(|x| orientation(t[0], t[1], t[2], x));
-            let sides = [0, 1, 2].map(|k| orientation(t[k], t[(k + 1) % 3], from, to));
+            let [start, end] = [from, to].map(|x| orientation_sign(t[0], t[1], t[2], x));
+            let sides = [0, 1, 2].map(|k| orientation_sign(t[k], t[(k + 1) % 3], from, to));
             start * end > 0
                 || (start != 0 && end == 0)
                 || (start * end < 0 && sides.contains(&1) && sides.contains(&-1))
@@ -139,41 +137,6 @@ impl World {
     fn piece(&self, number: u32) -> u32 {
         self.triangles.piece_of(number)
     }
-}
-
-/// Returns the sign of det(b - a, c - a, d - a), of six products of three coordinates for each point left
-/// out.
-fn orientation(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> i32 {
-    assert!([a, b, c, d].iter().all(|x| x.as_vec3().as_dvec3() == *x), "a coordinate of more than 24 bits");
-    let minor = |a: DVec3, b: DVec3, c: DVec3, sign: f64| {
-        let orders = [
-            (0, 1, 2, 1.0),
-            (1, 2, 0, 1.0),
-            (2, 0, 1, 1.0),
-            (0, 2, 1, -1.0),
-            (2, 1, 0, -1.0),
-            (1, 0, 2, -1.0),
-        ];
-        orders.map(|(i, j, k, s)| (a[i] * b[j], c[k] * s * sign))
-    };
-    let all = [minor(a, b, c, -1.0), minor(a, b, d, 1.0), minor(a, d, c, 1.0), minor(d, b, c, 1.0)];
-    sign_of_sum(all.into_iter().flatten())
-}
-
-/// Returns the distance of a point from a triangle: from its plane over the triangle, else from a side.
-fn distance(x: DVec3, [a, b, c]: &[DVec3; 3]) -> f64 {
-    let (u, v, w) = (*b - *a, *c - *a, x - *a);
-    let normal = u.cross(v);
-    let share = |k: DVec3| k.dot(normal) / normal.length_squared();
-    let (s, t) = (share(w.cross(v)), share(u.cross(w)));
-    if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
-        return (w.dot(normal) / normal.length()).abs();
-    }
-    let from_side = |a: DVec3, b: DVec3| {
-        let part = ((x - a).dot(b - a) / a.distance_squared(b)).clamp(0.0, 1.0);
-        x.distance(a.lerp(b, part))
-    };
-    from_side(*a, *b).min(from_side(*b, *c)).min(from_side(*c, *a))
 }
 
 fn surface(triangles: &[u32], line: [[f64; 3]; 2]) -> Step {
@@ -807,8 +770,8 @@ fn the_ring_of_the_target_is_refused() {
         let world = World::new([a, b, c], &[]);
         let t = world.shapes[0];
         let from = world.cell.max;
-        let behind =
-            orientation(t[0], t[1], t[2], from) != orientation(t[0], t[1], t[2], DVec3::new(8.0, 0.0, 0.0));
+        let behind = orientation_sign(t[0], t[1], t[2], from)
+            != orientation_sign(t[0], t[1], t[2], DVec3::new(8.0, 0.0, 0.0));
         let line = [[8.0, 4.0, 4.0], ((t[0] + t[1] + t[2]) / 3.0).to_array()];
         let Step::Loop { piece, ring, side, edges } = ring(world.piece(0), &t, line, &INSIDE) else {
             unreachable!()
