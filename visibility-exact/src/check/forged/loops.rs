@@ -1,0 +1,166 @@
+//! Forged loops: rings of occluders, and the lines outside of their edges.
+
+use super::*;
+
+/// A ring larger than its occluder.
+#[test]
+fn loops_away_from_their_occluder_are_refused() {
+    let small = [[40.0, 3.0, 3.0], [40.0, 5.0, 3.0], [40.0, 4.0, 5.0]];
+    let corners = WALL.map(|x| Vec3::from_array(x).as_dvec3());
+    for clearance in [0.0, 1.0 / 128.0] {
+        let world = World { clearance, ..World::new(TARGET, &[small]) };
+        let seen = [[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]];
+        assert_eq!(world.error(seen, vec![ring(world.piece(1), &corners, LINE, &INSIDE)]), LOOP);
+    }
+}
+
+/// Occluders behind the viewcell, and behind the target.
+#[test]
+fn loops_beyond_the_ends_of_segments_are_refused() {
+    for x in [-4.0, 81.0] {
+        let wall = WALL.map(|[_, y, z]| [x, y, z]);
+        for clearance in [0.0, 1.0 / 128.0] {
+            let world = World { clearance, ..World::new(TARGET, &[wall]) };
+            let step = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE);
+            assert_eq!(world.error(LINE, vec![step]), LOOP, "{x} {clearance}");
+        }
+    }
+}
+
+/// An occluder inside the viewcell by less than the error of positions: segments start before it.
+#[test]
+fn loops_just_inside_the_viewcell_are_refused() {
+    let wall = WALL.map(|[_, y, z]| [8.0, y, z]);
+    let mut world = World::new(TARGET, &[wall]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let loop_ = ring(world.piece(1), &world.shapes[1], [[0.0, 4.0, 4.0], LINE[1]], &INSIDE);
+    assert_eq!(world.proof(vec![loop_.clone()]).check(&world.triangles), Ok(()));
+    world.cell.max.x += 2.0 * delta;
+    assert_eq!(world.proof(vec![loop_]).check(&world.triangles).err(), LOOP);
+}
+
+/// A plate in the target's plane, larger than the target.
+#[test]
+fn loops_in_the_plane_of_the_target_are_refused() {
+    let world = World::new(TARGET, &[WALL.map(|[_, y, z]| [80.0, y, z])]);
+    let step = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE);
+    assert_eq!(world.error(LINE, vec![step]), LOOP);
+    // No ring at all.
+    let step = Step::Loop { piece: world.piece(1), ring: [].into(), side: 1.0, edges: [].into() };
+    assert!(matches!(world.error(LINE, vec![step]), LOOP | MALFORMED));
+}
+
+/// Corners that are said to be the target's, and are behind the target: far ones, and one of an occluder that
+/// holds another corner of the target.
+#[test]
+fn corners_that_are_not_the_targets_are_refused() {
+    let tilted = [[70.0, 52.0, -48.0], [90.0, 32.0, 92.0], [90.0, -200.0, -90.0]];
+    let world = World::new(TARGET, &[tilted]);
+    let seen = [[8.0, 4.0, 4.0], [80.0, 3.0, 3.0]];
+    for tags in [[3, 3, 3], [3, 0, 1], [3, 1, 2], [3, 0, 0]] {
+        let Step::Loop { piece, ring, side, edges } = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE)
+        else {
+            unreachable!()
+        };
+        let ring = ring.iter().zip(tags).map(|(&(x, _), tag)| (x, tag)).collect();
+        assert_eq!(world.error(seen, vec![Step::Loop { piece, ring, side, edges }]), LOOP);
+    }
+    let cut = [[80.0, 2.0, 2.0], [79.875, 52.0, -48.0], [80.125, 32.0, 92.0]];
+    let world = World::new(TARGET, &[cut]);
+    let step = ring(world.piece(1), &world.shapes[1], [LINE[0], [80.0, 5.0, 2.25]], &INSIDE);
+    let Step::Loop { piece, ring, side, edges } = step else { unreachable!() };
+    let ring = ring.iter().zip([0, 3, 0]).map(|(&(x, _), tag)| (x, tag)).collect();
+    assert_eq!(
+        world.error([[8.0, 4.0, 4.0], [80.0, 3.0, 3.5]], vec![Step::Loop { piece, ring, side, edges }]),
+        LOOP
+    );
+}
+
+#[test]
+fn loops_that_lines_pass_outside_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    assert_eq!(world.error(OVER, vec![ring(world.piece(1), &world.shapes[1], line, &INSIDE)]), LOOP);
+    // All lines pass outside of the first edge, or the second, inside of the others.
+    let above = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
+    let world = World::new(TARGET, &[above]);
+    let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
+    assert_eq!(world.error(LINE, vec![ring(world.piece(1), &world.shapes[1], line, &INSIDE)]), LOOP);
+}
+
+/// A ring of which an edge that lines pass outside of is not asked about, and a side that is no sign.
+#[test]
+fn malformed_loops_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    let step = ring(world.piece(1), &world.shapes[1], line, &INSIDE[..2]);
+    assert_eq!(world.error(OVER, vec![step]), MALFORMED);
+    let step = ring(world.piece(1), &world.shapes[1], line, &[INSIDE, INSIDE].concat());
+    assert_eq!(world.error(OVER, vec![step]), MALFORMED);
+}
+
+/// Edges in the middle of the segments, of which it is said that no line passes outside.
+#[test]
+fn edges_that_lines_pass_outside_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    let [good, step] = [INSIDE.to_vec(), vec![LoopEdge::Inside, LoopEdge::Inside, never(&[1.0])]]
+        .map(|edges| ring(world.piece(1), &world.shapes[1], line, &edges));
+    drop(good);
+    assert_eq!(world.error(OVER, vec![step]), WEIGHTS);
+    // The row of the first edge, which excludes, does not remain.
+    let edges = [never(&[1.0]), LoopEdge::Inside, never(&[1.0, 0.0])];
+    let step = ring(world.piece(1), &world.shapes[1], line, &edges);
+    assert_eq!(world.error(OVER, vec![step]), WEIGHTS);
+    // All lines pass above.
+    let below = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
+    let world = World::new(TARGET, &[below]);
+    let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
+    for weight in [1.0, -1.0] {
+        let edges = [LoopEdge::Inside, LoopEdge::Inside, never(&[weight])];
+        let step = ring(world.piece(1), &world.shapes[1], line, &edges);
+        assert_eq!(world.error(LINE, vec![step]), WEIGHTS, "{weight}");
+    }
+}
+
+/// Nodes of the lines outside of an edge, which are said to be empty.
+#[test]
+fn nodes_with_lines_are_not_empty() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    let edges = [LoopEdge::Divides, LoopEdge::Inside, LoopEdge::Divides];
+    let step = ring(world.piece(1), &world.shapes[1], line, &edges);
+    // The first weights hold. With the second the lines would have to be outside of the first edge.
+    for weights in [&[1.0, 0.0][..], &[1.0, 0.0, 0.0], &[0.0, 1.0], &[1.0], &[]] {
+        let steps = vec![step.clone(), empty(&[1.0]), empty(weights)];
+        assert_eq!(world.error(OVER, steps), WEIGHTS, "{weights:?}");
+    }
+    let steps = vec![step.clone(), empty(&[1.0])];
+    assert_eq!(world.error(OVER, steps), MALFORMED);
+    let steps = vec![step.clone(), empty(&[1.0]), Step::Corner { edges: [0, 1, 1] }];
+    assert_eq!(world.error(OVER, steps), Some(ProofError::Corner));
+    let below = HALF_WALL.map(|[x, y, z]| [x, y, z - 40.0]);
+    let world = World::new(TARGET, &[below]);
+    let line = [[8.0, 4.0, -40.0], [80.0, 4.0, -38.0]];
+    let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
+    let step = ring(world.piece(1), &world.shapes[1], line, &edges);
+    for weight in [1.0, -1.0] {
+        assert_eq!(world.error(LINE, vec![step.clone(), empty(&[weight])]), WEIGHTS);
+    }
+}
+
+/// The rows of one half's loop are not those of the other half, nor of the next pair of polygons.
+#[test]
+fn rows_end_with_their_loop() {
+    let world = World::new(TARGET, &[WALL]);
+    let edges = [LoopEdge::Divides, LoopEdge::Inside, LoopEdge::Inside];
+    let good = ring(world.piece(1), &world.shapes[1], LINE, &edges);
+    let halves = Step::Halves { of_p: true, across: false };
+    let steps = vec![halves.clone(), good.clone(), empty(&[1.0]), good.clone(), empty(&[1.0])];
+    assert_eq!(world.proof(steps).check(&world.triangles), Ok(()));
+    // A wall that is seen past on one half of P.
+    let world = World::new(TARGET, &[[[9.0, -300.0, -100.0], [9.0, -300.0, 1000.0], [9.0, 4.0, 4.0]]]);
+    let world = World { shapes: world.shapes, ..World::new(TARGET, &[WALL]) };
+    let steps = vec![halves, good, empty(&[1.0]), empty(&[1.0])];
+    assert_eq!(world.proof(steps).check(&world.triangles).err(), WEIGHTS);
+}

@@ -1,0 +1,247 @@
+//! Forgeries within the margins of sides, pieces, weights and corners.
+
+use super::*;
+
+/// Edges that lines pass by less than the error of positions: whatever the number that says on which side.
+#[test]
+fn edges_within_the_error_of_positions_are_not_passed() {
+    let target = [[72.0, 2.0, 0.5], [72.0, 6.0, 0.5], [72.0, 4.0, 2.0]];
+    // The upper edge is on the segments from the upper side of P to the target's upper corner.
+    let mut world = World::new(target, &[HALF_WALL.map(|[x, y, z]| [x, y, z + 1.0])]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let line = [[8.0, 4.0, 4.0], [72.0, 4.0, 1.0]];
+    let Step::Loop { piece, ring, side, edges } = ring(world.piece(1), &world.shapes[1], line, &INSIDE)
+    else {
+        unreachable!()
+    };
+    let with = |side| vec![Step::Loop { piece, ring: ring.clone(), side, edges: edges.clone() }];
+    for (lower, error) in [(0.0, LOOP), (0.2, LOOP), (400.0, None)] {
+        world.cell.max.z = 8.0 - lower * delta;
+        assert_eq!(world.proof(with(side)).check(&world.triangles).err(), error, "{lower}");
+        for scale in [1e30, f64::INFINITY, f64::NAN, -1.0, 0.0] {
+            assert!(world.proof(with(side * scale)).check(&world.triangles).is_err(), "{lower} {scale}");
+        }
+    }
+}
+
+/// An occluder at a corner of the target that hides all of a half but a part at the middle of its side; the
+/// other half is hidden.
+#[test]
+fn mixtures_of_other_corners_are_not_on_an_edge() {
+    let at_corner = [TARGET[2], [79.0, 4.0, -200.0], [79.0, -200.0, 6.5]];
+    // Below the line from (2, 2) through (5, 4), and above.
+    let below = [[79.0, -298.0, -197.7], [79.0, 302.0, 202.3], [79.0, 300.0, -400.0]];
+    let world = World::new(TARGET, &[at_corner, below]);
+    let Step::Loop { piece, ring: corners, side, edges } =
+        ring(world.piece(1), &world.shapes[1], [LINE[0], [80.0, 3.5, 3.5]], &INSIDE)
+    else {
+        unreachable!()
+    };
+    let corners = corners.iter().zip([2, 3, 3]).map(|(&(x, _), tag)| (x, tag)).collect();
+    let forged = Step::Loop { piece, ring: corners, side, edges };
+    let hidden = ring(world.piece(2), &world.shapes[2], [LINE[0], [80.0, 4.0, 2.5]], &INSIDE);
+    let halves = Step::Halves { of_p: false, across: false };
+    let seen = [[8.0, 4.0, 4.0], [80.0, 4.5, 4.25]];
+    assert_eq!(world.error(seen, vec![halves.clone(), hidden.clone(), forged.clone()]), LOOP);
+    // The first half is well.
+    assert_eq!(world.proof(vec![halves, hidden]).check(&world.triangles).err(), MALFORMED);
+}
+
+/// Polygons that do not occlude, are not convex, or not flat: lines pass between their triangles.
+#[test]
+fn pieces_that_are_no_convex_polygon_of_occluders_are_refused() {
+    let of = |shapes: &[(Triangle, bool)]| {
+        let mut world = World::new(TARGET, &[]);
+        world.triangles = scene_of(shapes);
+        world.shapes = shapes
+            .iter()
+            .filter(|(_, occluder)| *occluder)
+            .map(|(t, _)| t.map(|x| Vec3::from_array(x).as_dvec3()))
+            .collect();
+        world
+    };
+    let refused = |world: World, piece: u32, corners: &[DVec3]| {
+        let edges = vec![LoopEdge::Inside; corners.len()];
+        assert_eq!(world.error(LINE, vec![ring(piece, corners, LINE, &edges)]), LOOP);
+    };
+    let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z).as_dvec3();
+    let mut world = of(&[(TARGET, true), (WALL, false)]);
+    let piece = world.triangles.push_piece(&[1]);
+    refused(world, piece, &WALL.map(|[x, y, z]| at(x, y, z)));
+    // Two triangles in one plane, apart.
+    let left = [[40.0, -300.0, -100.0], [40.0, -30.0, 4.0], [40.0, -300.0, 400.0]];
+    let right = left.map(|[x, y, z]| [x, -y, z]);
+    let mut world = of(&[(TARGET, true), (left, true), (right, true)]);
+    let piece = world.triangles.push_piece(&[1, 2]);
+    let corners = [left[0], right[0], right[2], left[2]].map(|[x, y, z]| at(x, y, z));
+    refused(world, piece, &corners);
+    // Two triangles with a side in common, behind the viewcell.
+    let (low, high) = ([-50.0, 4.0, -400.0], [-50.0, 4.0, 800.0]);
+    let (left, right) = ([40.0, -300.0, 4.0], [40.0, 300.0, 4.0]);
+    let mut world = of(&[(TARGET, true), ([left, low, high], true), ([right, high, low], true)]);
+    let piece = world.triangles.push_piece(&[1, 2]);
+    let between = |[x, y, z]: [f32; 3], b: [f32; 3]| at(x, y, z).lerp(Vec3::from_array(b).as_dvec3(), 0.3);
+    let corners = [between(left, low), between(right, low), between(right, high), between(left, high)];
+    refused(world, piece, &corners);
+}
+
+/// Returns a node in which all pairs of points of two polygons are asked about, without scene.
+fn node(p: &[DVec3], q: &[DVec3], near: Option<f64>) -> Sight {
+    let half = Half { normal: DVec3::X, offset: 1e9 };
+    Sight { p: Polygon::new(p), q: Polygon::new(q), before_p: half, before_q: half, near }
+}
+
+/// Three edges that a line between two corners passes on the given sides, by exact integers.
+#[test]
+fn corners_with_lines_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let (steps, target_vertices) = ([].iter(), vec![]);
+    let check = Check { triangles: &world.triangles, clearance: 0.0, delta: 1e-13, target_vertices, steps };
+    let mut random = Random(5);
+    let (mut tried, mut excluded) = (0, 0);
+    for round in 0..90_000 {
+        let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
+        let r = [1, 4, 16, 30][round / 6 % 4];
+        let (p, q) = (int(20) * 2.0, int(20) * 2.0);
+        let s = if round % 2 == 0 { r } else { 0 };
+        let (p, q) = ([p, p + int(s) * 2.0, p + int(s) * 2.0], [q, q + int(r) * 2.0, q + int(r) * 2.0]);
+        let edges = [int(12), int(12), int(12)].map(|a| [a, a + int(9)]);
+        let sight = node(&p, &q, None);
+        let sides = |p: DVec3, q: DVec3| edges.map(|[a, b]| sign((q - p).dot((a - p).cross(b - p))));
+        // To a corner, or to the middle of a side.
+        let seen = sides(p[round % 2], (q[0] + q[round / 3 % 2]) * 0.5);
+        let rows: [Divider; 3] =
+            core::array::from_fn(|k| ([(edges[k][0], None), (edges[k][1], None)], seen[k]));
+        if seen.iter().all(|x| *x != 0.0) {
+            tried += 1;
+            assert!(!check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]), "{round}");
+        }
+        // What is excluded has no line between corners.
+        let rows = rows.map(|(edge, sign)| (edge, -sign));
+        if seen.iter().all(|x| *x != 0.0) && check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]) {
+            excluded += 1;
+            let is_inside = |p: DVec3, q: DVec3| sides(p, q).iter().zip(&seen).all(|(x, y)| *x == -*y);
+            assert!(!p.iter().any(|p| q.iter().any(|q| is_inside(*p, *q))), "{round}");
+        }
+    }
+    assert!(tried > 60_000 && excluded > 100, "{tried} {excluded}");
+}
+
+fn sign(x: f64) -> f64 {
+    if x == 0.0 { 0.0 } else { x.signum() }
+}
+
+/// One line that meets three edges, in numbers whose products have more than 106 digits, without errors of
+/// positions: the form is 0 up to rounding.
+#[test]
+fn corners_on_a_line_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let (steps, target_vertices) = ([].iter(), vec![]);
+    let check = Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps };
+    let mut random = Random(6);
+    for round in 0..5000 {
+        let bits = [30, 46][round % 2];
+        let mut int =
+            || DVec3::from_array(core::array::from_fn(|_| ((random.bits() as i64) >> (64 - bits)) as f64));
+        let (d, t, u) = (int(), int(), int());
+        let t = [t, u, d - t - u];
+        let (p, q) = (-d * 8.0, d * 8.0);
+        let sight = node(&[p; 3], &[q; 3], Some(0.0));
+        for sign in [1.0, -1.0] {
+            let rows: [Divider; 3] = core::array::from_fn(|k| {
+                let x = d * [0.0, 2.0, -1.0][k];
+                ([(x - t[k] * 2.0, None), (x + t[k] * 4.0, None)], sign)
+            });
+            assert!(!check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]), "{round}");
+        }
+    }
+}
+
+/// Lines on both sides of an edge, given three times from different ends: weights for which the sum of sides
+/// is 0 up to rounding.
+#[test]
+fn weights_that_cancel_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let (steps, target_vertices) = ([].iter(), vec![]);
+    let check = Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps };
+    let mut random = Random(7);
+    for round in 0..3000 {
+        let mut int = || DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-900, 900))));
+        let (p, a, b, c) = (int(), int(), int(), int());
+        // Lines through two points at both sides of a point of the edge.
+        let q = [1.0, -0.371].map(|side| a + (b - a) * 0.5 - p + a + c * side);
+        let sight = node(&[p; 3], &[q[0], q[1], q[1]], Some(0.0));
+        let (s, t) = (f64::from(1 + (round % 7)), f64::from(3 + (round % 11)));
+        let part = f64::from(round) / 3000.0;
+        let edge = |from: f64, to: f64| [(a + (b - a) * from, None), (a + (b - a) * to, None)];
+        let rows: [Divider; 3] =
+            [(edge(0.0, 1.0), 1.0), (edge(-1.0, s - 1.0), -1.0), (edge(2.0, 2.0 + t), 1.0)];
+        let weights = [1.0, (1.0 + part * t) / s, part];
+        assert!(!check.excludes(&sight, &rows, &weights), "{round}");
+    }
+}
+
+/// A loop with a corner behind the target's plane by less than the errors of heights, beside the target, the
+/// others before it.
+#[test]
+fn corners_next_to_the_plane_of_the_target_are_not_before_it() {
+    let mut random = Random(8);
+    for round in 0..500 {
+        let target = plane_through_the_origin(&mut random);
+        let normal = unit_normal(&target.map(|x| Vec3::from_array(x).as_dvec3())).unwrap();
+        let at = |x: DVec3| x.as_vec3().to_array();
+        let far = Vec3::from_array(target[0]).as_dvec3();
+        let lateral = normal.cross(far) * 4.0;
+        let wall = [at(normal * -1e-20), at(far * 2.0 + lateral + normal), at(far * 2.0 - lateral + normal)];
+        let mut world = World::new(target, &[wall]);
+        let min = (far * 0.5 + normal * 4000.0).round();
+        world.cell = CellBox { min, max: min + DVec3::ONE };
+        let (check, sight) = world.node_from(normal);
+        let corners = world.shapes[1].map(|x| (x, None));
+        assert!(!check.is_on_piece(&sight, world.piece(1), &corners), "{round}");
+        // The height over the plane is the target's by rounding.
+        assert!(sight.before_q.height(corners[0].0).abs() < check.delta);
+    }
+}
+
+/// Surfaces of two triangles that meet in a ridge from a corner of the target over the target: one that dips
+/// below the plane by less than rounding, and a tent behind the plane whose ridge is over it.
+#[test]
+fn ridges_next_to_the_plane_of_the_target_are_refused() {
+    let mut random = Random(9);
+    let mut tried = [0; 2];
+    for round in 0..4000 {
+        let target = plane_through_the_origin(&mut random);
+        let far = Vec3::from_array(target[0]).as_dvec3();
+        let normal = unit_normal(&target.map(|x| Vec3::from_array(x).as_dvec3())).unwrap();
+        let at = |x: DVec3| x.as_vec3().to_array();
+        let lateral = normal.cross(far) * random.fine_range(2.0, 6.0);
+        let is_tent = round % 2 == 1;
+        let depth = normal * random.fine_range(50.0, 800.0) * if is_tent { -1.0 } else { 1.0 };
+        let middle = far * random.fine_range(0.3, 1.2) + depth;
+        // The greatest coordinate is that of the viewcell.
+        let min = (far * 0.5 + normal * 60_000.0).round();
+        let max = min + DVec3::ONE;
+        let delta = 128.0 * 2f64.powi(-53) * min.abs().max(max.abs()).max_element();
+        let ridge = at(normal * if is_tent { 2.7 * delta } else { -1e-20 });
+        let [left, right] = [at(middle + lateral), at(middle - lateral)];
+        let mut world = World::new(target, &[[target[0], ridge, left], [target[0], right, ridge]]);
+        world.cell = CellBox { min, max };
+        let (check, sight) = world.node_from(normal);
+        let corners =
+            |t: usize, k: usize| (world.shapes[t][k], check.tag(world.triangles.vertices(t as u32)[k]));
+        let [far, ridge, left, right] = [corners(1, 0), corners(1, 1), corners(1, 2), corners(2, 1)];
+        if [[far, left], [left, ridge], [far, right], [right, ridge]]
+            .iter()
+            .all(|edge| check.is_missed(&sight, edge, true))
+        {
+            tried[usize::from(is_tent)] += 1;
+            let from = sight.p.center();
+            let parts = if is_tent { [0.3, 0.0, 0.0] } else { [0.5, 0.3, 0.2] };
+            let t = &world.shapes[0];
+            let to = t[0] * parts[0] + t[1] * parts[1] + t[2] * parts[2];
+            assert!(!check.surface_blocks(&sight, &[1, 2], &[], [from, to]), "{round}");
+        }
+    }
+    assert!(tried.iter().all(|tried| *tried > 50), "{tried:?}");
+}

@@ -1,0 +1,89 @@
+//! Forged steps: their numbers, their depth, and targets from where nothing is said.
+
+use super::*;
+
+#[test]
+fn numbers_beyond_the_scene_are_refused() {
+    let world = World::new(TARGET, &[]);
+    for t in [1, u32::MAX] {
+        let proof = Proof { target: Target::Triangle(t), ..world.proof(vec![]) };
+        assert_eq!(proof.check(&world.triangles).err(), MALFORMED);
+    }
+    assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+    let corners = WALL.map(|x| Vec3::from_array(x).as_dvec3());
+    assert_eq!(world.error(LINE, vec![ring(1, &corners, LINE, &INSIDE)]), LOOP);
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
+    let divides = ring(world.piece(1), &world.shapes[1], LINE, &edges);
+    assert_eq!(world.error(OVER, vec![divides, Step::Corner { edges: [0, 0, 1] }]), MALFORMED);
+}
+
+/// A proof of a depth that the stack would not hold.
+#[test]
+fn deep_proofs_are_refused() {
+    let world = World::new(TARGET, &[]);
+    let halves = vec![Step::Halves { of_p: true, across: false }; 200_000];
+    assert_eq!(world.error(LINE, halves), MALFORMED);
+}
+
+#[test]
+fn nodes_without_a_step_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    assert_eq!(world.error(OVER, vec![]), MALFORMED);
+    // The lower half of P does not see the target's lower part: only one half has a step.
+    let [below, above] = [[[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]], OVER];
+    let edges = [LoopEdge::Inside, LoopEdge::Inside, LoopEdge::Divides];
+    let divides = ring(world.piece(1), &world.shapes[1], below, &edges);
+    assert_eq!(world.error(above, vec![divides]), MALFORMED);
+    let halves = |across| Step::Halves { of_p: false, across };
+    let world = World::new(TARGET, &[[[40.0, -300.0, -9.0], [40.0, 0.0, 9000.0], [40.0, 4.0, -9.0]]]);
+    let line = [[8.0, 2.0, 4.0], [80.0, 3.0, 2.5]];
+    assert_eq!(
+        world.error([[8.0, 7.0, 4.0], [80.0, 5.0, 2.5]], vec![halves(false), surface(&[1], line)]),
+        SURFACE
+    );
+}
+
+#[test]
+fn steps_too_many_are_refused() {
+    let world = World::new(TARGET, &[WALL]);
+    let steps = vec![surface(&[1], LINE), surface(&[1], LINE)];
+    assert_eq!(world.proof(steps).check(&world.triangles).err(), MALFORMED);
+}
+
+/// A viewcell lower than the clearance over the target's plane, of which nothing is said.
+#[test]
+fn targets_seen_from_less_than_the_clearance_are_refused() {
+    let mut world = World::new(TARGET, &[]);
+    world.clearance = 0.125;
+    for (height, error) in [(1.0 / 16.0, MALFORMED), (1.0 / 64.0, MALFORMED), (0.0, None)] {
+        let max = DVec3::new(80.0 - height, 8.0, 8.0);
+        world.cell = CellBox { min: max - DVec3::splat(1.0 / 256.0), max };
+        let from = [max.x, max.y, max.z];
+        let to = [80.0, 4.0, 3.0];
+        match error {
+            None => assert_eq!(world.proof(vec![]).check(&world.triangles), Ok(())),
+            _ => assert_eq!(world.error([from, to], vec![]), error, "{height}"),
+        }
+    }
+}
+
+/// A viewcell over the target's plane by less than the errors of heights, but by more than a clearance that
+/// is as small.
+#[test]
+fn clearances_within_the_error_of_positions_are_refused() {
+    let mut random = Random(1);
+    for round in 0..3000 {
+        let [_, a, b] = plane_through_the_origin(&mut random);
+        let target = [a, b, core::array::from_fn(|k| -a[k] - b[k])];
+        let mut world = World::new(target, &[]);
+        let normal = unit_normal(&world.shapes[0]).unwrap();
+        let unit = world.triangles.position_error(0.0) / 128.0;
+        world.clearance = 1.5 * unit;
+        // Its farthest corner from the plane is 1.6 units over it.
+        let corner = normal.signum() * f64::from((1.6 * unit / normal.abs().element_sum()) as f32);
+        world.cell = CellBox { min: corner.min(DVec3::ZERO), max: corner.max(DVec3::ZERO) };
+        let seen = [corner, world.shapes[0][0]].map(|x| x.to_array());
+        assert_eq!(world.error(seen, vec![]), MALFORMED, "{round}");
+    }
+}

@@ -1,0 +1,206 @@
+//! Forged surfaces: what blocks, where boundaries move, and lines across them.
+
+use super::*;
+
+#[test]
+fn triangles_that_do_not_occlude_are_refused() {
+    let mut world = World::new(TARGET, &[]);
+    world.triangles = scene_of(&[(TARGET, true), (WALL, false)]);
+    assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+}
+
+/// Segments that start before P's plane or beside P, or end behind Q's plane or beside Q, and cross what is
+/// there.
+#[test]
+fn lines_of_other_nodes_are_refused() {
+    let behind = [[-4.0, -30.0, -30.0], [-4.0, 30.0, -30.0], [-4.0, 4.0, 90.0]];
+    let beyond = [[90.0, -30.0, -30.0], [90.0, 30.0, -30.0], [90.0, 4.0, 90.0]];
+    let beside = |x: f32, y: f32| [[x, y - 20.0, -30.0], [x, y + 20.0, -30.0], [x, y, 90.0]];
+    let tries = [
+        (behind, [[-16.0, 4.0, 4.0], LINE[1]]),
+        (beyond, [LINE[0], [96.0, 4.0, 3.0]]),
+        (beside(16.0, 88.0), [[8.0, 100.0, 4.0], LINE[1]]),
+        (beside(16.0, -78.0), [[8.0, -100.0, 4.0], LINE[1]]),
+        (beside(72.0, 88.0), [LINE[0], [80.0, 100.0, 3.0]]),
+        (beside(72.0, -78.0), [LINE[0], [80.0, -100.0, 3.0]]),
+    ];
+    for (occluder, line) in tries {
+        let world = World::new(TARGET, &[occluder]);
+        assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[1]), Some(true), "{line:?}");
+        assert_eq!(world.error(LINE, vec![surface(&[1], line)]), SURFACE, "{line:?}");
+    }
+}
+
+/// A plane through P or Q, beyond the segments on all sides: it blocks the segments to one part.
+#[test]
+fn surfaces_that_cut_an_end_of_segments_are_refused() {
+    // In the planes y - x = -4 and y - x = -76.
+    let through_p = [[-92.0, -96.0, -400.0], [-92.0, -96.0, 400.0], [204.0, 200.0, 0.0]];
+    let through_q = [[16.0, -60.0, -400.0], [16.0, -60.0, 400.0], [476.0, 400.0, 0.0]];
+    let world = World::new(TARGET, &[through_p]);
+    let [hidden, seen] = [6.0, 2.0].map(|y| [[8.0, y, 4.0], [80.0, 4.0, 3.0]]);
+    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+    let world = World::new(TARGET, &[through_q]);
+    let [hidden, seen] = [3.0, 5.0].map(|y| [[8.0, 4.0, 4.0], [80.0, y, 2.5]]);
+    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+}
+
+/// A wall with a corner in the middle of the segments, which is moved by more than three clearances; the
+/// vertex of the lowest number, the vertex of the highest number.
+#[test]
+fn boundaries_that_move_too_far_are_refused() {
+    for x in [39.0, 41.0] {
+        let wall = [[40.0, -100.0, -100.0], [40.0, 100.0, -100.0], [x, 4.0, 5.0]];
+        let mut world = World::new(TARGET, &[wall]);
+        world.clearance = 1.0 / 128.0;
+        let number = world.triangles.vertices(1)[2];
+        for z in [500.0, f64::NAN] {
+            let moved = vec![(number, DVec3::new(x.into(), 4.0, z))];
+            let line = [[8.0, 4.25, 4.0], [80.0 - world.clearance, 4.0, 3.0]];
+            assert_eq!(world.error(OVER, vec![moved_surface(&[1], moved, line)]), SURFACE);
+        }
+    }
+}
+
+#[test]
+fn boundaries_that_segments_meet_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    assert_eq!(world.error(OVER, vec![surface(&[1], line)]), SURFACE);
+}
+
+/// An occluder that holds a corner of the target and leans over a part of it.
+#[test]
+fn edges_from_a_corner_of_the_target_before_it_are_refused() {
+    let mut random = Random(2);
+    let mut tried = 0;
+    for _ in 0..20_000 {
+        let mut int = |r: i32| -> [f32; 3] { core::array::from_fn(|_| random.between(-r, r) as f32) };
+        let (u, v, w) = (int(60), int(400), int(400));
+        let wall = [TARGET[0], [79.0 - u[0].abs(), v[1], v[2]], [79.0 - u[1].abs(), w[1], w[2]]];
+        let line = [[8.0, 4.0, 4.0], [80.0, 4.0, 3.0]];
+        let shape = wall.map(|x| Vec3::from_array(x).as_dvec3());
+        let seen = [[8.0, 4.0, 4.0], [80.0, 4.0, 5.0]];
+        if crosses(line.map(DVec3::from_array), &shape) != Some(true) {
+            continue;
+        }
+        let world = World::new(TARGET, &[wall]);
+        if world.sees(seen.map(DVec3::from_array)) {
+            tried += 1;
+            assert_eq!(world.error(seen, vec![surface(&[1], line)]), SURFACE);
+        }
+    }
+    assert!(tried > 10, "{tried}");
+}
+
+/// A wall half a clearance before Q, of which the edge in the middle of Q moves behind Q.
+#[test]
+fn strips_that_cut_an_end_of_segments_are_refused() {
+    let wall = [[79.75, 4.0, -100.0], [79.75, 4.0, 100.0], [79.75, 200.0, 0.0]];
+    let mut world = World::new(TARGET, &[wall]);
+    world.clearance = 0.125;
+    let [a, b, _] = world.triangles.vertices(1);
+    let moved = [(a, -100.0), (b, 100.0)].map(|(v, z)| (v, DVec3::new(79.9375, 4.0, z)));
+    let line = [[8.0, 5.0, 4.0], [79.875, 4.5, 3.0]];
+    let seen = [[8.0, 2.0, 4.0], [80.0, 3.0, 2.25]];
+    assert_eq!(world.error(seen, vec![moved_surface(&[1], moved.into(), line)]), SURFACE);
+}
+
+/// A closed tetrahedron among the segments, and a line through one of its edges and one face.
+#[test]
+fn lines_through_an_edge_of_a_surface_are_refused() {
+    let [a, b, c, d] = [[40.0, 3.0, 3.0], [40.0, 5.0, 3.0], [44.0, 4.0, 6.0], [44.0, 8.0, 0.0]];
+    let world = World::new(TARGET, &[[a, b, c], [a, b, d], [a, c, d], [b, c, d]]);
+    let line = [[8.0, 4.0, 3.0], [80.0, 4.0, 3.0]];
+    let found = [1, 2, 3, 4].map(|t| crosses(line.map(DVec3::from_array), &world.triangles.corners(t)));
+    assert_eq!(found, [None, None, Some(true), Some(false)]);
+    let seen = [[8.0, 0.0, 7.0], [80.0, 4.0, 5.0]];
+    assert_eq!(world.error(seen, vec![surface(&[1, 2, 3, 4], line)]), SURFACE);
+    // Lines through a corner, of more digits than products have.
+    let mut random = Random(3);
+    for round in 0..3000 {
+        let mut near = |[y, z]: [f32; 2]| {
+            let at = random.vec3(-0.5, 0.5);
+            [48.0 + at.x, y + at.y, z + at.z]
+        };
+        let [a, b, c, d] = [[40.0, 4.0, 3.0], near([2.0, 1.0]), near([6.0, 1.0]), near([4.0, 6.0])];
+        let world = World::new(TARGET, &[[a, b, c], [a, c, d], [a, d, b], [b, c, d]]);
+        let mut slope = || (random.fine_range(-0.01, 0.01) * 2f64.powi(48)).round() / 2f64.powi(48);
+        let (u, v) = (slope(), slope());
+        let at = |x: f64| [40.0 + x, 4.0 + x * u, 3.0 + x * v];
+        let step = surface(&[1, 2, 3, 4], [at(-32.0), at(40.0)]);
+        assert_eq!(world.error(seen, vec![step]), SURFACE, "{round}");
+    }
+}
+
+/// A small triangle among the segments whose boundary moves out of the segments' way below them, and a line
+/// through the triangle that leaves through the diagonal of a strip.
+#[test]
+fn lines_through_an_edge_of_a_strip_are_refused() {
+    let target = [[80.0, 0.5, 0.5], [80.0, 7.5, 0.5], [80.0, 0.5, 7.5]];
+    let small = [[40.0, 3.0, 0.5], [40.0, 5.0, 0.5], [40.0, 4.0, 0.8125]];
+    let mut world = World::new(target, &[small]);
+    world.clearance = 0.25;
+    let numbers = world.triangles.vertices(1);
+    let mut moved: Vec<(u32, DVec3)> =
+        (0..3).map(|k| (numbers[k], DVec3::new(40.25, world.shapes[1][k].y, 0.125))).collect();
+    moved.sort_by_key(|entry| entry.0);
+    let at = |x: f64| [40.0625 + x, 4.25, 0.640625 + x / 128.0];
+    let line = [at(-32.0625), at(39.6875)];
+    let strip = [small[2], [40.25, 5.0, 0.125], [40.25, 4.0, 0.125]];
+    let strip = strip.map(|x| Vec3::from_array(x).as_dvec3());
+    let line_ = line.map(DVec3::from_array);
+    assert_eq!([&world.shapes[1], &strip].map(|t| crosses(line_, t)), [Some(true), None]);
+    let seen = [[8.0, 4.0, 6.0], [80.0, 2.0, 4.0]];
+    assert_eq!(world.error(seen, vec![moved_surface(&[1], moved.clone(), line)]), SURFACE);
+}
+
+#[test]
+fn surfaces_that_are_crossed_an_even_number_of_times_are_refused() {
+    let world = World::new(TARGET, &[HALF_WALL]);
+    let line = [[8.0, 4.0, 2.0], [80.0, 4.0, 2.5]];
+    for triangles in [&[][..], &[1, 1]] {
+        assert_eq!(world.error(OVER, vec![surface(triangles, line)]), SURFACE);
+    }
+}
+
+/// Triangles beside a line, which crosses their planes, and beyond its ends.
+#[test]
+fn surfaces_that_a_line_does_not_cross_are_refused() {
+    let beside = [[40.0, 60.0, -30.0], [40.0, 90.0, -30.0], [40.0, 75.0, 90.0]];
+    let behind = [[-4.0, -30.0, -30.0], [-4.0, 30.0, -30.0], [-4.0, 4.0, 90.0]];
+    let beyond = [[90.0, -30.0, -30.0], [90.0, 30.0, -30.0], [90.0, 4.0, 90.0]];
+    for occluder in [beside, behind, beyond] {
+        let world = World::new(TARGET, &[occluder]);
+        assert_eq!(world.error(LINE, vec![surface(&[1], LINE)]), SURFACE);
+    }
+}
+
+/// The target itself, which a line crosses that ends behind it by less than the error of positions.
+#[test]
+fn the_target_itself_is_refused() {
+    let world = World::new(TARGET, &[]);
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    let line = [LINE[0], [80.0 + 0.5 * delta, 4.0, 3.0]];
+    assert_eq!(crosses(line.map(DVec3::from_array), &world.shapes[0]), Some(true));
+    assert_eq!(world.error(LINE, vec![surface(&[0], line)]), SURFACE);
+}
+
+/// A triangle that holds a corner of the target and cuts it in two: one part of the target is behind.
+#[test]
+fn surfaces_at_a_corner_of_the_target_that_cut_it_are_refused() {
+    let cut = [[80.0, 2.0, 2.0], [79.875, 52.0, -48.0], [80.125, 32.0, 92.0]];
+    let world = World::new(TARGET, &[cut]);
+    let [hidden, seen] = [[5.0, 2.25], [3.0, 3.5]].map(|[y, z]| [[8.0, 4.0, 4.0], [80.0, y, z]]);
+    assert_eq!(crosses(hidden.map(DVec3::from_array), &world.shapes[1]), Some(true));
+    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+}
+
+/// A triangle from a corner of the target through P: it blocks the segments from above.
+#[test]
+fn surfaces_at_the_target_that_cut_the_start_of_segments_are_refused() {
+    let world = World::new(TARGET, &[[TARGET[2], [-64.0, -300.0, 2.0], [-64.0, 300.0, 2.0]]]);
+    let [hidden, seen] = [6.0, 2.0].map(|z| [[8.0, 4.25, z], [80.0, 4.0, 3.0]]);
+    assert_eq!(crosses(hidden.map(DVec3::from_array), &world.shapes[1]), Some(true));
+    assert_eq!(world.error(seen, vec![surface(&[1], hidden)]), SURFACE);
+}
