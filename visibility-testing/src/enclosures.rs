@@ -259,9 +259,9 @@ impl Enclosure {
     }
 }
 
-/// Asserts, for each of the first `count` enclosures, that of the objects whose sampled points are all blocked
-/// no more than the share `most` is kept, and no more than `most_far` if only those beyond 1 m from the
-/// enclosure count.
+/// Asserts, for each of the first `count` enclosures, that of the objects whose sampled points are all
+/// blocked no more than the share `most` is kept, and no more than `most_far` if only those beyond 1 m from
+/// the enclosure count.
 pub fn assert_most_hidden(
     make: &dyn Fn(&Scene) -> Box<dyn Culler + Send + Sync>,
     count: usize,

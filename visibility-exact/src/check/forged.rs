@@ -38,8 +38,8 @@
 //! | `excludes`: weights, sums, rounding | `edges_that_lines_pass_outside_are_refused`, `weights_that_cancel_are_refused` |
 //! | `corner_excludes`: signs, form, rounding | `corners_with_lines_are_refused`, `corners_on_a_line_are_refused` |
 //!
-//! Two conditions are kept for which no forged proof was found: a triangle of `touches_beside` has a corner that is
-//! not the target's, and no end of a line of `crosses` is on the plane of a triangle.
+//! Two conditions are kept for which no forged proof was found: a triangle of `touches_beside` has a corner
+//! that is not the target's, and no end of a line of `crosses` is on the plane of a triangle.
 
 mod loops;
 mod margins;
