@@ -82,7 +82,8 @@ pub(crate) fn version(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64
 
 /// Returns the version of a scene as a level: a hash of its origin, and of all objects with their indices,
 /// bounds, layers, costs, flags, triangles, occluder meshes and transforms. A [`BakedSet`](crate::BakedSet)
-/// of the scene has the same [version](crate::BakedSet::version). Time is linear in the number of triangles.
+/// of the scene has the same [version](crate::BakedSet::version). Draw ranges and HLOD parents are not part
+/// of it, since bakes do not look at them. Time is linear in the number of triangles.
 ///
 /// ```
 /// use visibility_bake::{BakedSet, level_version};
