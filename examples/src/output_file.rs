@@ -230,7 +230,7 @@ mod tests {
         // A `.part` file left by a killed program stops nobody.
         std::fs::write(beside(&file, ".lock"), b"").unwrap();
         drop(Lock::new(&file).unwrap());
-        // Of many that begin and end at once, one at a time has the lock.
+        // The lock is held by one thread at a time, however many begin and end at once.
         let (held, taken) = (std::sync::atomic::AtomicUsize::new(0), std::sync::atomic::AtomicUsize::new(0));
         std::thread::scope(|scope| {
             for _ in 0..4 {

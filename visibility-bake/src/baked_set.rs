@@ -202,6 +202,12 @@ impl BakedSet {
         self.version
     }
 
+    /// Returns whether the set was [compared](Self::compared) with a version of the level. Cullers of a set
+    /// that was not are approximate.
+    pub fn is_checked(&self) -> bool {
+        self.is_checked
+    }
+
     /// Returns the viewcells.
     pub fn viewcells(&self) -> &Viewcells {
         &self.viewcells

@@ -51,6 +51,11 @@ pub(crate) struct Side {
     pub(crate) forward: bool,
 }
 
+/// Returns the sides at open edges, which belong to one face only, of all sides sorted by edge.
+pub(crate) fn open_sides(sides: &[Side]) -> impl Iterator<Item = Side> {
+    sides.chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() == 1).map(|same| same[0])
+}
+
 impl Faces {
     /// Welds triangles. Triangles that have no area or are not finite are left out. Of triangles with the
     /// same three vertices one is kept: with both orientations, or two-sided if any is.

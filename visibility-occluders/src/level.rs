@@ -1,7 +1,7 @@
 //! The occluders of a level, and how they are made.
 
 use crate::clusters::{Item, divide};
-use crate::faces::{Faces, LevelTriangle};
+use crate::faces::{Faces, LevelTriangle, open_sides};
 use crate::outlines::{OutlineEdge, outline, straighten};
 use crate::regions::{Region, Regions};
 use crate::t_junctions::insert_t_junctions;
@@ -10,7 +10,7 @@ use core::fmt;
 use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// How the occluders of a level are made.
+/// Settings by which the occluders of a level are made.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct LevelSettings {
     flatness: f64,
@@ -173,12 +173,14 @@ impl LevelOccluders {
         let mut faces = Faces::weld(triangles);
         let mut report =
             LevelReport { triangles: triangles.len(), faces: faces.faces.len(), ..LevelReport::default() };
-        report.open_edges = open_edges(&faces);
-        report.t_junctions = insert_t_junctions(&mut faces);
-        report.open_edges_left = open_edges(&faces);
+        let sides = faces.sides();
+        report.open_edges = open_sides(&sides).count();
+        report.t_junctions = insert_t_junctions(&mut faces, &sides);
+        let sides = faces.sides();
+        report.open_edges_left = open_sides(&sides).count();
         let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
         let flatness = settings.flatness * f64::from(magnitude.max_element());
-        let regions = Regions::find(&faces, flatness);
+        let regions = Regions::find(&faces, &sides, flatness);
         report.polygons = regions.regions.len();
         let mut kept: Vec<&Region> = regions.regions.iter().collect();
         report.area_left_out = leave_out_smallest(&mut kept, settings.kept_area);
@@ -270,11 +272,6 @@ impl LevelOccluders {
     pub fn report(&self) -> &LevelReport {
         &self.report
     }
-}
-
-/// Returns the number of edges that one face alone has.
-fn open_edges(faces: &Faces) -> usize {
-    faces.sides().chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() == 1).count()
 }
 
 /// Sorts regions by area, greatest first, and leaves out the last ones as long as those kept have at least

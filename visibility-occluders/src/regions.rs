@@ -43,9 +43,9 @@ pub(crate) struct Regions {
 
 impl Regions {
     /// Joins each face with its neighbours in the same plane: those that share an edge with it, lie within
-    /// `flatness` metres of the plane of the region's first face, and look the same way.
-    pub(crate) fn find(faces: &Faces, flatness: f64) -> Self {
-        let sides = faces.sides();
+    /// `flatness` metres of the plane of the region's first face, and look the same way. `sides` are all
+    /// sides of the faces, sorted by edge.
+    pub(crate) fn find(faces: &Faces, sides: &[Side], flatness: f64) -> Self {
         // For each corner, the first of the sides at the edge that begins at the corner.
         let mut first_of_edge = alloc::vec![0u32; faces.corners.len()];
         let mut at = 0;

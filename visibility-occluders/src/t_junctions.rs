@@ -4,7 +4,7 @@
 //! A vertex that lies on an edge but for rounding is not inserted. Between it and the edge there is a gap,
 //! however narrow, through which something may be seen.
 
-use crate::faces::Faces;
+use crate::faces::{Faces, Side, open_sides};
 use alloc::vec::Vec;
 use robust::{Coord, orient2d};
 use visibility_core::glam::{DVec3, Vec3};
@@ -95,11 +95,10 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
 }
 
 /// Inserts into each open edge, which belongs to one face only, the ends of other open edges that lie on it.
-/// Returns the number of corners inserted. Takes some microseconds for an open edge.
-pub(crate) fn insert_t_junctions(faces: &mut Faces) -> usize {
-    let sides = faces.sides();
-    let open: Vec<_> =
-        sides.chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() == 1).map(|same| same[0]).collect();
+/// `sides` are the sides of the faces, which are others afterwards. Returns the number of corners inserted.
+/// Takes some microseconds for an open edge.
+pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
+    let open: Vec<Side> = open_sides(sides).collect();
     let mut ends: Vec<u32> = open.iter().flat_map(|side| side.edge).collect();
     ends.sort_unstable();
     ends.dedup();

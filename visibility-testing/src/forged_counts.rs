@@ -6,8 +6,8 @@ use crate::hash::{FNV_START, fnv};
 /// Length in bytes of the header of the crates' binary formats: `docs/formats.md`.
 const HEADER: usize = 40;
 
-/// What is written over each place of a file: the greatest counts in four and eight bytes, half of them, some
-/// that a reader might still take for a count, and the greatest in seven bits a byte.
+/// Byte patterns written over each place of a file: the greatest counts in four and eight bytes, half of
+/// them, some that a reader might still take for a count, and the greatest in seven bits a byte.
 const FORGED: [&[u8]; 6] = [
     &[0xff; 4],
     &[0xff; 8],

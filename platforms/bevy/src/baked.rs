@@ -57,8 +57,6 @@ pub struct BakedObject(pub u32);
 #[derive(Resource)]
 pub struct BakedLevel {
     set: BakedSet,
-    /// Whether the set was compared with the version of the level.
-    is_checked: bool,
     /// World box of each object in the bake, by index. `None` if places are not checked.
     boxes: Option<Vec<Aabb>>,
     shared: Arc<Mutex<Option<Arc<ScenePvs>>>>,
@@ -94,7 +92,6 @@ impl BakedLevel {
         let boxes: Vec<Aabb> = boxes.into_iter().map(|[min, max]| Aabb::from_arrays(min, max)).collect();
         let mut level = Self::read_unchecked(file)?;
         level.set = level.set.compared(version, DVec3::ZERO, (0..).zip(boxes.iter().copied()))?;
-        level.is_checked = version.is_some();
         level.boxes = Some(boxes);
         Ok(level)
     }
@@ -109,7 +106,6 @@ impl BakedLevel {
     pub fn read_unchecked(file: &[u8]) -> Result<Self, BakedSetError> {
         Ok(Self {
             set: BakedSet::from_bytes(file)?,
-            is_checked: false,
             boxes: None,
             shared: Arc::default(),
             entities: HashMap::new(),
@@ -121,7 +117,7 @@ impl BakedLevel {
     /// Makes a culler for the [`CullingPipeline`](crate::CullingPipeline) of one camera. It hides nothing
     /// until the level is a resource.
     pub fn culler(&self) -> BakedCuller {
-        BakedCuller { shared: self.shared.clone(), culler: None, is_checked: self.is_checked }
+        BakedCuller { shared: self.shared.clone(), culler: None, is_checked: self.set.is_checked() }
     }
 
     /// Returns the set: its viewcells, and what is seen from each.

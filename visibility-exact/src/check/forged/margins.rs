@@ -116,7 +116,7 @@ fn corners_with_lines_are_refused() {
             tried += 1;
             assert!(!check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]), "{round}");
         }
-        // What is excluded has no line between corners.
+        // No line between corners of an excluded node passes the three edges on these sides.
         let rows = rows.map(|(edge, sign)| (edge, -sign));
         if seen.iter().all(|x| *x != 0.0) && check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]) {
             excluded += 1;
