@@ -6,6 +6,7 @@ use crate::buffer::tiles::Tiles;
 use crate::buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
 use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
+use crate::level::{LevelFrame, LevelScratch, PreparedLevel};
 use crate::query::box_face_planes::FacePlaneSetup;
 use crate::query::box_projection::ScreenProjection32;
 use crate::query::box_query::{BoxQuery, test_box};
@@ -17,6 +18,7 @@ use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ScreenProjection, project_object};
 use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
 use crate::simd::Kernels;
+use alloc::sync::Arc;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{
@@ -25,6 +27,7 @@ use visibility_core::{
     scene::Boxes64,
     simd::Simd,
 };
+use visibility_occluders::LevelOccluders;
 
 /// Maximum number of triangles of a mesh that is drawn by its outline if it looks convex from the eye. Up to
 /// this number, finding out whether it looks convex costs less than drawing the triangles.
@@ -106,6 +109,10 @@ pub struct Hzb {
     /// Clip planes of the current view, relative to the scene's origin, with normals towards the side that
     /// is drawn. An occluder is drawn only if it lies certainly on that side of all clip planes.
     clip_planes: ViewPlanes,
+    /// Occluders of a level, drawn at the beginning of each frame.
+    level: Option<PreparedLevel>,
+    /// Scratch memory for drawing `level`.
+    level_scratch: LevelScratch,
 }
 
 impl Default for Hzb {
@@ -150,6 +157,8 @@ impl Hzb {
             pyramid_misses: 0,
             nearest: f32::NEG_INFINITY,
             clip_planes: ViewPlanes::NONE,
+            level: None,
+            level_scratch: LevelScratch::default(),
         }
     }
 
@@ -157,6 +166,12 @@ impl Hzb {
     /// drawn are kept. [`Coverage::Sampled`] makes the map approximate.
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { coverage, ..self }
+    }
+
+    /// Sets the occluders of a level, which are drawn at the beginning of each frame. Their positions are
+    /// relative to `origin`, in world space.
+    pub fn with_level(self, level: Arc<LevelOccluders>, origin: DVec3) -> Self {
+        Self { level: Some(PreparedLevel::new(level, origin)), ..self }
     }
 
     /// Sets the instruction set of the inner loops. Answers do not depend on it. For tests and benchmarks.
@@ -374,6 +389,13 @@ impl OcclusionMap for Hzb {
         self.nearest = f32::NEG_INFINITY;
         self.clip_planes = view.clip_planes_from(origin);
         self.pyramid.clear();
+        if let Some(level) = &self.level
+            && let Some(frame) = LevelFrame::new(view, level, self.size, padded)
+        {
+            let (scratch, tiles) = (&mut self.level_scratch, &mut self.tiles);
+            self.nearest = self.simd.draw_level(level, &frame, self.coverage, scratch, tiles);
+            self.pyramid.update(&mut self.tiles);
+        }
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {

@@ -79,6 +79,7 @@ mod exact_screen;
 mod hom;
 mod hzb;
 mod lanes;
+mod level;
 #[cfg(test)]
 mod pixel_borders;
 mod query;

@@ -14,6 +14,7 @@ use crate::hom::depth_estimate::DepthBoundary;
 use crate::hom::opacity_pyramid::OpacityPyramid;
 use crate::hom::tile_range::TileRange;
 use crate::lanes::WIDTH;
+use crate::level::{LevelFrame, LevelScratch, PreparedLevel};
 use crate::query::box_projection::{ProjectedBoxes, ScreenProjection32};
 use crate::query::box_query::{BoxQuery, Boxes};
 use crate::raster::contour_raster::ContourTiles;
@@ -90,6 +91,10 @@ compiled! {
     draw_mesh = crate::raster::mesh_raster::draw_mesh, (
         mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
         coverage: Coverage, scratch: &mut MeshScratch, contour_tiles: &mut ContourTiles, tiles: &mut Tiles
+    ) -> f32;
+    draw_level = crate::level::draw_level, (
+        level: &PreparedLevel, frame: &LevelFrame, coverage: Coverage, scratch: &mut LevelScratch,
+        tiles: &mut Tiles
     ) -> f32;
     fill_shape = crate::raster::shape_fill::fill_shape,
         (shape: &ScreenShape, tiles: &mut Tiles) -> bool;

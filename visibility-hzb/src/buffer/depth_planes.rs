@@ -22,6 +22,12 @@ impl DepthPlanes {
     /// No planes: the depth key is bounded by negative infinity, so these planes hide no box.
     pub(crate) const NONE: Self = Self { planes: [[0.0; 3]; 3], count: 0 };
 
+    /// A single plane, as [`ScreenShape::planes`] has it.
+    #[inline(always)]
+    pub(crate) fn one(plane: [f32; 3]) -> Self {
+        Self { planes: [plane; 3], count: 1 }
+    }
+
     /// Copies the depth planes of `shape`. Returns no planes if the shape has more than three.
     #[inline(always)]
     pub(crate) fn of(shape: &ScreenShape) -> Self {

@@ -11,7 +11,6 @@ use super::row_spans::RowSpans;
 use super::tile_layout::{EMPTY_DEPTH, PADDING, Rectangle, SIDE};
 use crate::query::box_face_planes::BoxFacePlanes;
 use crate::rounding::down;
-use crate::setup::screen_shape::ScreenShape;
 use alloc::vec::Vec;
 
 /// Maximum number of layers of a tile. A layer is a set of covered pixels with one bound on depth.
@@ -111,11 +110,11 @@ impl Tiles {
         self.mark_dirty(row, [column, column + 1]);
     }
 
-    /// Appends the depth planes of a shape to `depth_planes`. Returns their index, at least 1 and valid until
+    /// Appends the depth planes of an occluder to `depth_planes`. Returns their index, at least 1 and valid until
     /// [`clear`](Self::clear).
     #[inline(always)]
-    pub(crate) fn add_depth_planes(&mut self, shape: &ScreenShape) -> u32 {
-        self.depth_planes.push(DepthPlanes::of(shape));
+    pub(crate) fn add_depth_planes(&mut self, planes: DepthPlanes) -> u32 {
+        self.depth_planes.push(planes);
         (self.depth_planes.len() - 1) as u32
     }
 

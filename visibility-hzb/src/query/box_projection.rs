@@ -103,6 +103,71 @@ impl ScreenProjection32 {
     }
 }
 
+/// [`WIDTH`] points on the screen.
+pub(crate) struct ScreenPoints {
+    /// Columns in pixels. Meaningless where `error` is infinite, as are all other values.
+    pub(crate) x: [f32; WIDTH],
+    /// Rows in pixels.
+    pub(crate) y: [f32; WIDTH],
+    /// Lower bounds on `w`.
+    pub(crate) w: [f32; WIDTH],
+    /// Upper bounds on the error of columns and rows in pixels. Infinite for points at or behind the eye.
+    pub(crate) error: [f32; WIDTH],
+    /// Lower bounds on the distance beyond the near plane, in the unit of clip space.
+    pub(crate) near: [f32; WIDTH],
+}
+
+impl ScreenProjection32 {
+    /// Projects points given by their x, y and z in scene coordinates. The bounds are those of boxes, but for
+    /// points outside the picture too: each column and row has a bound in proportion to itself.
+    #[inline(always)]
+    pub(crate) fn points(&self, p: &[[f32; WIDTH]; 3]) -> ScreenPoints {
+        let mut d = [[0.0; WIDTH]; 3];
+        for axis in 0..3 {
+            for i in 0..WIDTH {
+                d[axis][i] = (p[axis][i] - self.high[axis]) - self.low[axis];
+            }
+        }
+        let (x, x_error) = values(&self.rows[0], &d);
+        let (y, y_error) = values(&self.rows[1], &d);
+        let (w, w_error) = values(&self.rows[2], &d);
+        let (near, near_error) = values(&self.rows[4], &d);
+        let mut out = ScreenPoints {
+            x: [0.0; WIDTH],
+            y: [0.0; WIDTH],
+            w: [0.0; WIDTH],
+            error: [0.0; WIDTH],
+            near: [0.0; WIDTH],
+        };
+        for i in 0..WIDTH {
+            let over = 1.0 / w[i];
+            let (column, row) = (x[i] * over, y[i] * over);
+            let size = greatest(column.abs(), row.abs());
+            let off = (greatest(x_error[i], y_error[i]) + size * w_error[i]) * (1.25 * over) + MARGIN * size;
+            // False for NaN.
+            let known = (w[i] > 8.0 * w_error[i]) & (off < f32::INFINITY);
+            out.error[i] = if known { off } else { f32::INFINITY };
+            (out.x[i], out.y[i], out.w[i]) = (column, row, w[i] - w_error[i]);
+            out.near[i] = near[i] - near_error[i];
+        }
+        out
+    }
+}
+
+/// Returns the values of the linear function `row` at points relative to the anchor, and upper bounds on
+/// their absolute errors.
+#[inline(always)]
+fn values(row: &ScreenRow32, d: &[[f32; WIDTH]; 3]) -> ([f32; WIDTH], [f32; WIDTH]) {
+    let (mut out, mut error) = ([0.0; WIDTH], [0.0; WIDTH]);
+    let [a, b, c] = row.linear;
+    for i in 0..WIDTH {
+        let (x, y, z) = (a * d[0][i], b * d[1][i], c * d[2][i]);
+        out[i] = ((x + y) + z) + row.constant;
+        error[i] = MARGIN * ((x.abs() + y.abs()) + z.abs()) + row.constant_error;
+    }
+    (out, error)
+}
+
 /// Screen bounds of `N` boxes, one lane for each. Bounds of improper boxes (a least coordinate above the
 /// greatest, or NaN) are meaningless.
 #[derive(Clone, Debug)]

@@ -35,7 +35,7 @@ use crate::coverage::Coverage;
 use crate::lanes::{greatest, least};
 use crate::rounding::{lower, up};
 use crate::setup::depth_plane::plane;
-use crate::setup::near_clip::{clip_triangle, cut_edge};
+use crate::setup::near_clip::{NEAR, clip_triangle, cut_edge};
 use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::vector::{cross, dot, less, point};
@@ -171,8 +171,8 @@ pub(crate) fn draw_mesh(
                 let (p, q) = (&corners[i], &corners[j]);
                 match (p[4] > near_limit, q[4] > near_limit) {
                     (true, true) => {}
-                    (true, false) => b = on_screen(&cut_edge(p, q, near_limit), object, &mut vertex_bounds),
-                    (false, true) => a = on_screen(&cut_edge(p, q, near_limit), object, &mut vertex_bounds),
+                    (true, false) => b = on_screen(&cut_edge(p, q, NEAR, near_limit), object, &mut vertex_bounds),
+                    (false, true) => a = on_screen(&cut_edge(p, q, NEAR, near_limit), object, &mut vertex_bounds),
                     (false, false) => continue,
                 }
             }
@@ -258,7 +258,7 @@ fn project(
 /// Returns its screen position, an upper bound on the error of its pixel coordinates in pixels, and an upper
 /// bound on its depth key. The error is infinite for a corner at or behind the eye.
 #[inline(always)]
-fn project_corner([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, f64, f64) {
+pub(crate) fn project_corner([x, y, w, n]: [f64; 4], object: &ObjectProjection) -> (ScreenVertex, f64, f64) {
     let [ex, ey, ew, en, _] = object.error;
     // The reciprocal is infinite for corners at or behind the eye, which makes their error infinite.
     let over = 1.0 / if w > 8.0 * ew { w } else { 0.0 };
@@ -355,7 +355,7 @@ fn bound_cuts(
     for edge in mesh.edges {
         let [a, b] = edge.vertices.map(|i| &corners[i as usize]);
         if (a[4] > near_limit) != (b[4] > near_limit) {
-            on_screen(&cut_edge(a, b, near_limit), object, vertex_bounds);
+            on_screen(&cut_edge(a, b, NEAR, near_limit), object, vertex_bounds);
         }
     }
 }

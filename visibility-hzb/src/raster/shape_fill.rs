@@ -1,6 +1,7 @@
 //! Fills screen shapes into tiles. Column ranges are set up for eight rows of tiles at once, and tiles that a
 //! shape covers entirely are written in runs.
 
+use crate::buffer::depth_planes::DepthPlanes;
 use crate::buffer::row_spans::STEPS;
 use crate::buffer::tile_layout::{SIDE, below as lines_below};
 use crate::buffer::tiles::Tiles;
@@ -34,7 +35,7 @@ pub(crate) fn fill_shape(shape: &ScreenShape, tiles: &mut Tiles) -> bool {
     if !seen {
         return false;
     }
-    let depth_planes_index = tiles.add_depth_planes(shape);
+    let depth_planes_index = tiles.add_depth_planes(DepthPlanes::of(shape));
     let mut row = first_row;
     while row < end_row {
         let bands = bands(shape, row, columns);

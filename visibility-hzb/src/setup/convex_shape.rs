@@ -7,7 +7,7 @@
 //! the cuts bound the shape.
 
 use super::depth_plane::plane;
-use super::near_clip::cut_edge;
+use super::near_clip::{NEAR, cut_edge};
 use super::occluder_triangles::OccluderTriangles;
 use super::screen_bounds::{extent_of, pixels};
 use super::screen_projection::{ObjectProjection, ScreenProjection};
@@ -226,8 +226,8 @@ fn outline(
         let first = (0..3).find(|&i| t[i][4] > near_limit && t[(i + 1) % 3][4] <= near_limit);
         let second = (0..3).find(|&i| t[i][4] <= near_limit && t[(i + 1) % 3][4] > near_limit);
         if let (Some(i), Some(j)) = (first, second) {
-            let a = point(&cut_edge(t[i], t[(i + 1) % 3], near_limit));
-            let b = point(&cut_edge(t[j], t[(j + 1) % 3], near_limit));
+            let a = point(&cut_edge(t[i], t[(i + 1) % 3], NEAR, near_limit));
+            let b = point(&cut_edge(t[j], t[(j + 1) % 3], NEAR, near_limit));
             if !keep(shape, a, b) {
                 return ShapeResult::DrawAsMesh;
             }

@@ -2,14 +2,17 @@
 //! five values of [`ObjectProjection::at`](super::screen_projection::ObjectProjection::at): `x`, `y`, `w`,
 //! `n` and the distance beyond the near plane. All cuts are where that distance is `near_limit`.
 
-/// Returns the point of an edge whose distance beyond the near plane is `near_limit`. The ends `a` and `b`,
-/// in homogeneous screen coordinates, lie on different sides of the cut: one nearer than `near_limit`, one
-/// farther. The point is interpolated from the nearer end in both orders of the arguments, so that all
-/// triangles that share the edge get the identical point.
+/// Index of the distance beyond the near plane among the five values of a corner.
+pub(crate) const NEAR: usize = 4;
+
+/// Returns the point of an edge whose value `of` is `limit`: [`NEAR`] for a cut at a distance beyond the near
+/// plane. The ends `a` and `b`, in homogeneous screen coordinates, lie on different sides of the cut: the
+/// value is less than `limit` at one, greater at the other. The point is interpolated from the end of lesser
+/// value in both orders of the arguments, so that all triangles that share the edge get the identical point.
 #[inline(always)]
-pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], near_limit: f64) -> [f64; 5] {
-    let (a, b) = if a[4] < b[4] { (a, b) } else { (b, a) };
-    let share = (near_limit - a[4]) / (b[4] - a[4]);
+pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], of: usize, limit: f64) -> [f64; 5] {
+    let (a, b) = if a[of] < b[of] { (a, b) } else { (b, a) };
+    let share = (limit - a[of]) / (b[of] - a[of]);
     let mut out = [0.0; 5];
     for i in 0..5 {
         out[i] = a[i] * (1.0 - share) + b[i] * share;
@@ -48,7 +51,7 @@ pub(crate) fn clip_triangle(t: [&[f64; 5]; 3], near_limit: f64) -> ClippedTriang
             push(*a);
         }
         if (a[4] > near_limit) != (b[4] > near_limit) {
-            let p = cut_edge(a, b, near_limit);
+            let p = cut_edge(a, b, NEAR, near_limit);
             push(p);
             *(if a[4] > near_limit { &mut leaves } else { &mut enters }) = Some(p);
         }
@@ -80,7 +83,7 @@ mod tests {
             let far = limit + random(1e-18, 1.0).powi(9) * size;
             // The first value of the cut is its fraction of the way from `a` to `b`.
             let (a, b) = ([0.0, 0.0, 0.0, 0.0, near], [1.0, 0.0, 0.0, 0.0, far]);
-            let [share, ..] = cut_edge(&a, &b, limit);
+            let [share, ..] = cut_edge(&a, &b, NEAR, limit);
             let step = DoubleDouble::difference(far, near).times(share.into());
             let distance = step.plus(near.into()).plus((-object.error[4]).into()).hi;
             assert!(distance > 0.0, "trial {trial}: {distance} between {near} and {far}");

@@ -212,7 +212,7 @@ impl ScreenShape {
 /// coefficient, becomes negative infinity everywhere. So no value is NaN, and a minimum over planes needs no
 /// regard for NaN.
 #[inline(always)]
-fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
+pub(crate) fn tile_minimum_plane([a, b, c]: [f64; 3], size: [f64; 2]) -> [f32; 3] {
     let side = SIDE as f64;
     let worst = c + side * (a.min(0.0) + b.min(0.0));
     let most = a.abs() * (size[0] + side) + b.abs() * (size[1] + side) + c.abs();

@@ -3,7 +3,9 @@
 
 use super::known::{Known, Made};
 use crate::arguments::parse_size;
+use crate::walkthrough::World;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};
+use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 
 pub(super) const KNOWN: &[Known] = &[
     Known {
@@ -19,6 +21,15 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, _| made(dial, Coverage::Sampled),
     },
     Known {
+        name: "level",
+        what: "as hzb, with the occluders of the level: its triangles welded and joined into polygons",
+        dials: &["512x288"],
+        make: |dial, world| {
+            let level = level(world)?;
+            Ok(Box::new(HzbCuller::new(map(dial)?.with_level(level, glam::DVec3::ZERO)).with_price(0)))
+        },
+    },
+    Known {
         name: "hzb-price",
         what: "as hzb, drawing at most so many triangles of occluders to hide an object: hzb-price:8, by default 24",
         dials: &["64", "8", "2"],
@@ -29,6 +40,16 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
 ];
+
+fn level(world: &World) -> Result<std::sync::Arc<LevelOccluders>, String> {
+    let opaque = world.source.objects.iter().filter(|object| object.opaque && !object.door);
+    let triangles: Vec<LevelTriangle> = opaque
+        .flat_map(|object| &object.triangles)
+        .map(|&corners| LevelTriangle { corners, two_sided: true })
+        .collect();
+    let level = LevelOccluders::new(&triangles, LevelSettings::default()).map_err(|error| error.to_string())?;
+    Ok(std::sync::Arc::new(level))
+}
 
 /// Makes a z-buffer whose dial is its size in pixels, such as `256x144`; without a dial 512 x 288. Text that
 /// is no size, or a size that the z-buffer cannot have, is an error.

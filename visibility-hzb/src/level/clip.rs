@@ -1,0 +1,106 @@
+//! Outlines that are cut: by the near plane, or where they leave the guard band.
+
+use super::edges::Edges;
+use super::frame::LevelFrame;
+use crate::raster::mesh_raster::project_corner;
+use crate::setup::near_clip::cut_edge;
+use alloc::vec::Vec;
+
+/// A point in homogeneous screen coordinates: `x` and `y` (pixel coordinates times `w`), `w`, `n`, and the
+/// distance beyond the near plane.
+pub(super) type Point = [f64; 5];
+
+/// Scratch for edges that are cut.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ClipScratch {
+    /// Edges before a cut.
+    pub(super) edges: Vec<[Point; 2]>,
+    /// Edges after the cut.
+    cut: Vec<[Point; 2]>,
+}
+
+impl ClipScratch {
+    /// Cuts off the parts of a flat outline where value `of` of its points is at most `limit`. All cuts lie on
+    /// one line. An edge along that line from each cut to the first keeps the outline closed: on either side
+    /// of the line an odd number of edges is to the left of a point as before.
+    #[inline(always)]
+    fn cut(&mut self, of: usize, limit: f64) {
+        self.cut.clear();
+        let mut first = None;
+        for &[a, b] in &self.edges {
+            match (a[of] > limit, b[of] > limit) {
+                (true, true) => self.cut.push([a, b]),
+                (false, false) => {}
+                (a_stays, _) => {
+                    let cut = cut_edge(&a, &b, of, limit);
+                    self.cut.push([if a_stays { a } else { b }, cut]);
+                    match first {
+                        None => first = Some(cut),
+                        Some(first) => self.cut.push([cut, first]),
+                    }
+                }
+            }
+        }
+        core::mem::swap(&mut self.edges, &mut self.cut);
+    }
+
+    /// Cuts the outline of the flat polygon in `edges` and pushes what is left of it to `out`. Returns upper
+    /// bounds on the error of its points in pixels, and a lower bound on their `w`. `None` if nothing is left,
+    /// or the error is infinite.
+    #[inline(always)]
+    pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> Option<[f64; 2]> {
+        self.cut(4, frame.least_near);
+        self.cut(2, frame.least_w);
+        let (mut error, mut least_w) = (0.0, f64::INFINITY);
+        for edge in &self.edges {
+            let [a, b] = edge.map(|[x, y, w, n, _]| {
+                let (corner, own, _) = project_corner([x, y, w, n], &frame.object);
+                // The comparison is false for NaN.
+                error = if own <= error { error } else { own };
+                least_w = if w < least_w { w } else { least_w };
+                [corner.x, corner.y]
+            });
+            push_within(a, b, frame.guard, out);
+        }
+        (error < f64::INFINITY && least_w < f64::INFINITY).then_some([error, least_w])
+    }
+}
+
+/// Pushes the part of an edge that is within the guard band: columns and rows of magnitude up to `guard`. Its
+/// part beyond the left side becomes an edge along that side, so that the same rows have an edge to their
+/// left. What is above, below or to the right changes nothing in the picture.
+///
+/// Columns and rows beyond the guard band are off by a few roundings of themselves, as their error bound
+/// allows for. The row at which an edge passes the left side is the same number for both parts.
+fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
+    let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
+    // An edge that lies in one row changes nothing there but marks pixels, as any other.
+    if b[1] < -guard || a[1] > guard || (a[0] > guard && b[0] > guard) {
+        return;
+    }
+    let at_row = |row: f64| [a[0] + (row - a[1]) * ((b[0] - a[0]) / (b[1] - a[1])), row];
+    let top = if a[1] < -guard { at_row(-guard) } else { a };
+    let bottom = if b[1] > guard { at_row(guard) } else { b };
+    let at_column = |column: f64| {
+        let row = top[1] + (column - top[0]) * ((bottom[1] - top[1]) / (bottom[0] - top[0]));
+        [column, row.clamp(top[1], bottom[1])]
+    };
+    let as_f32 = |[x, y]: [f64; 2]| [x as f32, y as f32];
+    let (mut p, mut q) = (top, bottom);
+    if p[0] < -guard && q[0] < -guard {
+        return out.push(as_f32([-guard, p[1]]), as_f32([-guard, q[1]]));
+    }
+    if p[0] > guard && q[0] > guard {
+        return;
+    }
+    for end in [&mut p, &mut q] {
+        if end[0] < -guard {
+            let crossing = at_column(-guard);
+            out.push(as_f32([-guard, end[1]]), as_f32(crossing));
+            *end = crossing;
+        } else if end[0] > guard {
+            *end = at_column(guard);
+        }
+    }
+    out.push(as_f32(p), as_f32(q));
+}

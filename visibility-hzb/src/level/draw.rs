@@ -1,0 +1,280 @@
+//! Draws the clusters of a level, nearest first.
+
+use super::clip::ClipScratch;
+use super::edges::Edges;
+use super::fill::fill;
+use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame};
+use super::prepared::{Polygons, PreparedLevel};
+use super::vertices::Vertices;
+use crate::buffer::tiles::Tiles;
+use crate::coverage::Coverage;
+use crate::lanes::{WIDTH, bits, greatest};
+use crate::query::box_projection::project;
+use crate::query::occluder_query::rectangle_may_be_seen;
+use crate::rounding::up;
+use crate::buffer::tile_layout::Rectangle;
+use crate::setup::depth_plane::plane;
+use crate::setup::screen_projection::U;
+use crate::setup::screen_shape::tile_minimum_plane;
+use alloc::vec::Vec;
+use visibility_core::Aabb;
+use visibility_core::glam::DVec3;
+use visibility_occluders::{OccluderCluster, OccluderPolygon};
+
+/// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
+const LEAST_AREA_PX: f32 = 24.0;
+
+/// Constant part of the slack in pixels.
+const MIN_SLACK_PX: f64 = 1.0 / 1048576.0;
+
+/// Maximum part of the slack, in pixels, that comes of a polygon's thickness.
+const MAX_BEND_PX: f64 = 0.25;
+
+/// A cluster that may be seen.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    /// Order of drawing: less is nearer. Bits of the greatest depth key, inverted.
+    order: u32,
+    /// Index of the cluster.
+    cluster: u32,
+    /// Pixels that the box around the cluster may meet; `None` for a box that may reach the eye's plane.
+    rectangle: Option<Rectangle>,
+    /// Upper bound on the depth keys of the cluster.
+    nearest: f32,
+}
+
+/// Scratch of the raster of a level, kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LevelScratch {
+    candidates: Vec<Candidate>,
+    vertices: Vertices,
+    edges: Edges,
+    active: Vec<u32>,
+    clip: ClipScratch,
+}
+
+/// Draws a level into `tiles`. Returns an upper bound on the depth keys of what was drawn.
+#[inline(always)]
+pub(crate) fn draw_level(
+    level: &PreparedLevel,
+    frame: &LevelFrame,
+    coverage: Coverage,
+    scratch: &mut LevelScratch,
+    tiles: &mut Tiles,
+) -> f32 {
+    find_candidates(level, frame, &mut scratch.candidates);
+    let mut nearest = f32::NEG_INFINITY;
+    for i in 0..scratch.candidates.len() {
+        let candidate = scratch.candidates[i];
+        if let Some(rectangle) = &candidate.rectangle
+            && !rectangle_may_be_seen(tiles, rectangle, candidate.nearest)
+        {
+            continue;
+        }
+        if draw_cluster(level, frame, coverage, candidate.cluster as usize, scratch, tiles) {
+            nearest = greatest(candidate.nearest, nearest);
+        }
+    }
+    nearest
+}
+
+/// Replaces `candidates` by the clusters that may be seen, nearest first.
+#[inline(always)]
+fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) {
+    candidates.clear();
+    let count = level.level.clusters().len();
+    for (i, boxes) in level.groups.iter().enumerate() {
+        let groups = project(&frame.projection32, boxes);
+        for lane in 0..WIDTH {
+            let first = (i * WIDTH + lane) * WIDTH;
+            if groups.outside[lane] || first >= level.clusters.len() {
+                continue;
+            }
+            for block in first..(first + WIDTH).min(level.clusters.len()) {
+                let boxes = project(&frame.projection32, &level.clusters[block]);
+                for lane in 0..WIDTH.min(count - block * WIDTH) {
+                    let rectangle = boxes.known[lane].then(|| boxes.rectangle(lane));
+                    let thin = rectangle.is_some_and(|rectangle| {
+                        rectangle.columns[1] - rectangle.columns[0] <= 1
+                            || rectangle.lines[1] - rectangle.lines[0] <= 1
+                    });
+                    if boxes.outside[lane] || thin {
+                        continue;
+                    }
+                    let nearest = if boxes.known[lane] { boxes.nearest[lane] } else { f32::INFINITY };
+                    // Depth keys of parallel views may be negative.
+                    let ascending = nearest.to_bits() ^ ((nearest.to_bits() as i32 >> 31) as u32 | 1 << 31);
+                    let cluster = (block * WIDTH + lane) as u32;
+                    candidates.push(Candidate { order: !ascending, cluster, rectangle, nearest });
+                }
+            }
+        }
+    }
+    candidates.sort_unstable_by_key(|candidate| (candidate.order, candidate.cluster));
+}
+
+/// Draws a cluster. Returns whether it may have covered a pixel.
+#[inline(always)]
+fn draw_cluster(
+    level: &PreparedLevel,
+    frame: &LevelFrame,
+    coverage: Coverage,
+    index: usize,
+    scratch: &mut LevelScratch,
+    tiles: &mut Tiles,
+) -> bool {
+    let Some(cluster) = level.level.clusters().get(index) else { return false };
+    if !is_inside_clip_planes(level, frame, cluster) {
+        return false;
+    }
+    let blocks = level.first_polygons[index] as usize..level.first_polygons[index + 1] as usize;
+    let (mut drawn, mut projected) = (false, false);
+    for (block, polygons) in level.polygons[blocks].iter().enumerate() {
+        let mut chosen = choose(polygons, frame);
+        if chosen != 0 && !projected {
+            projected = true;
+            let [first, end] = cluster.vertices.map(|index| index as usize);
+            scratch.vertices.project(&level.level.vertices()[first..end], frame);
+        }
+        while chosen != 0 {
+            let lane = chosen.trailing_zeros() as usize % WIDTH;
+            chosen &= chosen - 1;
+            let at = cluster.polygons[0] as usize + block * WIDTH + lane;
+            let Some(polygon) = level.level.polygons().get(at) else { continue };
+            let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(polygons.middle[axis][lane])));
+            let radius = f64::from(polygons.radius[lane]);
+            drawn |= draw_polygon(level, frame, coverage, cluster, polygon, middle, radius, scratch, tiles);
+        }
+    }
+    drawn
+}
+
+/// Returns whether all polygons of a cluster lie certainly within the view's clip planes.
+#[inline(always)]
+fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &OccluderCluster) -> bool {
+    frame.clip_planes.as_slice().iter().all(|plane| {
+        let (normal, offset) = (plane.plane.normal, plane.plane.offset);
+        let Aabb { min, max } = cluster.bounds;
+        let corner = DVec3::select(normal.cmpge(DVec3::ZERO), min.as_dvec3(), max.as_dvec3());
+        // The faces of a polygon may leave the box around its outline by the thickness of its slab.
+        let size = normal.abs().dot(corner.abs()) + offset.abs();
+        normal.dot(corner) + offset
+            > 16.0 * U * size + plane.error + level.thickness * normal.length() + f64::MIN_POSITIVE
+    })
+}
+
+/// Returns the mask of the polygons that cover enough pixels to be worth drawing, as estimated.
+#[inline(always)]
+fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
+    let eye = frame.eye.as_vec3().to_array();
+    let mut chosen = [0; WIDTH];
+    for i in 0..WIDTH {
+        let (mut facing, mut squared) = (0.0, 0.0);
+        for axis in 0..3 {
+            let towards = if frame.perspective { eye[axis] - polygons.middle[axis][i] } else { eye[axis] };
+            facing += towards * polygons.normal[axis][i];
+            squared += towards * towards;
+        }
+        // The distance is cubed: once for the length of `towards` in `facing`.
+        let cubed = squared * squared.sqrt();
+        let radius = polygons.radius[i];
+        let close = frame.perspective & (squared <= 4.0 * radius * radius);
+        let large = polygons.area[i] * facing.abs() * frame.pixels_per_area >= LEAST_AREA_PX * cubed;
+        chosen[i] = u8::from((large | close) & (polygons.area[i] > 0.0));
+    }
+    bits(&chosen)
+}
+
+/// Draws a polygon. `middle` is the middle of the box around it, `radius` the greatest distance of a vertex
+/// from there. Returns whether it may have covered a pixel.
+#[inline(always)]
+#[expect(clippy::too_many_arguments)]
+fn draw_polygon(
+    level: &PreparedLevel,
+    frame: &LevelFrame,
+    coverage: Coverage,
+    cluster: &OccluderCluster,
+    polygon: &OccluderPolygon,
+    middle: DVec3,
+    radius: f64,
+    scratch: &mut LevelScratch,
+    tiles: &mut Tiles,
+) -> bool {
+    let Some(far) = far_side(frame, polygon) else { return false };
+    let LevelScratch { vertices, edges, active, clip, .. } = scratch;
+    let first = cluster.vertices[0] as usize;
+    let outline = &level.level.edges()[polygon.edges[0] as usize..polygon.edges[1] as usize];
+    edges.clear();
+    let mut plain = true;
+    for &[a, b] in outline {
+        let ends = [a, b].map(|vertex| vertices.get(vertex as usize - first));
+        let [Some(a), Some(b)] = ends else {
+            plain = false;
+            break;
+        };
+        edges.push(a, b);
+    }
+    let (mut error, mut least_w) = (f64::from(vertices.error), f64::from(vertices.least_w));
+    if !plain {
+        edges.clear();
+        clip.edges.clear();
+        let positions = level.level.vertices();
+        let flat = |vertex: u32| {
+            let p = positions[vertex as usize].as_dvec3();
+            let p = p - polygon.normal * (polygon.normal.dot(p) - far);
+            frame.object.at(p.to_array())
+        };
+        clip.edges.extend(outline.iter().map(|edge| edge.map(flat)));
+        let Some(bounds) = clip.clip(frame, edges) else { return false };
+        [error, least_w] = bounds;
+    }
+    edges.finish();
+    let thickness = polygon.extent[1] - polygon.extent[0];
+    let bend = if plain && polygon.two_sided {
+        0.0
+    } else {
+        1.25 * thickness * frame.pixels_per_metre / least_w
+    };
+    if !(bend <= MAX_BEND_PX && error <= 0.125) {
+        return false;
+    }
+    let slack = 2.0 * error + bend + 64.0 * f64::from(f32::EPSILON / 2.0) * frame.guard + MIN_SLACK_PX;
+    let depth = depth_plane(frame, polygon.normal, middle, radius, far);
+    fill(edges, up(slack), depth, coverage, active, tiles)
+}
+
+/// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`
+/// if the polygon is not seen from a side from which it hides, or the eye is in the slab or so close to it
+/// that a ray may meet it at less than half the distance of its far side.
+#[inline(always)]
+fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
+    let [low, high] = polygon.extent;
+    let along = polygon.normal.dot(frame.eye);
+    let margin = 8.0 * U * polygon.normal.abs().dot(frame.eye.abs());
+    if !frame.perspective {
+        let back = along > 0.0;
+        let seen = along.abs() > LEAST_PARALLEL_COSINE && (polygon.two_sided || !back);
+        return seen.then_some(if back { high } else { low });
+    }
+    let thickness = high - low;
+    if along - high > thickness + 2.0 * margin {
+        return Some(low);
+    }
+    (polygon.two_sided && low - along > thickness + 2.0 * margin).then_some(high)
+}
+
+/// Returns the plane, over tile columns and rows, that is the least depth key of a polygon in a tile: that of
+/// the points whose coordinate along `normal` is `far`.
+#[inline(always)]
+fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, far: f64) -> [f32; 3] {
+    let axis = normal.abs().min_position();
+    let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;
+    let along = normal.cross(across);
+    // A point whose coordinate along the normal is to be `far` misses it by a few roundings.
+    let away = if normal.dot(frame.eye) > far { -1.0 } else { 1.0 };
+    let rounding = 16.0 * f64::EPSILON * (normal.abs().dot(middle.abs()) + far.abs() + radius);
+    let foot = middle + normal * (far + away * rounding - normal.dot(middle));
+    let corners = [foot, foot + across, foot + along].map(|p| frame.object.at(p.to_array()));
+    let plane = plane(corners.each_ref(), &frame.object, &frame.projection, &frame.plane_errors);
+    tile_minimum_plane(plane, frame.projection.size)
+}

@@ -1,0 +1,167 @@
+//! Fills an outline into tiles: the pixels that it winds round an odd number of times and does not come near.
+
+use super::edges::{Edges, Edges16};
+use crate::buffer::depth_planes::DepthPlanes;
+use crate::buffer::tile_layout::SIDE;
+use crate::buffer::tiles::Tiles;
+use crate::coverage::Coverage;
+use crate::lanes::{WHOLE, WIDTH, bits, greatest, least};
+use alloc::vec::Vec;
+
+/// Width in pixels of the part of a row of tiles that is filled at once: one bit of a word for each column.
+const WINDOW: usize = 64;
+
+/// Row numbers 0 to 7 within a tile.
+const ROWS: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+/// Returns a word whose bits from `column` on are set: none from 64 on.
+#[inline(always)]
+fn from(column: u32) -> u64 {
+    if column < 64 { u64::MAX << column } else { 0 }
+}
+
+/// Returns the integer nearest to `x`, which must lie between -0.5 and 64.
+#[inline(always)]
+fn nearest(x: f32) -> u32 {
+    (x + WHOLE).to_bits() & 127
+}
+
+/// Returns the part of a `column` from the left end of a window, limited to the window.
+#[inline(always)]
+fn within(column: f32) -> f32 {
+    least(greatest(column, 0.0), WINDOW as f32)
+}
+
+/// Pixels of a window: a word for each row of pixels, a bit for each column.
+struct Window {
+    /// Pixels that an edge comes near.
+    near: [u64; SIDE],
+    /// Pixels whose centres have an odd number of edges to their left.
+    odd: [u64; SIDE],
+}
+
+impl Window {
+    /// Adds lane `i` of `edges` to the window that begins at column `left` and row `top`, both in pixels.
+    /// Pixels within `slack` of the edge are near it.
+    #[inline(always)]
+    fn add(&mut self, edges: &Edges16, i: usize, left: f32, top: f32, slack: f32) {
+        let (x, y, slope) = (edges.x[i], edges.top[i], edges.slope[i]);
+        let (bottom, low, high, level) = (edges.bottom[i], edges.low[i], edges.high[i], edges.level[i]);
+        let at = |row: f32| least(greatest(x + (row - y) * slope, low), high) - left;
+        let (mut first, mut end, mut step) = ([0; SIDE], [0; SIDE], [0; SIDE]);
+        for row in 0..SIDE {
+            let line = top + ROWS[row];
+            let (from, to) = (greatest(line - slack, y), least(line + 1.0 + slack, bottom));
+            let (p, q) = (at(from), at(to));
+            let (l, r) = (least(p, q) - slack, greatest(p, q) + slack + level);
+            let meets = from <= to;
+            first[row] = nearest(within(l) - 0.5);
+            end[row] = if meets { nearest(within(r + 1.0) - 0.5) } else { 0 };
+            let centre = line + 0.5;
+            let crosses = (y < centre) & (centre <= bottom);
+            step[row] = if crosses { nearest(within(at(centre))) } else { WINDOW as u32 };
+        }
+        for row in 0..SIDE {
+            self.near[row] |= from(first[row]) & !from(end[row]);
+            self.odd[row] ^= from(step[row]);
+        }
+    }
+}
+
+/// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
+/// `slack` pixels of. `plane` gives the least depth key in a tile: `a * column + b * row + c` for the tile at
+/// tile column `column` and tile row `row`. Returns whether a tile may have changed. `active` is scratch.
+#[inline(always)]
+pub(super) fn fill(
+    edges: &Edges,
+    slack: f32,
+    plane: [f32; 3],
+    coverage: Coverage,
+    active: &mut Vec<u32>,
+    tiles: &mut Tiles,
+) -> bool {
+    const STEP: f32 = SIDE as f32;
+    let [left, above, right, below] = edges.bounds;
+    let size = [tiles.columns as f32, tiles.rows as f32];
+    // False where there are no edges.
+    if !(left < size[0] * STEP && above < size[1] * STEP && right > 0.0 && below > 0.0) {
+        return false;
+    }
+    let tile = |pixel: f32, size: usize| (greatest(pixel, 0.0) as usize / SIDE).min(size);
+    let (x0, x1) = (tile(left, tiles.columns), tile(right, tiles.columns - 1) + 1);
+    let (y0, y1) = (tile(above, tiles.rows), tile(below, tiles.rows - 1) + 1);
+    let mut planes_index = 0;
+    for row in y0..y1 {
+        let base = row * tiles.columns;
+        let offset = row as f32 * plane[1] + plane[2];
+        let top = (row * SIDE) as f32;
+        let mut chosen = false;
+        let mut column = x0;
+        while column < x1 {
+            // Tiles that the outline may meet and that hold nothing as near.
+            let (mut keys, mut open) = ([0.0; SIDE], [0; WIDTH]);
+            let values = &tiles.tile_min[base + column..base + column + SIDE];
+            for i in 0..SIDE {
+                keys[i] = (column as f32 + ROWS[i]) * plane[0] + offset;
+                open[i] = u8::from(keys[i] > values[i]);
+            }
+            let count = x1 - column;
+            let mut open = bits(&open) & if count < SIDE { (1 << count) - 1 } else { 0xff };
+            if open == 0 {
+                column += SIDE;
+                continue;
+            }
+            if !chosen {
+                chosen = true;
+                choose(edges, top, slack, active);
+            }
+            let mut window = Window { near: [0; SIDE], odd: [0; SIDE] };
+            let start = (column * SIDE) as f32;
+            for &edge in active.iter() {
+                let Some(lanes) = edges.drawn.get(edge as usize / WIDTH) else { continue };
+                window.add(lanes, edge as usize % WIDTH, start, top, slack);
+            }
+            let mut covered = window.odd;
+            let mut any = 0;
+            for i in 0..SIDE {
+                let near = if coverage == Coverage::Sampled { 0 } else { window.near[i] };
+                covered[i] &= !near;
+                any |= covered[i];
+            }
+            while open != 0 && any != 0 {
+                let i = open.trailing_zeros() as usize % SIDE;
+                open &= open - 1;
+                let mut mask = 0;
+                for row in 0..SIDE {
+                    mask |= (covered[row] >> (SIDE * i) & 0xff) << (SIDE * row);
+                }
+                if mask != 0 {
+                    if planes_index == 0 {
+                        planes_index = tiles.add_depth_planes(DepthPlanes::one(plane));
+                    }
+                    tiles.cover(base + column + i, mask, keys[i], planes_index);
+                }
+            }
+            column += SIDE;
+        }
+    }
+    planes_index != 0
+}
+
+/// Replaces `active` by the indices of the edges that meet the row of tiles from row `top` of pixels on.
+#[inline(always)]
+fn choose(edges: &Edges, top: f32, slack: f32, active: &mut Vec<u32>) {
+    active.clear();
+    let (first, last) = (top - slack, top + SIDE as f32 + slack);
+    for (chunk, lanes) in edges.drawn.iter().enumerate() {
+        let mut meets = [0; WIDTH];
+        for i in 0..WIDTH {
+            meets[i] = u8::from((lanes.top[i] <= last) & (lanes.bottom[i] >= first));
+        }
+        let mut meets = bits(&meets);
+        while meets != 0 {
+            active.push((chunk * WIDTH) as u32 + meets.trailing_zeros());
+            meets &= meets - 1;
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The view of a frame, as the raster of a level's occluders needs it.
+
+use super::prepared::PreparedLevel;
+use crate::query::box_projection::ScreenProjection32;
+use crate::rounding::up;
+use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, project_object};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::view::ViewPlanes;
+use visibility_core::{Aabb, View};
+
+/// Width of the guard band, in sides of the buffer: outlines are cut where they leave it, beyond all pixels.
+const GUARD_BAND: f64 = 4.0;
+
+/// Least cosine of the angle between the direction of a parallel view and the normal of a polygon that is
+/// drawn.
+pub(super) const LEAST_PARALLEL_COSINE: f64 = 0.01;
+
+/// The view of a frame relative to the origin of a level.
+#[derive(Clone, Debug)]
+pub(crate) struct LevelFrame {
+    /// Projection in `f64`.
+    pub(super) projection: ScreenProjection,
+    /// Projection in `f32`.
+    pub(super) projection32: ScreenProjection32,
+    /// Projection of the level's vertices in `f64`, with its errors.
+    pub(super) object: ObjectProjection,
+    /// Error bounds of depth planes: those of a determinant of three points, and of cross products.
+    pub(super) plane_errors: [f64; 2],
+    /// Eye of a perspective view in metres, else the unit direction of the view.
+    pub(super) eye: DVec3,
+    /// True for a perspective view, false for a parallel one.
+    pub(super) perspective: bool,
+    /// Clip planes of the view.
+    pub(super) clip_planes: ViewPlanes,
+    /// Distance beyond the near plane, in the unit of clip space, at which outlines are cut. What a ray meets
+    /// in the slab of a polygon is then beyond the near plane if the point of the polygon's plane is beyond
+    /// this distance.
+    pub(super) least_near: f64,
+    /// `w` at which outlines are cut.
+    pub(super) least_w: f64,
+    /// Greatest magnitude of columns and rows of outlines, in pixels. Where they leave it they are cut.
+    pub(super) guard: f64,
+    /// Pixels that one square metre covers in the middle of the view, facing the eye at a distance of one
+    /// metre; in a parallel view at any distance.
+    pub(super) pixels_per_area: f32,
+    /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
+    /// by one metre, times its `w`.
+    pub(super) pixels_per_metre: f64,
+}
+
+impl LevelFrame {
+    /// Prepares a frame of `view`. `picture` is the width and height of the picture in pixels, `size` that of
+    /// the buffer of whole tiles. `None` if the view's numbers are too large or too small to draw anything.
+    pub(crate) fn new(
+        view: &View,
+        level: &PreparedLevel,
+        picture: [usize; 2],
+        size: [usize; 2],
+    ) -> Option<Self> {
+        let projection = ScreenProjection::new(view, level.origin, picture, size);
+        let reach = level.reach.to_array().map(up);
+        let bounds = Aabb { min: -Vec3::from(reach), max: Vec3::from(reach) };
+        let (object, _) = project_object(&projection, &bounds, &Affine3A::IDENTITY)?;
+        let [x, y, w, _] = projection.rows.map(|row| DVec3::from(row.linear));
+        let near = DVec3::from(projection.near.linear);
+        let perspective = projection.perspective;
+        let (eye, depth) = if perspective {
+            (projection.anchor, w.length_squared())
+        } else {
+            (x.cross(y).normalize_or_zero(), projection.rows[2].constant.powi(2))
+        };
+        // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and has the
+        // constant of its row at the eye. A polygon whose slab is no thicker than the eye's distance from it
+        // is met at no less than half the `w` of its plane.
+        let least_near = if perspective {
+            projection.near.constant.abs() + projection.near.error
+        } else {
+            near.length() * level.thickness * (2.0 / LEAST_PARALLEL_COSINE)
+        };
+        let least_near = least_near * (1.0 + 1e-6) + 2.0 * object.near_limit();
+        let side = projection.size[0].max(projection.size[1]);
+        let across = |row: DVec3| {
+            let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
+            (row - along).length()
+        };
+        Some(Self {
+            projection32: ScreenProjection32::new(&projection),
+            object,
+            plane_errors: [object.determinant_error(), object.cross_error(projection.size)],
+            eye,
+            perspective,
+            clip_planes: view.clip_planes_from(level.origin),
+            least_near,
+            least_w: 1024.0 * object.error[2],
+            guard: GUARD_BAND * side,
+            pixels_per_area: (across(x) * across(y) / depth) as f32,
+            pixels_per_metre: x.length().max(y.length()) + side * w.length(),
+            projection,
+        })
+    }
+}

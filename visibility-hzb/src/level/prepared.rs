@@ -1,0 +1,116 @@
+//! What the raster keeps of a level, computed once: boxes of clusters and sizes of polygons, in lanes.
+
+use crate::lanes::WIDTH;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use visibility_core::Aabb;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_occluders::{LevelOccluders, OccluderPolygon};
+
+/// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, by coordinate: least x, y, z, greatest x, y, z.
+/// Lanes without a box repeat the last box.
+pub(crate) type Boxes = [[f32; WIDTH]; 6];
+
+/// Up to [`WIDTH`] polygons of one cluster, by coordinate. Lanes without a polygon have no area.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Polygons {
+    /// Unit normals.
+    pub(crate) normal: [[f32; WIDTH]; 3],
+    /// Middles of the boxes around the polygons in metres.
+    pub(crate) middle: [[f32; WIDTH]; 3],
+    /// Areas in square metres.
+    pub(crate) area: [f32; WIDTH],
+    /// Greatest distances of a vertex from the middle in metres.
+    pub(crate) radius: [f32; WIDTH],
+}
+
+/// The occluders of a level, ready to be drawn.
+#[derive(Clone, Debug)]
+pub(crate) struct PreparedLevel {
+    /// The occluders.
+    pub(crate) level: Arc<LevelOccluders>,
+    /// Origin in world space that all positions are relative to.
+    pub(crate) origin: DVec3,
+    /// Greatest magnitude of the x, y and z of all vertices, and of points beside polygons as far from their
+    /// middles as their vertices.
+    pub(crate) reach: DVec3,
+    /// Greatest thickness of a polygon's slab in metres.
+    pub(crate) thickness: f64,
+    /// Boxes of clusters, [`WIDTH`] at a time.
+    pub(crate) clusters: Vec<Boxes>,
+    /// Boxes around the clusters of [`WIDTH`] elements of `clusters`, [`WIDTH`] at a time.
+    pub(crate) groups: Vec<Boxes>,
+    /// Polygons of all clusters.
+    pub(crate) polygons: Vec<Polygons>,
+    /// For each cluster, the index of its first element of `polygons`; one more at the end.
+    pub(crate) first_polygons: Vec<u32>,
+}
+
+impl PreparedLevel {
+    /// Prepares a level. Takes time in proportion to its vertices.
+    pub(crate) fn new(level: Arc<LevelOccluders>, origin: DVec3) -> Self {
+        let boxes: Vec<Aabb> = level.clusters().iter().map(|cluster| cluster.bounds).collect();
+        let clusters = in_lanes(&boxes);
+        let groups: Vec<Aabb> = boxes
+            .chunks(WIDTH * WIDTH)
+            .map(|boxes| {
+                let min = boxes.iter().fold(Vec3::INFINITY, |least, bounds| least.min(bounds.min));
+                let max = boxes.iter().fold(Vec3::NEG_INFINITY, |most, bounds| most.max(bounds.max));
+                Aabb { min, max }
+            })
+            .collect();
+        let groups = in_lanes(&groups);
+        let (mut polygons, mut first_polygons) = (Vec::new(), Vec::new());
+        let (mut reach, mut thickness) = (DVec3::ZERO, 0.0f64);
+        for cluster in level.clusters() {
+            first_polygons.push(polygons.len() as u32);
+            let [first, end] = cluster.polygons.map(|index| index as usize);
+            for own in level.polygons()[first..end].chunks(WIDTH) {
+                let mut lanes = Polygons {
+                    normal: [[0.0; WIDTH]; 3],
+                    middle: [[0.0; WIDTH]; 3],
+                    area: [0.0; WIDTH],
+                    radius: [0.0; WIDTH],
+                };
+                for (i, polygon) in own.iter().enumerate() {
+                    let (middle, radius) = middle_and_radius(&level, polygon);
+                    for axis in 0..3 {
+                        lanes.normal[axis][i] = polygon.normal[axis] as f32;
+                        lanes.middle[axis][i] = middle[axis];
+                    }
+                    lanes.area[i] = polygon.area as f32;
+                    lanes.radius[i] = radius;
+                    reach = reach.max(middle.abs().as_dvec3() + 2.0 * f64::from(radius));
+                    thickness = thickness.max(polygon.extent[1] - polygon.extent[0]);
+                }
+                polygons.push(lanes);
+            }
+        }
+        first_polygons.push(polygons.len() as u32);
+        Self { level, origin, reach: reach + thickness, thickness, clusters, groups, polygons, first_polygons }
+    }
+}
+
+/// Returns boxes in lanes.
+fn in_lanes(boxes: &[Aabb]) -> Vec<Boxes> {
+    let lanes = |boxes: &[Aabb]| {
+        let mut lanes = [[0.0; WIDTH]; 6];
+        for i in 0..WIDTH {
+            let Some(bounds) = boxes.get(i).or(boxes.last()) else { continue };
+            for axis in 0..3 {
+                lanes[axis][i] = bounds.min[axis];
+                lanes[axis + 3][i] = bounds.max[axis];
+            }
+        }
+        lanes
+    };
+    boxes.chunks(WIDTH).map(lanes).collect()
+}
+
+/// Returns the middle of the box around a polygon's vertices, and the greatest distance of a vertex from it.
+fn middle_and_radius(level: &LevelOccluders, polygon: &OccluderPolygon) -> (Vec3, f32) {
+    let [first, end] = polygon.edges.map(|index| index as usize);
+    let vertices = || level.edges()[first..end].iter().map(|edge| level.vertices()[edge[0] as usize]);
+    let middle = Aabb::from_points(vertices()).center();
+    (middle, vertices().map(|vertex| vertex.distance(middle)).fold(0.0, f32::max))
+}
