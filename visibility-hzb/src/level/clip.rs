@@ -8,15 +8,31 @@ use alloc::vec::Vec;
 
 /// A point in homogeneous screen coordinates: `x` and `y` (pixel coordinates times `w`), `w`, `n`, and the
 /// distance beyond the near plane.
-pub(super) type Point = [f64; 5];
+type Point = [f64; 5];
+
+/// An end of an edge of a flat outline.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct End {
+    /// The point in homogeneous screen coordinates.
+    pub(super) point: Point,
+    /// Column and row of a plain vertex, which takes part in no cut and is at that very place in all outlines.
+    pub(super) plain: Option<[f32; 2]>,
+}
+
+impl End {
+    /// Returns whether value `of` of the end is above `limit`, as it counts as being for a plain vertex.
+    fn stays(&self, of: usize, limit: f64) -> bool {
+        self.plain.is_some() || self.point[of] > limit
+    }
+}
 
 /// Scratch for edges that are cut.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ClipScratch {
     /// Edges before a cut.
-    pub(super) edges: Vec<[Point; 2]>,
+    pub(super) edges: Vec<[End; 2]>,
     /// Edges after the cut.
-    cut: Vec<[Point; 2]>,
+    cut: Vec<[End; 2]>,
 }
 
 impl ClipScratch {
@@ -28,11 +44,12 @@ impl ClipScratch {
         self.cut.clear();
         let mut first = None;
         for &[a, b] in &self.edges {
-            match (a[of] > limit, b[of] > limit) {
+            match (a.stays(of, limit), b.stays(of, limit)) {
                 (true, true) => self.cut.push([a, b]),
                 (false, false) => {}
                 (a_stays, _) => {
-                    let cut = cut_edge(&a, &b, of, limit);
+                    let point = cut_edge(&a.point, &b.point, of, limit);
+                    let cut = End { point, plain: None };
                     self.cut.push([if a_stays { a } else { b }, cut]);
                     match first {
                         None => first = Some(cut),
@@ -45,24 +62,26 @@ impl ClipScratch {
     }
 
     /// Cuts the outline of the flat polygon in `edges` and pushes what is left of it to `out`. Returns upper
-    /// bounds on the error of its points in pixels, and a lower bound on their `w`. `None` if nothing is left,
-    /// or the error is infinite.
+    /// bounds on the error of its points in pixels, and a lower bound on their `w`: infinity if nothing is left.
     #[inline(always)]
-    pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> Option<[f64; 2]> {
+    pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> [f64; 2] {
         self.cut(4, frame.least_near);
         self.cut(2, frame.least_w);
         let (mut error, mut least_w) = (0.0, f64::INFINITY);
         for edge in &self.edges {
-            let [a, b] = edge.map(|[x, y, w, n, _]| {
+            let [a, b] = edge.map(|End { point: [x, y, w, n, _], plain }| {
+                least_w = if w < least_w { w } else { least_w };
+                if let Some(place) = plain {
+                    return place.map(f64::from);
+                }
                 let (corner, own, _) = project_corner([x, y, w, n], &frame.object);
                 // The comparison is false for NaN.
                 error = if own <= error { error } else { own };
-                least_w = if w < least_w { w } else { least_w };
                 [corner.x, corner.y]
             });
             push_within(a, b, frame.guard, out);
         }
-        (error < f64::INFINITY && least_w < f64::INFINITY).then_some([error, least_w])
+        [error, least_w]
     }
 }
 
@@ -88,7 +107,7 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     let as_f32 = |[x, y]: [f64; 2]| [x as f32, y as f32];
     let (mut p, mut q) = (top, bottom);
     if p[0] < -guard && q[0] < -guard {
-        return out.push(as_f32([-guard, p[1]]), as_f32([-guard, q[1]]));
+        return out.push(as_f32([-guard, p[1]]), as_f32([-guard, q[1]]), false);
     }
     if p[0] > guard && q[0] > guard {
         return;
@@ -96,11 +115,11 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     for end in [&mut p, &mut q] {
         if end[0] < -guard {
             let crossing = at_column(-guard);
-            out.push(as_f32([-guard, end[1]]), as_f32(crossing));
+            out.push(as_f32([-guard, end[1]]), as_f32(crossing), false);
             *end = crossing;
         } else if end[0] > guard {
             *end = at_column(guard);
         }
     }
-    out.push(as_f32(p), as_f32(q));
+    out.push(as_f32(p), as_f32(q), false);
 }

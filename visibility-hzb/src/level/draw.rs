@@ -1,10 +1,11 @@
 //! Draws the clusters of a level, nearest first.
 
-use super::clip::ClipScratch;
+use super::clip::{ClipScratch, End};
 use super::edges::Edges;
 use super::fill::fill;
 use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame};
-use super::prepared::{Polygons, PreparedLevel};
+use super::prepared::{NO_POLYGON, Polygons, PreparedLevel};
+use super::union::UnionTiles;
 use super::vertices::Vertices;
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
@@ -51,6 +52,10 @@ pub(crate) struct LevelScratch {
     edges: Edges,
     active: Vec<u32>,
     clip: ClipScratch,
+    union: UnionTiles,
+    /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab. NaN for a
+    /// polygon that is not drawn.
+    far_sides: Vec<f64>,
 }
 
 /// Draws a level into `tiles`. Returns an upper bound on the depth keys of what was drawn.
@@ -62,6 +67,7 @@ pub(crate) fn draw_level(
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> f32 {
+    scratch.union.prepare(tiles);
     find_candidates(level, frame, &mut scratch.candidates);
     let mut nearest = f32::NEG_INFINITY;
     for i in 0..scratch.candidates.len() {
@@ -128,24 +134,41 @@ fn draw_cluster(
         return false;
     }
     let blocks = level.first_polygons[index] as usize..level.first_polygons[index + 1] as usize;
-    let (mut drawn, mut projected) = (false, false);
-    for (block, polygons) in level.polygons[blocks].iter().enumerate() {
+    let (first, end) = (cluster.polygons[0] as usize, cluster.polygons[1] as usize);
+    let mut any = false;
+    scratch.far_sides.clear();
+    scratch.far_sides.resize(end - first, f64::NAN);
+    for (block, polygons) in level.polygons[blocks.clone()].iter().enumerate() {
         let mut chosen = choose(polygons, frame);
-        if chosen != 0 && !projected {
-            projected = true;
-            let [first, end] = cluster.vertices.map(|index| index as usize);
-            scratch.vertices.project(&level.level.vertices()[first..end], frame);
-        }
         while chosen != 0 {
-            let lane = chosen.trailing_zeros() as usize % WIDTH;
+            let at = block * WIDTH + chosen.trailing_zeros() as usize % WIDTH;
             chosen &= chosen - 1;
-            let at = cluster.polygons[0] as usize + block * WIDTH + lane;
-            let Some(polygon) = level.level.polygons().get(at) else { continue };
-            let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(polygons.middle[axis][lane])));
-            let radius = f64::from(polygons.radius[lane]);
-            drawn |= draw_polygon(level, frame, coverage, cluster, polygon, middle, radius, scratch, tiles);
+            let Some(polygon) = level.level.polygons().get(first + at) else { continue };
+            if let Some(far) = far_side(frame, polygon) {
+                scratch.far_sides[at] = far;
+                any = true;
+            }
         }
     }
+    if !any {
+        return false;
+    }
+    let vertices = cluster.vertices[0] as usize..cluster.vertices[1] as usize;
+    scratch.vertices.project(&level.level.vertices()[vertices], frame);
+    let (mut drawn, mut whole) = (false, true);
+    for at in 0..end - first {
+        if scratch.far_sides[at].is_nan() {
+            continue;
+        }
+        let polygons = &level.polygons[blocks.start + at / WIDTH];
+        let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(polygons.middle[axis][at % WIDTH])));
+        let radius = f64::from(polygons.radius[at % WIDTH]);
+        match draw_polygon(level, frame, coverage, cluster, at, middle, radius, scratch, tiles) {
+            Some(any) => drawn |= any,
+            None => whole = false,
+        }
+    }
+    scratch.union.finish(whole, tiles);
     drawn
 }
 
@@ -185,8 +208,8 @@ fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// Draws a polygon. `middle` is the middle of the box around it, `radius` the greatest distance of a vertex
-/// from there. Returns whether it may have covered a pixel.
+/// Draws polygon `at` of a cluster. `middle` is the middle of the box around it, `radius` the greatest distance
+/// of a vertex from there. Returns whether it may have covered a pixel, or `None` if it could not be drawn.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 fn draw_polygon(
@@ -194,39 +217,41 @@ fn draw_polygon(
     frame: &LevelFrame,
     coverage: Coverage,
     cluster: &OccluderCluster,
-    polygon: &OccluderPolygon,
+    at: usize,
     middle: DVec3,
     radius: f64,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
-) -> bool {
-    let Some(far) = far_side(frame, polygon) else { return false };
-    let LevelScratch { vertices, edges, active, clip, .. } = scratch;
+) -> Option<bool> {
+    let LevelScratch { vertices, edges, active, clip, union, far_sides, .. } = scratch;
+    let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at)?;
+    let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
-    let outline = &level.level.edges()[polygon.edges[0] as usize..polygon.edges[1] as usize];
+    let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
     edges.clear();
-    let mut plain = true;
-    for &[a, b] in outline {
-        let ends = [a, b].map(|vertex| vertices.get(vertex as usize - first));
-        let [Some(a), Some(b)] = ends else {
-            plain = false;
-            break;
-        };
-        edges.push(a, b);
+    clip.edges.clear();
+    let mut joined = false;
+    for edge in outline {
+        let ends = level.level.edges()[edge];
+        let places = ends.map(|vertex| vertices.get(vertex as usize - first));
+        if let [Some(a), Some(b)] = places {
+            let neighbour = level.neighbours[edge];
+            let shared = neighbour != NO_POLYGON && !far_sides[neighbour as usize].is_nan();
+            joined |= shared;
+            edges.push(a, b, shared);
+            continue;
+        }
+        clip.edges.push([0, 1].map(|end| {
+            let p = level.level.vertices()[ends[end] as usize].as_dvec3();
+            let p = p - polygon.normal * (polygon.normal.dot(p) - far);
+            End { point: frame.object.at(p.to_array()), plain: places[end] }
+        }));
     }
+    let plain = clip.edges.is_empty();
     let (mut error, mut least_w) = (f64::from(vertices.error), f64::from(vertices.least_w));
     if !plain {
-        edges.clear();
-        clip.edges.clear();
-        let positions = level.level.vertices();
-        let flat = |vertex: u32| {
-            let p = positions[vertex as usize].as_dvec3();
-            let p = p - polygon.normal * (polygon.normal.dot(p) - far);
-            frame.object.at(p.to_array())
-        };
-        clip.edges.extend(outline.iter().map(|edge| edge.map(flat)));
-        let Some(bounds) = clip.clip(frame, edges) else { return false };
-        [error, least_w] = bounds;
+        let [own_error, own_w] = clip.clip(frame, edges);
+        (error, least_w) = (error.max(own_error), least_w.min(own_w));
     }
     edges.finish();
     let thickness = polygon.extent[1] - polygon.extent[0];
@@ -236,11 +261,11 @@ fn draw_polygon(
         1.25 * thickness * frame.pixels_per_metre / least_w
     };
     if !(bend <= MAX_BEND_PX && error <= 0.125) {
-        return false;
+        return None;
     }
     let slack = 2.0 * error + bend + 64.0 * f64::from(f32::EPSILON / 2.0) * frame.guard + MIN_SLACK_PX;
     let depth = depth_plane(frame, polygon.normal, middle, radius, far);
-    fill(edges, up(slack), depth, coverage, active, tiles)
+    Some(fill(edges, up(slack), depth, coverage, active, joined.then_some(union), tiles))
 }
 
 /// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`

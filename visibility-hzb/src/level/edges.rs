@@ -24,6 +24,9 @@ pub(super) struct Edges16 {
     pub(super) high: [f32; WIDTH],
     /// Width of an edge that counts as level, else 0.
     pub(super) level: [f32; WIDTH],
+    /// All bits of an edge at which the union of the cluster's polygons may end; 0 of an edge that two of them
+    /// share.
+    pub(super) ends_union: [u64; WIDTH],
 }
 
 /// The edges of one outline, as pushed and as drawn.
@@ -31,6 +34,8 @@ pub(super) struct Edges16 {
 pub(super) struct Edges {
     /// Ends of each edge: column and row of one end, then of the other, [`WIDTH`] edges at a time.
     ends: Vec<[[f32; WIDTH]; 4]>,
+    /// Whether the union of the cluster's polygons may end at each edge, as [`Edges16::ends_union`].
+    ends_union: Vec<[u64; WIDTH]>,
     /// Number of edges.
     count: usize,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
@@ -46,18 +51,22 @@ impl Edges {
     pub(super) fn clear(&mut self) {
         self.count = 0;
         self.ends.clear();
+        self.ends_union.clear();
     }
 
-    /// Appends an edge between two points, given by column and row.
+    /// Appends an edge between two points, given by column and row. `shared` tells whether another drawn polygon
+    /// of the cluster has the edge, between the same two points.
     #[inline(always)]
-    pub(super) fn push(&mut self, [ax, ay]: [f32; 2], [bx, by]: [f32; 2]) {
+    pub(super) fn push(&mut self, [ax, ay]: [f32; 2], [bx, by]: [f32; 2], shared: bool) {
         let lane = self.count % WIDTH;
         if lane == 0 {
             // A lane that stays empty has its ends at one point: it crosses no row of pixel centres and is
             // marked nowhere, since that point is beyond all rows.
             self.ends.push([[0.0; WIDTH], [f32::INFINITY; WIDTH], [0.0; WIDTH], [f32::INFINITY; WIDTH]]);
+            self.ends_union.push([0; WIDTH]);
         }
-        if let Some(ends) = self.ends.last_mut() {
+        if let (Some(ends), Some(ends_union)) = (self.ends.last_mut(), self.ends_union.last_mut()) {
+            ends_union[lane] = if shared { 0 } else { u64::MAX };
             (ends[0][lane], ends[1][lane], ends[2][lane], ends[3][lane]) = (ax, ay, bx, by);
         }
         self.count += 1;
@@ -70,7 +79,7 @@ impl Edges {
         let mut left = [f32::INFINITY; WIDTH];
         let mut above = [f32::INFINITY; WIDTH];
         let (mut right, mut below) = ([f32::NEG_INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
-        for [ax, ay, bx, by] in &self.ends {
+        for ([ax, ay, bx, by], &ends_union) in self.ends.iter().zip(&self.ends_union) {
             let mut out = Edges16 {
                 x: [0.0; WIDTH],
                 top: [0.0; WIDTH],
@@ -79,6 +88,7 @@ impl Edges {
                 low: [0.0; WIDTH],
                 high: [0.0; WIDTH],
                 level: [0.0; WIDTH],
+                ends_union,
             };
             for i in 0..WIDTH {
                 let downwards = ay[i] <= by[i];

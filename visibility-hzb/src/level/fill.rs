@@ -2,10 +2,12 @@
 
 use super::edges::{Edges, Edges16};
 use crate::buffer::depth_planes::DepthPlanes;
+use crate::buffer::row_spans::STEPS;
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::lanes::{WHOLE, WIDTH, bits, greatest, least};
+use super::union::UnionTiles;
 use alloc::vec::Vec;
 
 /// Width in pixels of the part of a row of tiles that is filled at once: one bit of a word for each column.
@@ -36,6 +38,8 @@ fn within(column: f32) -> f32 {
 struct Window {
     /// Pixels that an edge comes near.
     near: [u64; SIDE],
+    /// Pixels that an edge comes near at which the union of the cluster's polygons may end.
+    near_end: [u64; SIDE],
     /// Pixels whose centres have an odd number of edges to their left.
     odd: [u64; SIDE],
 }
@@ -61,11 +65,29 @@ impl Window {
             let crosses = (y < centre) & (centre <= bottom);
             step[row] = if crosses { nearest(within(at(centre))) } else { WINDOW as u32 };
         }
+        let ends_union = edges.ends_union[i];
         for row in 0..SIDE {
-            self.near[row] |= from(first[row]) & !from(end[row]);
+            let near = from(first[row]) & !from(end[row]);
+            self.near[row] |= near;
+            self.near_end[row] |= near & ends_union;
             self.odd[row] ^= from(step[row]);
         }
     }
+
+}
+
+/// Returns the mask of the pixels of each of the eight tiles of a window: bit `8 * y + x` for the pixel at
+/// column `x` and row `y` of the tile.
+#[inline(always)]
+fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
+    let rows = rows.map(u64::to_le_bytes);
+    let mut masks = [[0; SIDE]; SIDE];
+    for tile in 0..SIDE {
+        for row in 0..SIDE {
+            masks[tile][row] = rows[row][tile];
+        }
+    }
+    masks.map(u64::from_le_bytes)
 }
 
 /// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
@@ -78,6 +100,7 @@ pub(super) fn fill(
     plane: [f32; 3],
     coverage: Coverage,
     active: &mut Vec<u32>,
+    mut union: Option<&mut UnionTiles>,
     tiles: &mut Tiles,
 ) -> bool {
     const STEP: f32 = SIDE as f32;
@@ -99,50 +122,55 @@ pub(super) fn fill(
         let mut column = x0;
         while column < x1 {
             // Tiles that the outline may meet and that hold nothing as near.
-            let (mut keys, mut open) = ([0.0; SIDE], [0; WIDTH]);
-            let values = &tiles.tile_min[base + column..base + column + SIDE];
-            for i in 0..SIDE {
-                keys[i] = (column as f32 + ROWS[i]) * plane[0] + offset;
-                open[i] = u8::from(keys[i] > values[i]);
+            let (mut keys, mut open) = ([0.0; WIDTH], [0; WIDTH]);
+            let values = &tiles.tile_min[base + column..base + column + WIDTH];
+            let (first, end) = (column as f32, x1 as f32);
+            for i in 0..WIDTH {
+                let x = first + STEPS[i];
+                keys[i] = x * plane[0] + offset;
+                open[i] = u8::from((keys[i] > values[i]) & (x < end));
             }
-            let count = x1 - column;
-            let mut open = bits(&open) & if count < SIDE { (1 << count) - 1 } else { 0xff };
-            if open == 0 {
-                column += SIDE;
-                continue;
+            if let Some(union) = union.as_deref_mut() {
+                union.lower([column, row], base, &keys, &open, x1);
             }
-            if !chosen {
-                chosen = true;
-                choose(edges, top, slack, active);
-            }
-            let mut window = Window { near: [0; SIDE], odd: [0; SIDE] };
-            let start = (column * SIDE) as f32;
-            for &edge in active.iter() {
-                let Some(lanes) = edges.drawn.get(edge as usize / WIDTH) else { continue };
-                window.add(lanes, edge as usize % WIDTH, start, top, slack);
-            }
-            let mut covered = window.odd;
-            let mut any = 0;
-            for i in 0..SIDE {
-                let near = if coverage == Coverage::Sampled { 0 } else { window.near[i] };
-                covered[i] &= !near;
-                any |= covered[i];
-            }
-            while open != 0 && any != 0 {
-                let i = open.trailing_zeros() as usize % SIDE;
-                open &= open - 1;
-                let mut mask = 0;
+            let open = bits(&open);
+            for half in 0..WIDTH / SIDE {
+                let mut open = open >> (SIDE * half) & 0xff;
+                if open == 0 {
+                    continue;
+                }
+                if !chosen {
+                    chosen = true;
+                    choose(edges, top, slack, active);
+                }
+                let mut window = Window { near: [0; SIDE], near_end: [0; SIDE], odd: [0; SIDE] };
+                let first = column + SIDE * half;
+                let left = (first * SIDE) as f32;
+                for &edge in active.iter() {
+                    let Some(lanes) = edges.drawn.get(edge as usize / WIDTH) else { continue };
+                    window.add(lanes, edge as usize % WIDTH, left, top, slack);
+                }
+                let mut covered = window.odd;
+                let keep = if coverage == Coverage::Sampled { 0 } else { u64::MAX };
                 for row in 0..SIDE {
-                    mask |= (covered[row] >> (SIDE * i) & 0xff) << (SIDE * row);
+                    covered[row] &= !(window.near[row] & keep);
                 }
-                if mask != 0 {
-                    if planes_index == 0 {
-                        planes_index = tiles.add_depth_planes(DepthPlanes::one(plane));
+                let masks = tiles_of(&covered);
+                if let Some(union) = union.as_deref_mut() {
+                    union.add(base + first, x1 - first, &tiles_of(&window.odd), &tiles_of(&window.near_end));
+                }
+                while open != 0 {
+                    let i = open.trailing_zeros() as usize % SIDE;
+                    open &= open - 1;
+                    if masks[i] != 0 {
+                        if planes_index == 0 {
+                            planes_index = tiles.add_depth_planes(DepthPlanes::one(plane));
+                        }
+                        tiles.cover(base + first + i, masks[i], keys[SIDE * half + i], planes_index);
                     }
-                    tiles.cover(base + column + i, mask, keys[i], planes_index);
                 }
             }
-            column += SIDE;
+            column += WIDTH;
         }
     }
     planes_index != 0

@@ -7,6 +7,7 @@ mod edges;
 mod fill;
 mod frame;
 mod prepared;
+mod union;
 mod vertices;
 
 pub(crate) use draw::{LevelScratch, draw_level};

@@ -5,7 +5,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_occluders::{LevelOccluders, OccluderPolygon};
+use visibility_occluders::{LevelOccluders, OccluderCluster, OccluderPolygon};
 
 /// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, by coordinate: least x, y, z, greatest x, y, z.
 /// Lanes without a box repeat the last box.
@@ -44,7 +44,13 @@ pub(crate) struct PreparedLevel {
     pub(crate) polygons: Vec<Polygons>,
     /// For each cluster, the index of its first element of `polygons`; one more at the end.
     pub(crate) first_polygons: Vec<u32>,
+    /// For each edge of the level, the polygon beyond the edge as an index into the cluster's polygons:
+    /// [`NO_POLYGON`] unless exactly one other polygon of the cluster has the edge.
+    pub(crate) neighbours: Vec<u32>,
 }
+
+/// Index that no polygon has.
+pub(crate) const NO_POLYGON: u32 = u32::MAX;
 
 impl PreparedLevel {
     /// Prepares a level. Takes time in proportion to its vertices.
@@ -62,7 +68,9 @@ impl PreparedLevel {
         let groups = in_lanes(&groups);
         let (mut polygons, mut first_polygons) = (Vec::new(), Vec::new());
         let (mut reach, mut thickness) = (DVec3::ZERO, 0.0f64);
+        let mut neighbours = alloc::vec![NO_POLYGON; level.edges().len()];
         for cluster in level.clusters() {
+            find_neighbours(&level, cluster, &mut neighbours);
             first_polygons.push(polygons.len() as u32);
             let [first, end] = cluster.polygons.map(|index| index as usize);
             for own in level.polygons()[first..end].chunks(WIDTH) {
@@ -87,7 +95,30 @@ impl PreparedLevel {
             }
         }
         first_polygons.push(polygons.len() as u32);
-        Self { level, origin, reach: reach + thickness, thickness, clusters, groups, polygons, first_polygons }
+        let reach = reach + thickness;
+        Self { level, origin, reach, thickness, clusters, groups, polygons, first_polygons, neighbours }
+    }
+}
+
+/// Writes the neighbours at the edges of a cluster. Polygons that hide from one side only are neighbours if they
+/// run through their edge in opposite directions, so that they face the same way.
+fn find_neighbours(level: &LevelOccluders, cluster: &OccluderCluster, neighbours: &mut [u32]) {
+    let [first, end] = cluster.polygons.map(|index| index as usize);
+    let mut sides: Vec<([u32; 2], u32, u32)> = Vec::new();
+    for (index, polygon) in (0..).zip(&level.polygons()[first..end]) {
+        for edge in polygon.edges[0]..polygon.edges[1] {
+            let [a, b] = level.edges()[edge as usize];
+            sides.push(([a.min(b), a.max(b)], index, edge));
+        }
+    }
+    sides.sort_unstable();
+    let polygon = |index: u32| &level.polygons()[first + index as usize];
+    for same in sides.chunk_by(|a, b| a.0 == b.0) {
+        let &[(_, p, a), (_, q, b)] = same else { continue };
+        let turned = level.edges()[a as usize] == level.edges()[b as usize];
+        if p != q && (!turned || polygon(p).two_sided && polygon(q).two_sided) {
+            (neighbours[a as usize], neighbours[b as usize]) = (q, p);
+        }
     }
 }
 

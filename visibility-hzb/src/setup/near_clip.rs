@@ -12,7 +12,7 @@ pub(crate) const NEAR: usize = 4;
 #[inline(always)]
 pub(crate) fn cut_edge(a: &[f64; 5], b: &[f64; 5], of: usize, limit: f64) -> [f64; 5] {
     let (a, b) = if a[of] < b[of] { (a, b) } else { (b, a) };
-    let share = (limit - a[of]) / (b[of] - a[of]);
+    let share = ((limit - a[of]) / (b[of] - a[of])).clamp(0.0, 1.0);
     let mut out = [0.0; 5];
     for i in 0..5 {
         out[i] = a[i] * (1.0 - share) + b[i] * share;

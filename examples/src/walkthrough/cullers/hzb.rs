@@ -41,7 +41,7 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-fn level(world: &World) -> Result<std::sync::Arc<LevelOccluders>, String> {
+pub fn level(world: &World) -> Result<std::sync::Arc<LevelOccluders>, String> {
     let opaque = world.source.objects.iter().filter(|object| object.opaque && !object.door);
     let triangles: Vec<LevelTriangle> = opaque
         .flat_map(|object| &object.triangles)

@@ -5,7 +5,7 @@ mod bsp;
 mod contribution;
 mod hom;
 mod horizon;
-mod hzb;
+pub mod hzb;
 mod known;
 pub mod plp;
 pub mod portals;

@@ -1,0 +1,87 @@
+//! The union of the polygons of one cluster: pixels along edges that two of them share.
+
+use crate::buffer::tile_layout::SIDE;
+use crate::buffer::tiles::Tiles;
+use crate::lanes::{WIDTH, least};
+use alloc::vec::Vec;
+
+/// What the polygons of one cluster contribute to each tile. Between two clusters nothing.
+#[derive(Clone, Debug, Default)]
+pub(super) struct UnionTiles {
+    /// Least depth key of the polygons that may meet each tile, row by row. Infinity where none does, negative
+    /// infinity where a polygon was left out.
+    least: Vec<f32>,
+    /// Pixels of each tile whose centres an odd number of polygons cover.
+    odd: Vec<u64>,
+    /// Pixels of each tile that are near an edge at which the union may end.
+    near_end: Vec<u64>,
+    /// First and end column, first and end row of the tiles that a polygon may meet.
+    used: [usize; 4],
+}
+
+/// No tiles, neutral when joined with others.
+const UNUSED: [usize; 4] = [usize::MAX, 0, usize::MAX, 0];
+
+impl UnionTiles {
+    /// Prepares for the tiles of a buffer. Allocates only for a larger buffer than before.
+    pub(super) fn prepare(&mut self, tiles: &Tiles) {
+        let count = tiles.tile_min.len();
+        if self.least.len() != count {
+            self.least.clear();
+            self.least.resize(count, f32::INFINITY);
+            self.odd.clear();
+            self.odd.resize(count, 0);
+            self.near_end.clear();
+            self.near_end.resize(count, 0);
+        }
+        self.used = UNUSED;
+    }
+
+    /// Lowers the least depth keys of the [`WIDTH`] tiles from `column` on, as far as column `end`, in row `row`,
+    /// which begins at tile `base`: to `keys`, and to negative infinity where a polygon is not `open`: it is
+    /// left out, since the tile holds nearer ones.
+    #[inline(always)]
+    pub(super) fn lower(
+        &mut self,
+        [column, row]: [usize; 2],
+        base: usize,
+        keys: &[f32; WIDTH],
+        open: &[u8; WIDTH],
+        end: usize,
+    ) {
+        let [x0, x1, y0, y1] = self.used;
+        self.used = [x0.min(column), x1.max(end), y0.min(row), y1.max(row + 1)];
+        let values = &mut self.least[base + column..base + column + WIDTH];
+        let count = (end - column) as u32;
+        for i in 0..WIDTH {
+            let key = if open[i] != 0 { keys[i] } else { f32::NEG_INFINITY };
+            values[i] = if (i as u32) < count { least(key, values[i]) } else { values[i] };
+        }
+    }
+
+    /// Adds a polygon to the eight tiles from tile `first` on, of which `count` are in its bounds.
+    #[inline(always)]
+    pub(super) fn add(&mut self, first: usize, count: usize, odd: &[u64; SIDE], near_end: &[u64; SIDE]) {
+        let (odds, ends) = (&mut self.odd[first..first + SIDE], &mut self.near_end[first..first + SIDE]);
+        for i in 0..SIDE.min(count) {
+            odds[i] ^= odd[i];
+            ends[i] |= near_end[i];
+        }
+    }
+
+    /// Covers the pixels that the union covers, at the least depth key of the tile, and empties the union.
+    /// With `draw` false it only empties.
+    #[inline(always)]
+    pub(super) fn finish(&mut self, draw: bool, tiles: &mut Tiles) {
+        let [x0, x1, y0, y1] = core::mem::replace(&mut self.used, UNUSED);
+        for row in y0..y1 {
+            for tile in row * tiles.columns + x0..row * tiles.columns + x1 {
+                let mask = self.odd[tile] & !self.near_end[tile];
+                if draw && mask != 0 {
+                    tiles.cover(tile, mask, self.least[tile], 0);
+                }
+                (self.odd[tile], self.near_end[tile], self.least[tile]) = (0, 0, f32::INFINITY);
+            }
+        }
+    }
+}
