@@ -62,15 +62,17 @@ impl ClipScratch {
     }
 
     /// Cuts the outline of the flat polygon in `edges` and pushes what is left of it to `out`. Returns upper
-    /// bounds on the error of its points in pixels, and a lower bound on their `w`: infinity if nothing is left.
+    /// bounds on the error of its points in pixels, and the least and the greatest `w`: infinity and 0
+    /// if nothing is left.
     #[inline(always)]
-    pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> [f64; 2] {
+    pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> [f64; 3] {
         self.cut(4, frame.least_near);
         self.cut(2, frame.least_w);
-        let (mut error, mut least_w) = (0.0, f64::INFINITY);
+        let (mut error, mut least_w, mut most_w) = (0.0, f64::INFINITY, 0.0);
         for edge in &self.edges {
             let [a, b] = edge.map(|End { point: [x, y, w, n, _], plain }| {
                 least_w = if w < least_w { w } else { least_w };
+                most_w = if w > most_w { w } else { most_w };
                 if let Some(place) = plain {
                     return place.map(f64::from);
                 }
@@ -81,7 +83,7 @@ impl ClipScratch {
             });
             push_within(a, b, frame.guard, out);
         }
-        [error, least_w]
+        [error, least_w, most_w]
     }
 }
 

@@ -6,13 +6,13 @@ use super::fill::fill;
 use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame};
 use super::prepared::{NO_POLYGON, Polygons, PreparedLevel};
 use super::union::UnionTiles;
-use super::vertices::Vertices;
+use super::vertices::{MAX_ERROR_PX, Vertices};
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::lanes::{WIDTH, bits, greatest};
 use crate::query::box_projection::project;
 use crate::query::occluder_query::rectangle_may_be_seen;
-use crate::rounding::up;
+use crate::rounding::down;
 use crate::buffer::tile_layout::Rectangle;
 use crate::setup::depth_plane::plane;
 use crate::setup::screen_projection::U;
@@ -25,11 +25,9 @@ use visibility_occluders::{OccluderCluster, OccluderPolygon};
 /// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
 const LEAST_AREA_PX: f32 = 24.0;
 
-/// Constant part of the slack in pixels.
-const MIN_SLACK_PX: f64 = 1.0 / 1048576.0;
-
-/// Maximum part of the slack, in pixels, that comes of a polygon's thickness.
-const MAX_BEND_PX: f64 = 0.25;
+/// Maximum distance in pixels by which an outline moves on the screen if its vertices are moved within the
+/// polygon's slab. Polygons with a greater one are not drawn.
+pub(super) const MAX_BEND_PX: f64 = 1.0 / 64.0;
 
 /// A cluster that may be seen.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +48,7 @@ pub(crate) struct LevelScratch {
     candidates: Vec<Candidate>,
     vertices: Vertices,
     edges: Edges,
+    across: Vec<[f32; WIDTH]>,
     active: Vec<u32>,
     clip: ClipScratch,
     union: UnionTiles,
@@ -223,14 +222,14 @@ fn draw_polygon(
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> Option<bool> {
-    let LevelScratch { vertices, edges, active, clip, union, far_sides, .. } = scratch;
+    let LevelScratch { vertices, edges, across, active, clip, union, far_sides, .. } = scratch;
     let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at)?;
     let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
     edges.clear();
     clip.edges.clear();
-    let mut joined = false;
+    let (mut joined, mut most_w) = (false, 0.0f64);
     for edge in outline {
         let ends = level.level.edges()[edge];
         let places = ends.map(|vertex| vertices.get(vertex as usize - first));
@@ -239,6 +238,8 @@ fn draw_polygon(
             let shared = neighbour != NO_POLYGON && !far_sides[neighbour as usize].is_nan();
             joined |= shared;
             edges.push(a, b, shared);
+            most_w = most_w.max(f64::from(vertices.most_w(ends[0] as usize - first)));
+            most_w = most_w.max(f64::from(vertices.most_w(ends[1] as usize - first)));
             continue;
         }
         clip.edges.push([0, 1].map(|end| {
@@ -250,8 +251,9 @@ fn draw_polygon(
     let plain = clip.edges.is_empty();
     let (mut error, mut least_w) = (f64::from(vertices.error), f64::from(vertices.least_w));
     if !plain {
-        let [own_error, own_w] = clip.clip(frame, edges);
+        let [own_error, own_w, most_own_w] = clip.clip(frame, edges);
         (error, least_w) = (error.max(own_error), least_w.min(own_w));
+        most_w = most_w.max(most_own_w);
     }
     edges.finish();
     let thickness = polygon.extent[1] - polygon.extent[0];
@@ -260,12 +262,16 @@ fn draw_polygon(
     } else {
         1.25 * thickness * frame.pixels_per_metre / least_w
     };
-    if !(bend <= MAX_BEND_PX && error <= 0.125) {
+    if !(bend <= MAX_BEND_PX && error <= f64::from(MAX_ERROR_PX)) {
         return None;
     }
-    let slack = 2.0 * error + bend + 64.0 * f64::from(f32::EPSILON / 2.0) * frame.guard + MIN_SLACK_PX;
     let depth = depth_plane(frame, polygon.normal, middle, radius, far);
-    Some(fill(edges, up(slack), depth, coverage, active, joined.then_some(union), tiles))
+    let floor = if frame.perspective {
+        down((1.0 / (most_w + 2.0 * thickness * frame.w_per_metre)) * (1.0 - 1e-7))
+    } else {
+        f32::NEG_INFINITY
+    };
+    Some(fill(edges, frame.slack, depth, floor, coverage, across, active, joined.then_some(union), tiles))
 }
 
 /// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`

@@ -28,6 +28,12 @@ fn nearest(x: f32) -> u32 {
     (x + WHOLE).to_bits() & 127
 }
 
+/// Returns the whole number nearest to `x`, whose magnitude must be below 2^22.
+#[inline(always)]
+fn nearest_whole(x: f32) -> f32 {
+    (x + WHOLE) - WHOLE
+}
+
 /// Returns the part of a `column` from the left end of a window, limited to the window.
 #[inline(always)]
 fn within(column: f32) -> f32 {
@@ -36,10 +42,10 @@ fn within(column: f32) -> f32 {
 
 /// Pixels of a window: a word for each row of pixels, a bit for each column.
 struct Window {
-    /// Pixels that an edge comes near.
-    near: [u64; SIDE],
     /// Pixels that an edge comes near at which the union of the cluster's polygons may end.
     near_end: [u64; SIDE],
+    /// Pixels that another edge comes near, which two polygons of the cluster share.
+    near_shared: [u64; SIDE],
     /// Pixels whose centres have an odd number of edges to their left.
     odd: [u64; SIDE],
 }
@@ -68,8 +74,8 @@ impl Window {
         let ends_union = edges.ends_union[i];
         for row in 0..SIDE {
             let near = from(first[row]) & !from(end[row]);
-            self.near[row] |= near;
             self.near_end[row] |= near & ends_union;
+            self.near_shared[row] |= near & !ends_union;
             self.odd[row] ^= from(step[row]);
         }
     }
@@ -77,17 +83,23 @@ impl Window {
 }
 
 /// Returns the mask of the pixels of each of the eight tiles of a window: bit `8 * y + x` for the pixel at
-/// column `x` and row `y` of the tile.
+/// column `x` and row `y` of the tile. A matrix of bytes is transposed: halves, quarters and eighths of words
+/// change places.
 #[inline(always)]
 fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
-    let rows = rows.map(u64::to_le_bytes);
-    let mut masks = [[0; SIDE]; SIDE];
-    for tile in 0..SIDE {
-        for row in 0..SIDE {
-            masks[tile][row] = rows[row][tile];
+    const KEPT: [u64; 3] = [0x0000_0000_ffff_ffff, 0x0000_ffff_0000_ffff, 0x00ff_00ff_00ff_00ff];
+    let mut m = *rows;
+    for (step, kept) in [4, 2, 1].into_iter().zip(KEPT) {
+        let shift = 8 * step as u32;
+        for first in 0..SIDE {
+            if first & step == 0 {
+                let (a, b) = (m[first], m[first + step]);
+                m[first] = a & kept | (b & kept) << shift;
+                m[first + step] = a >> shift & kept | b & !kept;
+            }
         }
     }
-    masks.map(u64::from_le_bytes)
+    m
 }
 
 /// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
@@ -98,7 +110,9 @@ pub(super) fn fill(
     edges: &Edges,
     slack: f32,
     plane: [f32; 3],
+    floor: f32,
     coverage: Coverage,
+    across: &mut Vec<[f32; WIDTH]>,
     active: &mut Vec<u32>,
     mut union: Option<&mut UnionTiles>,
     tiles: &mut Tiles,
@@ -110,30 +124,52 @@ pub(super) fn fill(
     if !(left < size[0] * STEP && above < size[1] * STEP && right > 0.0 && below > 0.0) {
         return false;
     }
+    // The pixels that the outline may come near, in tiles, which are exact numbers.
+    let low = |pixel: f32| nearest_whole(pixel - slack - 0.5) / STEP;
+    let high = |pixel: f32| nearest_whole(pixel + slack + 0.5) / STEP;
+    let (left_end, right_end, above_end, below_end) = (low(left), high(right), low(above), high(below));
+    let constant = plane[2] - (least(plane[0], 0.0) + least(plane[1], 0.0));
     let tile = |pixel: f32, size: usize| (greatest(pixel, 0.0) as usize / SIDE).min(size);
     let (x0, x1) = (tile(left, tiles.columns), tile(right, tiles.columns - 1) + 1);
     let (y0, y1) = (tile(above, tiles.rows), tile(below, tiles.rows - 1) + 1);
     let mut planes_index = 0;
+    across.clear();
+    let mut column = x0;
+    while column < x1 {
+        let mut values = [0.0; WIDTH];
+        let first = column as f32;
+        // The greater of both corners for planes that fall to the right, else the lesser.
+        let (rising, falling) = (greatest(plane[0], 0.0), least(plane[0], 0.0));
+        for i in 0..WIDTH {
+            let x = first + STEPS[i];
+            values[i] = greatest(x, left_end) * rising + least(x + 1.0, right_end) * falling;
+        }
+        across.push(values);
+        column += WIDTH;
+    }
     for row in y0..y1 {
         let base = row * tiles.columns;
-        let offset = row as f32 * plane[1] + plane[2];
+        // The least key of the plane in a part of a tile is at a corner of that part.
+        let (upper, lower) = (row as f32, row as f32 + 1.0);
+        let y = if plane[1] < 0.0 { least(lower, below_end) } else { greatest(upper, above_end) };
+        let offset = y * plane[1] + constant;
         let top = (row * SIDE) as f32;
         let mut chosen = false;
         let mut column = x0;
         while column < x1 {
             // Tiles that the outline may meet and that hold nothing as near.
             let (mut keys, mut open) = ([0.0; WIDTH], [0; WIDTH]);
-            let values = &tiles.tile_min[base + column..base + column + WIDTH];
-            let (first, end) = (column as f32, x1 as f32);
+            let Some(values) = tiles.tile_min[base + column..].first_chunk::<WIDTH>() else { break };
+            let Some(across) = across.get((column - x0) / WIDTH) else { break };
+            let count = (x1 - column) as u32;
             for i in 0..WIDTH {
-                let x = first + STEPS[i];
-                keys[i] = x * plane[0] + offset;
-                open[i] = u8::from((keys[i] > values[i]) & (x < end));
+                keys[i] = greatest(across[i] + offset, floor);
+                open[i] = u8::from(keys[i] > values[i]);
             }
             if let Some(union) = union.as_deref_mut() {
                 union.lower([column, row], base, &keys, &open, x1);
             }
-            let open = bits(&open);
+            let open = bits(&open) & if count < WIDTH as u32 { (1 << count) - 1 } else { u32::MAX };
             for half in 0..WIDTH / SIDE {
                 let mut open = open >> (SIDE * half) & 0xff;
                 if open == 0 {
@@ -143,21 +179,25 @@ pub(super) fn fill(
                     chosen = true;
                     choose(edges, top, slack, active);
                 }
-                let mut window = Window { near: [0; SIDE], near_end: [0; SIDE], odd: [0; SIDE] };
+                let mut window = Window { near_end: [0; SIDE], near_shared: [0; SIDE], odd: [0; SIDE] };
                 let first = column + SIDE * half;
                 let left = (first * SIDE) as f32;
                 for &edge in active.iter() {
                     let Some(lanes) = edges.drawn.get(edge as usize / WIDTH) else { continue };
                     window.add(lanes, edge as usize % WIDTH, left, top, slack);
                 }
-                let mut covered = window.odd;
+                let (mut covered, mut shared) = (window.odd, 0);
                 let keep = if coverage == Coverage::Sampled { 0 } else { u64::MAX };
                 for row in 0..SIDE {
-                    covered[row] &= !(window.near[row] & keep);
+                    covered[row] &= !((window.near_end[row] | window.near_shared[row]) & keep);
+                    shared |= window.near_shared[row];
                 }
                 let masks = tiles_of(&covered);
-                if let Some(union) = union.as_deref_mut() {
-                    union.add(base + first, x1 - first, &tiles_of(&window.odd), &tiles_of(&window.near_end));
+                if let Some(union) = union.as_deref_mut()
+                    && shared != 0
+                {
+                    let (odd, near_end) = (tiles_of(&window.odd), tiles_of(&window.near_end));
+                    union.add(base + first, x1 - first, shared, &odd, &near_end);
                 }
                 while open != 0 {
                     let i = open.trailing_zeros() as usize % SIDE;

@@ -1,12 +1,17 @@
 //! The view of a frame, as the raster of a level's occluders needs it.
 
 use super::prepared::PreparedLevel;
+use super::draw::MAX_BEND_PX;
+use super::vertices::MAX_ERROR_PX;
 use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, project_object};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, View};
+
+/// Unit round-off of `f32`.
+const U32: f64 = f32::EPSILON as f64 / 2.0;
 
 /// Width of the guard band, in sides of the buffer: outlines are cut where they leave it, beyond all pixels.
 const GUARD_BAND: f64 = 4.0;
@@ -40,12 +45,16 @@ pub(crate) struct LevelFrame {
     pub(super) least_w: f64,
     /// Greatest magnitude of columns and rows of outlines, in pixels. Where they leave it they are cut.
     pub(super) guard: f64,
+    /// Distance in pixels within which an edge is near a pixel: more than outlines are off by.
+    pub(super) slack: f32,
     /// Pixels that one square metre covers in the middle of the view, facing the eye at a distance of one
     /// metre; in a parallel view at any distance.
     pub(super) pixels_per_area: f32,
     /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
     /// by one metre, times its `w`.
     pub(super) pixels_per_metre: f64,
+    /// Greatest change of `w` over one metre.
+    pub(super) w_per_metre: f64,
 }
 
 impl LevelFrame {
@@ -93,8 +102,10 @@ impl LevelFrame {
             least_near,
             least_w: 1024.0 * object.error[2],
             guard: GUARD_BAND * side,
+            slack: up(2.0 * f64::from(MAX_ERROR_PX) + MAX_BEND_PX + 64.0 * U32 * GUARD_BAND * side),
             pixels_per_area: (across(x) * across(y) / depth) as f32,
             pixels_per_metre: x.length().max(y.length()) + side * w.length(),
+            w_per_metre: w.length(),
             projection,
         })
     }

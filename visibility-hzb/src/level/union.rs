@@ -15,6 +15,8 @@ pub(super) struct UnionTiles {
     odd: Vec<u64>,
     /// Pixels of each tile that are near an edge at which the union may end.
     near_end: Vec<u64>,
+    /// First tiles of the groups of eight tiles that a polygon was added to.
+    touched: Vec<u32>,
     /// First and end column, first and end row of the tiles that a polygon may meet.
     used: [usize; 4],
 }
@@ -59,29 +61,53 @@ impl UnionTiles {
         }
     }
 
-    /// Adds a polygon to the eight tiles from tile `first` on, of which `count` are in its bounds.
+    /// Adds a polygon to those of the eight tiles from tile `first` on that an edge comes near which the polygon
+    /// shares with another: byte i of `shared` is not 0 for tile i. Only the first `count` tiles are in the
+    /// row. `odd` are the pixels of each tile whose centres
+    /// the polygon covers, `near_end` those near an edge at which the union may end.
     #[inline(always)]
-    pub(super) fn add(&mut self, first: usize, count: usize, odd: &[u64; SIDE], near_end: &[u64; SIDE]) {
+    pub(super) fn add(
+        &mut self,
+        first: usize,
+        count: usize,
+        shared: u64,
+        odd: &[u64; SIDE],
+        near_end: &[u64; SIDE],
+    ) {
+        let shared = if count < SIDE { shared & ((1 << (8 * count)) - 1) } else { shared };
+        let shared = shared.to_le_bytes();
         let (odds, ends) = (&mut self.odd[first..first + SIDE], &mut self.near_end[first..first + SIDE]);
-        for i in 0..SIDE.min(count) {
-            odds[i] ^= odd[i];
-            ends[i] |= near_end[i];
+        for i in 0..SIDE {
+            let own = if shared[i] != 0 { u64::MAX } else { 0 };
+            odds[i] ^= odd[i] & own;
+            ends[i] |= near_end[i] & own;
         }
+        self.touched.push(first as u32);
     }
 
     /// Covers the pixels that the union covers, at the least depth key of the tile, and empties the union.
     /// With `draw` false it only empties.
     #[inline(always)]
     pub(super) fn finish(&mut self, draw: bool, tiles: &mut Tiles) {
+        for i in 0..self.touched.len() {
+            let first = self.touched[i] as usize;
+            let (odds, ends) = (&mut self.odd[first..first + SIDE], &mut self.near_end[first..first + SIDE]);
+            let mut masks = [0; SIDE];
+            for i in 0..SIDE {
+                masks[i] = odds[i] & !ends[i];
+            }
+            odds.fill(0);
+            ends.fill(0);
+            for i in 0..SIDE {
+                if draw && masks[i] != 0 {
+                    tiles.cover(first + i, masks[i], self.least[first + i], 0);
+                }
+            }
+        }
+        self.touched.clear();
         let [x0, x1, y0, y1] = core::mem::replace(&mut self.used, UNUSED);
         for row in y0..y1 {
-            for tile in row * tiles.columns + x0..row * tiles.columns + x1 {
-                let mask = self.odd[tile] & !self.near_end[tile];
-                if draw && mask != 0 {
-                    tiles.cover(tile, mask, self.least[tile], 0);
-                }
-                (self.odd[tile], self.near_end[tile], self.least[tile]) = (0, 0, f32::INFINITY);
-            }
+            self.least[row * tiles.columns + x0..row * tiles.columns + x1].fill(f32::INFINITY);
         }
     }
 }

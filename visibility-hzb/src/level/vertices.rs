@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
 
 /// Maximum error of a vertex in pixels. Vertices with a greater one are projected anew in `f64`.
-const MAX_ERROR_PX: f32 = 1.0 / 16.0;
+pub(super) const MAX_ERROR_PX: f32 = 1.0 / 64.0;
 
 /// Vertices of one cluster on the screen.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +16,8 @@ pub(super) struct Vertices {
     /// Columns, rows and whether each vertex is plain, [`WIDTH`] at a time. Plain vertices lie in the guard
     /// band and beyond the distance at which outlines are cut, with an error of at most [`MAX_ERROR_PX`].
     points: Vec<([f32; WIDTH], [f32; WIDTH], [bool; WIDTH])>,
+    /// Upper bounds on the `w` of plain vertices.
+    most_w: Vec<[f32; WIDTH]>,
     /// Upper bound on the error of plain vertices in pixels.
     pub(super) error: f32,
     /// Lower bound on the `w` of plain vertices.
@@ -27,6 +29,7 @@ impl Vertices {
     #[inline(always)]
     pub(super) fn project(&mut self, positions: &[Vec3], frame: &LevelFrame) {
         self.points.clear();
+        self.most_w.clear();
         let (least_near, guard) = (up(frame.least_near), frame.guard as f32);
         let (mut most_error, mut least_w) = ([0.0; WIDTH], [f32::INFINITY; WIDTH]);
         let mut rest = positions;
@@ -39,7 +42,7 @@ impl Vertices {
                 (p[0][i], p[1][i], p[2][i]) = (position.x, position.y, position.z);
             }
             rest = &rest[count..];
-            let ScreenPoints { x, y, w, error, near } = frame.projection32.points(&p);
+            let ScreenPoints { x, y, w, most_w, error, near } = frame.projection32.points(&p);
             let mut plain = [false; WIDTH];
             for i in 0..WIDTH {
                 plain[i] = (error[i] <= MAX_ERROR_PX)
@@ -49,12 +52,19 @@ impl Vertices {
                 least_w[i] = if plain[i] { least(w[i], least_w[i]) } else { least_w[i] };
             }
             self.points.push((x, y, plain));
+            self.most_w.push(most_w);
         }
         (self.error, self.least_w) = (0.0, f32::INFINITY);
         for i in 0..WIDTH {
             self.error = greatest(most_error[i], self.error);
             self.least_w = least(least_w[i], self.least_w);
         }
+    }
+
+    /// Returns an upper bound on the `w` of a plain vertex.
+    #[inline(always)]
+    pub(super) fn most_w(&self, vertex: usize) -> f32 {
+        self.most_w[vertex / WIDTH][vertex % WIDTH]
     }
 
     /// Returns the column and row of a vertex, if it is plain.

@@ -111,6 +111,8 @@ pub(crate) struct ScreenPoints {
     pub(crate) y: [f32; WIDTH],
     /// Lower bounds on `w`.
     pub(crate) w: [f32; WIDTH],
+    /// Upper bounds on `w`.
+    pub(crate) most_w: [f32; WIDTH],
     /// Upper bounds on the error of columns and rows in pixels. Infinite for points at or behind the eye.
     pub(crate) error: [f32; WIDTH],
     /// Lower bounds on the distance beyond the near plane, in the unit of clip space.
@@ -136,6 +138,7 @@ impl ScreenProjection32 {
             x: [0.0; WIDTH],
             y: [0.0; WIDTH],
             w: [0.0; WIDTH],
+            most_w: [0.0; WIDTH],
             error: [0.0; WIDTH],
             near: [0.0; WIDTH],
         };
@@ -147,7 +150,8 @@ impl ScreenProjection32 {
             // False for NaN.
             let known = (w[i] > 8.0 * w_error[i]) & (off < f32::INFINITY);
             out.error[i] = if known { off } else { f32::INFINITY };
-            (out.x[i], out.y[i], out.w[i]) = (column, row, w[i] - w_error[i]);
+            (out.x[i], out.y[i]) = (column, row);
+            (out.w[i], out.most_w[i]) = (w[i] - w_error[i], w[i] + w_error[i]);
             out.near[i] = near[i] - near_error[i];
         }
         out
