@@ -242,6 +242,16 @@ impl Tiles {
         }
     }
 
+    /// Covers all pixels of the tile at `column` and `row` as [`cover`](Self::cover) does, by an occluder whose
+    /// `depth_key` is above the tile's `tile_min`. Layers of the tile stay as they are.
+    #[inline(always)]
+    pub(crate) fn cover_tile(&mut self, row: usize, column: usize, depth_key: f32, depth_planes_index: u32) {
+        let tile = row * self.columns + column;
+        self.depth_planes_index[tile] = depth_planes_index;
+        self.tile_min[tile] = depth_key;
+        self.mark_dirty(row, [column, column + 1]);
+    }
+
     /// Returns whether all pixels of `mask` hold a depth key strictly greater (nearer) than `depth_key`, by
     /// `tile_min` and layers. `tile` is the index of the tile, row by row, and bit `8 * y + x` of `mask`
     /// stands for the pixel at column `x` and row `y` of the tile. True for an empty mask.

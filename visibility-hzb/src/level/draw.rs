@@ -4,16 +4,16 @@ use super::clip::{ClipScratch, End};
 use super::edges::Edges;
 use super::fill::fill;
 use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame};
-use super::prepared::{NO_POLYGON, Polygons, PreparedLevel};
+use super::prepared::{Boxes, NO_POLYGON, Polygons, PreparedLevel};
 use super::union::UnionTiles;
 use super::vertices::{MAX_ERROR_PX, Vertices};
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
-use crate::lanes::{WIDTH, bits, greatest};
+use crate::lanes::{WIDTH, bits, greatest, least};
 use crate::query::box_projection::project;
 use crate::query::occluder_query::rectangle_may_be_seen;
 use crate::rounding::down;
-use crate::buffer::tile_layout::Rectangle;
+use crate::buffer::tile_layout::{Rectangle, SIDE};
 use crate::setup::depth_plane::plane;
 use crate::setup::screen_projection::U;
 use crate::setup::screen_shape::tile_minimum_plane;
@@ -96,6 +96,10 @@ fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut V
                 continue;
             }
             for block in first..(first + WIDTH).min(level.clusters.len()) {
+                let large = are_large(&level.clusters[block], &level.largest[block], frame);
+                if large == 0 {
+                    continue;
+                }
                 let boxes = project(&frame.projection32, &level.clusters[block]);
                 for lane in 0..WIDTH.min(count - block * WIDTH) {
                     let rectangle = boxes.known[lane].then(|| boxes.rectangle(lane));
@@ -103,7 +107,7 @@ fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut V
                         rectangle.columns[1] - rectangle.columns[0] <= 1
                             || rectangle.lines[1] - rectangle.lines[0] <= 1
                     });
-                    if boxes.outside[lane] || thin {
+                    if boxes.outside[lane] || thin || large >> lane & 1 == 0 {
                         continue;
                     }
                     let nearest = if boxes.known[lane] { boxes.nearest[lane] } else { f32::INFINITY };
@@ -116,6 +120,23 @@ fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut V
         }
     }
     candidates.sort_unstable_by_key(|candidate| (candidate.order, candidate.cluster));
+}
+
+/// Returns the mask of the clusters whose largest polygon, as near as its cluster, could cover enough pixels.
+#[inline(always)]
+fn are_large(boxes: &Boxes, largest: &[f32; WIDTH], frame: &LevelFrame) -> u32 {
+    let eye = frame.eye.as_vec3().to_array();
+    let mut large = [0; WIDTH];
+    for i in 0..WIDTH {
+        let mut squared = 0.0;
+        for axis in 0..3 {
+            let beside = greatest(greatest(boxes[axis][i] - eye[axis], eye[axis] - boxes[axis + 3][i]), 0.0);
+            squared += beside * beside;
+        }
+        let squared = if frame.perspective { squared } else { 1.0 };
+        large[i] = u8::from(largest[i] * frame.pixels_per_area >= LEAST_AREA_PX * squared);
+    }
+    bits(&large)
 }
 
 /// Draws a cluster. Returns whether it may have covered a pixel.
@@ -202,7 +223,15 @@ fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
         let radius = polygons.radius[i];
         let close = frame.perspective & (squared <= 4.0 * radius * radius);
         let large = polygons.area[i] * facing.abs() * frame.pixels_per_area >= LEAST_AREA_PX * cubed;
-        chosen[i] = u8::from((large | close) & (polygons.area[i] > 0.0));
+        let mut inside = polygons.area[i] > 0.0;
+        for side in &frame.sides {
+            let mut beyond = side[3] + side[4] * radius;
+            for axis in 0..3 {
+                beyond += side[axis] * polygons.middle[axis][i];
+            }
+            inside &= beyond >= 0.0;
+        }
+        chosen[i] = u8::from((large | close) & inside);
     }
     bits(&chosen)
 }
@@ -229,7 +258,8 @@ fn draw_polygon(
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
     edges.clear();
     clip.edges.clear();
-    let (mut joined, mut most_w) = (false, 0.0f64);
+    let (mut joined, mut most_w, mut nearest_w) = (false, 0.0f64, f32::INFINITY);
+    let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
     for edge in outline {
         let ends = level.level.edges()[edge];
         let places = ends.map(|vertex| vertices.get(vertex as usize - first));
@@ -238,8 +268,14 @@ fn draw_polygon(
             let shared = neighbour != NO_POLYGON && !far_sides[neighbour as usize].is_nan();
             joined |= shared;
             edges.push(a, b, shared);
-            most_w = most_w.max(f64::from(vertices.most_w(ends[0] as usize - first)));
-            most_w = most_w.max(f64::from(vertices.most_w(ends[1] as usize - first)));
+            for end in 0..2 {
+                let [least_w, own_most_w] = vertices.w(ends[end] as usize - first);
+                nearest_w = least(least_w, nearest_w);
+                most_w = most_w.max(f64::from(own_most_w));
+                let [x, y] = [a, b][end];
+                (low[0], low[1]) = (least(x, low[0]), least(y, low[1]));
+                (high[0], high[1]) = (greatest(x, high[0]), greatest(y, high[1]));
+            }
             continue;
         }
         clip.edges.push([0, 1].map(|end| {
@@ -249,6 +285,12 @@ fn draw_polygon(
         }));
     }
     let plain = clip.edges.is_empty();
+    if plain && !may_be_seen(frame, tiles, low, high, nearest_w) {
+        if joined {
+            union.leave_out(low.map(|side| side - frame.slack), high.map(|side| side + frame.slack), tiles);
+        }
+        return Some(false);
+    }
     let (mut error, mut least_w) = (f64::from(vertices.error), f64::from(vertices.least_w));
     if !plain {
         let [own_error, own_w, most_own_w] = clip.clip(frame, edges);
@@ -272,6 +314,19 @@ fn draw_polygon(
         f32::NEG_INFINITY
     };
     Some(fill(edges, frame.slack, depth, floor, coverage, across, active, joined.then_some(union), tiles))
+}
+
+/// Returns whether a polygon may cover pixels that hold nothing as near: one between the columns and rows `low`
+/// and `high`, at least `w` away. An estimate: it decides what is drawn only.
+#[inline(always)]
+fn may_be_seen(frame: &LevelFrame, tiles: &Tiles, low: [f32; 2], high: [f32; 2], w: f32) -> bool {
+    let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];
+    let range = |axis: usize| {
+        let (first, end) = (greatest(low[axis], 0.0), least(high[axis], size[axis]));
+        (end - first >= 1.0).then(|| [first as u32, (end as u32 + 1).min(size[axis] as u32)])
+    };
+    let (Some(columns), Some(lines)) = (range(0), range(1)) else { return false };
+    !frame.perspective || rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / w)
 }
 
 /// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`

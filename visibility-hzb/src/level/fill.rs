@@ -170,17 +170,17 @@ pub(super) fn fill(
                 union.lower([column, row], base, &keys, &open, x1);
             }
             let open = bits(&open) & if count < WIDTH as u32 { (1 << count) - 1 } else { u32::MAX };
-            for half in 0..WIDTH / SIDE {
-                let mut open = open >> (SIDE * half) & 0xff;
-                if open == 0 {
-                    continue;
-                }
+            let mut left_open = open;
+            while left_open != 0 {
+                let skipped = left_open.trailing_zeros() as usize % WIDTH;
+                let mut open = left_open >> skipped & 0xff;
+                left_open &= !(0xff << skipped);
                 if !chosen {
                     chosen = true;
                     choose(edges, top, slack, active);
                 }
                 let mut window = Window { near_end: [0; SIDE], near_shared: [0; SIDE], odd: [0; SIDE] };
-                let first = column + SIDE * half;
+                let first = column + skipped;
                 let left = (first * SIDE) as f32;
                 for &edge in active.iter() {
                     let Some(lanes) = edges.drawn.get(edge as usize / WIDTH) else { continue };
@@ -206,7 +206,11 @@ pub(super) fn fill(
                         if planes_index == 0 {
                             planes_index = tiles.add_depth_planes(DepthPlanes::one(plane));
                         }
-                        tiles.cover(base + first + i, masks[i], keys[SIDE * half + i], planes_index);
+                        if masks[i] == u64::MAX {
+                            tiles.cover_tile(row, first + i, keys[(skipped + i) % WIDTH], planes_index);
+                            continue;
+                        }
+                        tiles.cover(base + first + i, masks[i], keys[(skipped + i) % WIDTH], planes_index);
                     }
                 }
             }

@@ -5,7 +5,7 @@ use super::draw::MAX_BEND_PX;
 use super::vertices::MAX_ERROR_PX;
 use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;
-use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, project_object};
+use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, project_object};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, View};
@@ -53,6 +53,9 @@ pub(crate) struct LevelFrame {
     /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
     /// by one metre, times its `w`.
     pub(super) pixels_per_metre: f64,
+    /// The sides of the view: `a x + b y + c z + d + e r` is negative for a ball of radius `r` about the point `x`,
+    /// `y`, `z` that is beyond the side. Not rounded conservatively.
+    pub(super) sides: [[f32; 5]; 5],
     /// Greatest change of `w` over one metre.
     pub(super) w_per_metre: f64,
 }
@@ -92,7 +95,19 @@ impl LevelFrame {
             let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
             (row - along).length()
         };
+        let row = |row: &ScreenRow| {
+            let linear = DVec3::from(row.linear);
+            linear.extend(row.constant - linear.dot(projection.anchor))
+        };
+        let [left, top, depth_row] = [0, 1, 2].map(|i| row(&projection.rows[i]));
+        let [width, height] = projection.size;
+        let sides = [left, width * depth_row - left, top, height * depth_row - top, row(&projection.near)];
+        let sides = sides.map(|side| {
+            let length = side.truncate().length();
+            [side.x, side.y, side.z, side.w, length].map(|value| value as f32)
+        });
         Some(Self {
+            sides,
             projection32: ScreenProjection32::new(&projection),
             object,
             plane_errors: [object.determinant_error(), object.cross_error(projection.size)],

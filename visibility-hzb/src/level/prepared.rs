@@ -38,6 +38,8 @@ pub(crate) struct PreparedLevel {
     pub(crate) thickness: f64,
     /// Boxes of clusters, [`WIDTH`] at a time.
     pub(crate) clusters: Vec<Boxes>,
+    /// Areas of the largest polygons of clusters in square metres, [`WIDTH`] at a time.
+    pub(crate) largest: Vec<[f32; WIDTH]>,
     /// Boxes around the clusters of [`WIDTH`] elements of `clusters`, [`WIDTH`] at a time.
     pub(crate) groups: Vec<Boxes>,
     /// Polygons of all clusters.
@@ -57,6 +59,15 @@ impl PreparedLevel {
     pub(crate) fn new(level: Arc<LevelOccluders>, origin: DVec3) -> Self {
         let boxes: Vec<Aabb> = level.clusters().iter().map(|cluster| cluster.bounds).collect();
         let clusters = in_lanes(&boxes);
+        let area = |cluster: &OccluderCluster| {
+            level.polygons().get(cluster.polygons[0] as usize).map_or(0.0, |largest| largest.area as f32)
+        };
+        let largest = level.clusters().chunks(WIDTH).map(|clusters| {
+            let mut areas = [0.0; WIDTH];
+            areas.iter_mut().zip(clusters).for_each(|(out, cluster)| *out = area(cluster));
+            areas
+        });
+        let largest = largest.collect();
         let groups: Vec<Aabb> = boxes
             .chunks(WIDTH * WIDTH)
             .map(|boxes| {
@@ -96,7 +107,7 @@ impl PreparedLevel {
         }
         first_polygons.push(polygons.len() as u32);
         let reach = reach + thickness;
-        Self { level, origin, reach, thickness, clusters, groups, polygons, first_polygons, neighbours }
+        Self { level, origin, reach, thickness, clusters, largest, groups, polygons, first_polygons, neighbours }
     }
 }
 

@@ -61,6 +61,25 @@ impl UnionTiles {
         }
     }
 
+    /// Lets the union cover nothing in the tiles that meet the columns and rows from `low` to `high`: a polygon
+    /// there is left out.
+    #[inline(always)]
+    pub(super) fn leave_out(&mut self, low: [f32; 2], high: [f32; 2], tiles: &Tiles) {
+        // Casts limit numbers below 0 to 0.
+        let range = |axis: usize, size: usize| {
+            [(low[axis] as usize / SIDE).min(size), ((high[axis] + 1.0) as usize).div_ceil(SIDE).min(size)]
+        };
+        let ([x0, x1], [y0, y1]) = (range(0, tiles.columns), range(1, tiles.rows));
+        if x0 >= x1 || y0 >= y1 {
+            return;
+        }
+        let used = self.used;
+        self.used = [used[0].min(x0), used[1].max(x1), used[2].min(y0), used[3].max(y1)];
+        for row in y0..y1 {
+            self.least[row * tiles.columns + x0..row * tiles.columns + x1].fill(f32::NEG_INFINITY);
+        }
+    }
+
     /// Adds a polygon to those of the eight tiles from tile `first` on that an edge comes near which the polygon
     /// shares with another: byte i of `shared` is not 0 for tile i. Only the first `count` tiles are in the
     /// row. `odd` are the pixels of each tile whose centres

@@ -16,8 +16,8 @@ pub(super) struct Vertices {
     /// Columns, rows and whether each vertex is plain, [`WIDTH`] at a time. Plain vertices lie in the guard
     /// band and beyond the distance at which outlines are cut, with an error of at most [`MAX_ERROR_PX`].
     points: Vec<([f32; WIDTH], [f32; WIDTH], [bool; WIDTH])>,
-    /// Upper bounds on the `w` of plain vertices.
-    most_w: Vec<[f32; WIDTH]>,
+    /// Lower and upper bounds on the `w` of plain vertices.
+    w: Vec<([f32; WIDTH], [f32; WIDTH])>,
     /// Upper bound on the error of plain vertices in pixels.
     pub(super) error: f32,
     /// Lower bound on the `w` of plain vertices.
@@ -29,7 +29,7 @@ impl Vertices {
     #[inline(always)]
     pub(super) fn project(&mut self, positions: &[Vec3], frame: &LevelFrame) {
         self.points.clear();
-        self.most_w.clear();
+        self.w.clear();
         let (least_near, guard) = (up(frame.least_near), frame.guard as f32);
         let (mut most_error, mut least_w) = ([0.0; WIDTH], [f32::INFINITY; WIDTH]);
         let mut rest = positions;
@@ -52,7 +52,7 @@ impl Vertices {
                 least_w[i] = if plain[i] { least(w[i], least_w[i]) } else { least_w[i] };
             }
             self.points.push((x, y, plain));
-            self.most_w.push(most_w);
+            self.w.push((w, most_w));
         }
         (self.error, self.least_w) = (0.0, f32::INFINITY);
         for i in 0..WIDTH {
@@ -61,10 +61,11 @@ impl Vertices {
         }
     }
 
-    /// Returns an upper bound on the `w` of a plain vertex.
+    /// Returns a lower and an upper bound on the `w` of a plain vertex.
     #[inline(always)]
-    pub(super) fn most_w(&self, vertex: usize) -> f32 {
-        self.most_w[vertex / WIDTH][vertex % WIDTH]
+    pub(super) fn w(&self, vertex: usize) -> [f32; 2] {
+        let (least, most) = &self.w[vertex / WIDTH];
+        [least[vertex % WIDTH], most[vertex % WIDTH]]
     }
 
     /// Returns the column and row of a vertex, if it is plain.
