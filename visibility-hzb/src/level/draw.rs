@@ -72,7 +72,7 @@ pub(crate) fn draw_level(
     for i in 0..scratch.candidates.len() {
         let candidate = scratch.candidates[i];
         if let Some(rectangle) = &candidate.rectangle
-            && !rectangle_may_be_seen(tiles, rectangle, candidate.nearest)
+            && !rectangle_may_be_seen(tiles, rectangle, candidate.nearest * (1.0 / 1.05))
         {
             continue;
         }
@@ -326,7 +326,7 @@ fn may_be_seen(frame: &LevelFrame, tiles: &Tiles, low: [f32; 2], high: [f32; 2],
         (end - first >= 1.0).then(|| [first as u32, (end as u32 + 1).min(size[axis] as u32)])
     };
     let (Some(columns), Some(lines)) = (range(0), range(1)) else { return false };
-    !frame.perspective || rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / w)
+    !frame.perspective || rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / (1.05 * w))
 }
 
 /// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`

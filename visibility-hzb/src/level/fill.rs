@@ -83,23 +83,17 @@ impl Window {
 }
 
 /// Returns the mask of the pixels of each of the eight tiles of a window: bit `8 * y + x` for the pixel at
-/// column `x` and row `y` of the tile. A matrix of bytes is transposed: halves, quarters and eighths of words
-/// change places.
+/// column `x` and row `y` of the tile.
 #[inline(always)]
 fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
-    const KEPT: [u64; 3] = [0x0000_0000_ffff_ffff, 0x0000_ffff_0000_ffff, 0x00ff_00ff_00ff_00ff];
-    let mut m = *rows;
-    for (step, kept) in [4, 2, 1].into_iter().zip(KEPT) {
-        let shift = 8 * step as u32;
-        for first in 0..SIDE {
-            if first & step == 0 {
-                let (a, b) = (m[first], m[first + step]);
-                m[first] = a & kept | (b & kept) << shift;
-                m[first + step] = a >> shift & kept | b & !kept;
-            }
+    let mut masks = [0; SIDE];
+    for row in 0..SIDE {
+        let bytes = rows[row].to_le_bytes();
+        for tile in 0..SIDE {
+            masks[tile] |= u64::from(bytes[tile]) << (SIDE * row);
         }
     }
-    m
+    masks
 }
 
 /// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
@@ -164,7 +158,7 @@ pub(super) fn fill(
             let count = (x1 - column) as u32;
             for i in 0..WIDTH {
                 keys[i] = greatest(across[i] + offset, floor);
-                open[i] = u8::from(keys[i] > values[i]);
+                open[i] = u8::from(keys[i] > values[i] * 1.05);
             }
             if let Some(union) = union.as_deref_mut() {
                 union.lower([column, row], base, &keys, &open, x1);
