@@ -7,6 +7,7 @@ mod enclosures;
 mod hom;
 mod hom_no_allocation;
 mod hom_occluders;
+mod level;
 mod magnitudes;
 mod no_allocation;
 mod pyramid;

@@ -1,7 +1,7 @@
 //! Contract 2 by rays: the view ray through every sampled point of a covered pixel, corners included, meets
 //! an occluder no farther than the pixel's depth key.
 
-use crate::common::{Occluder, Ray, covered_pixels, draw, faces, occluder, view};
+use crate::common::{Face, Occluder, Ray, covered_pixels, draw, faces, occluder, view};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, OccluderMesh, Pose, View};
 use visibility_hzb::Hzb;
@@ -21,11 +21,10 @@ fn points(random: &mut Random) -> [[f64; 2]; 6] {
     ]
 }
 
-/// Asserts that view rays through covered pixels of `hzb` meet one of `occluders` no farther than the pixel's
-/// depth key. Returns the number of rays and the number of covered pixels. `what` names the case in messages.
-fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, what: &str) -> [u64; 2] {
+/// Asserts that view rays through covered pixels of `hzb` meet one of `faces` no farther than the pixel's depth
+/// key. Returns the number of rays and the number of covered pixels. `what` names the case in messages.
+pub(crate) fn check(faces: &[Face], view: &View, hzb: &Hzb, random: &mut Random, what: &str) -> [u64; 2] {
     let size = [hzb.width(), hzb.height()];
-    let faces = faces(occluders);
     let [mut samples, mut pixels] = [0; 2];
     for (column, row, stored) in covered_pixels(hzb) {
         pixels += 1;
@@ -39,15 +38,12 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
             continue;
         }
         for [x, y] in points(random) {
-            let met = Ray::new(view, size, column as f64 + x, row as f64 + y).nearest(&faces);
+            let met = Ray::new(view, size, column as f64 + x, row as f64 + y).nearest(faces);
             samples += 1;
             assert!(
                 met >= stored - 1e-7 * stored.abs() - 1e-12,
-                "{what}: pixel {column},{row} at +{x},+{y}: stored {stored}, met {met}, {:?} triangles, \
-                 convex and two-sided {:?}, transforms {:?}, {view:?}",
-                occluders.iter().map(|o| o.mesh.triangles().len()).collect::<Vec<_>>(),
-                occluders.iter().map(|o| (o.mesh.is_convex(), o.mesh.is_two_sided())).collect::<Vec<_>>(),
-                occluders.iter().map(|o| o.transform).collect::<Vec<_>>()
+                "{what}: pixel {column},{row} at +{x},+{y}: stored {stored}, met {met}, {} faces, {view:?}",
+                faces.len(),
             );
         }
     }
@@ -56,7 +52,7 @@ fn check(occluders: &[Occluder], view: &View, hzb: &Hzb, random: &mut Random, wh
 
 /// Returns boxes side by side and end to end, with the same transform. Some touch, some overlap a little, and
 /// some leave gaps narrower than a pixel.
-fn room(random: &mut Random) -> Vec<Occluder> {
+pub(crate) fn room(random: &mut Random) -> Vec<Occluder> {
     let transform = if random.below(2) == 0 { Affine3A::IDENTITY } else { occluder(random).transform };
     let mut low = random.vec3(-2.0, 0.0);
     (0..random.below(6) + 2)
@@ -74,7 +70,7 @@ fn room(random: &mut Random) -> Vec<Occluder> {
 /// Returns meshes made of triangulated sheets, one behind the other, whose triangles are distributed at
 /// random. Most edges are shared, within a mesh or between meshes. Some corners are moved a little, and some
 /// triangles are missing, repeated or reversed.
-fn sheets(random: &mut Random) -> Vec<Occluder> {
+pub(crate) fn sheets(random: &mut Random) -> Vec<Occluder> {
     let transform = if random.below(3) == 0 { occluder(random).transform } else { Affine3A::IDENTITY };
     let mut meshes = vec![Vec::new(); random.below(4) + 1];
     let count = meshes.len();
@@ -137,7 +133,9 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
             }
         }
         let hzb = draw(Hzb::new(size[0], size[1]).unwrap(), &occluders, &view);
-        let [s, p] = check(&occluders, &view, &hzb, &mut random, &format!("round {rounds}"));
+        let kinds = occluders.iter().map(|o| (o.mesh.is_convex(), o.mesh.is_two_sided(), o.transform));
+        let what = format!("round {rounds}, convex, two-sided and transform {:?}", kinds.collect::<Vec<_>>());
+        let [s, p] = check(&faces(&occluders), &view, &hzb, &mut random, &what);
         samples += s;
         pixels += p;
         rounds += 1;

@@ -44,9 +44,9 @@ struct Passage {
     edges: [u32; 2],
 }
 
-/// Removes vertices in the middle of straight lines: those that lie, exactly, between their two neighbours in
-/// every outline that contains them, and have the same two neighbours in all. So outlines that share an edge
-/// share it afterwards too. Returns the number of vertices removed.
+/// Removes vertices in the middle of straight lines: an outline goes on past a vertex that lies, exactly, between
+/// its two neighbours, unless another outline shares the edge on one side of the vertex only. So outlines that
+/// share an edge share it afterwards too. Returns the number of vertices removed, counted by outline.
 pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -> usize {
     // All edges of all outlines; an edge that was joined to the one before has `alive` false.
     let mut edges: Vec<OutlineEdge> = outlines.iter().flatten().copied().collect();
@@ -62,45 +62,64 @@ pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -
     }
     ends.sort_unstable();
     let mut passages: Vec<Passage> = Vec::new();
-    // Vertices of which every outline passes once: the range of their passages.
-    let mut candidates: Vec<[usize; 2]> = Vec::new();
+    // The ends at each vertex that an outline passes once: their range, and that of the passages.
+    let mut candidates: Vec<[usize; 4]> = Vec::new();
+    let mut first_end = 0;
     for at_vertex in ends.chunk_by(|a, b| a.0 == b.0) {
         let first = passages.len();
-        let mut simple = true;
         for at in at_vertex.chunk_by(|a, b| a.1 == b.1) {
-            match at {
-                [(vertex, outline, false, ends), (_, _, true, begins)] => {
-                    passages.push(Passage { vertex: *vertex, outline: *outline, edges: [*ends, *begins] });
-                }
-                _ => simple = false,
+            if let [(vertex, outline, false, ends), (_, _, true, begins)] = at {
+                passages.push(Passage { vertex: *vertex, outline: *outline, edges: [*ends, *begins] });
             }
         }
-        if simple {
-            candidates.push([first, passages.len()]);
+        if first < passages.len() {
+            candidates.push([first_end, first_end + at_vertex.len(), first, passages.len()]);
         }
+        first_end += at_vertex.len();
     }
     let mut count = 0;
-    for [first, end] in candidates {
+    let mut joined: Vec<usize> = Vec::new();
+    for [first_end, end_end, first, end] in candidates {
         let vertex = passages[first].vertex;
-        let neighbours = |passage: &Passage| {
-            let [before, after] = passage.edges.map(|edge| edges[edge as usize]);
-            [before[0], after[1]]
-        };
-        let [a, b] = neighbours(&passages[first]);
-        let same = passages[first..end].iter().map(neighbours).all(|n| n == [a, b] || n == [b, a]);
-        let [from, to, middle] = [a, b, vertex].map(|vertex| vertices[vertex as usize]);
-        if !same || a == b || !is_between(from, to, middle) {
-            continue;
-        }
-        count += 1;
-        for i in first..end {
-            let Passage { outline, edges: [before, after], .. } = passages[i];
-            let end = edges[after as usize][1];
-            edges[before as usize][1] = end;
-            alive[after as usize] = false;
-            // At the end of the joined edge, the edge that ends there is another one now.
-            if let Ok(next) = passages.binary_search_by_key(&(end, outline), |p| (p.vertex, p.outline)) {
-                passages[next].edges[0] = before;
+        for seed in first..end {
+            let neighbours = |passage: &Passage| {
+                let [before, after] = passage.edges.map(|edge| edges[edge as usize]);
+                [before[0], after[1]]
+            };
+            let [a, b] = neighbours(&passages[seed]);
+            joined.clear();
+            joined.extend((seed..end).filter(|&i| {
+                let own = neighbours(&passages[i]);
+                own == [a, b] || own == [b, a]
+            }));
+            // Edges at the vertex that lead to one of the two neighbours: two for each of these passages, if no
+            // other outline has one.
+            let mut shared = 0;
+            for passage in &passages[first..end] {
+                shared += neighbours(passage).iter().filter(|&&n| n == a || n == b).count();
+            }
+            for &(_, outline, begins, edge) in &ends[first_end..end_end] {
+                let [start, stop] = edges[edge as usize];
+                let other = if begins { stop } else { start };
+                let is_passage = passages[first..end].iter().any(|passage| passage.outline == outline);
+                shared += usize::from(!is_passage && (other == a || other == b));
+            }
+            let [from, to, middle] = [a, b, vertex].map(|vertex| vertices[vertex as usize]);
+            if shared != 2 * joined.len() || a == b || !is_between(from, to, middle) {
+                continue;
+            }
+            count += joined.len();
+            for &i in &joined {
+                let Passage { outline, edges: [before, after], .. } = passages[i];
+                let end = edges[after as usize][1];
+                edges[before as usize][1] = end;
+                alive[after as usize] = false;
+                // The outline does not pass the vertex any more.
+                passages[i].edges = [after, after];
+                // At the end of the joined edge, the edge that ends there is another one now.
+                if let Ok(next) = passages.binary_search_by_key(&(end, outline), |p| (p.vertex, p.outline)) {
+                    passages[next].edges[0] = before;
+                }
             }
         }
     }

@@ -4,7 +4,7 @@
 //! A vertex that lies on an edge but for rounding is not inserted. Between it and the edge there is a gap,
 //! however narrow, through which something may be seen.
 
-use crate::faces::{Faces, Side, open_sides};
+use crate::faces::{Faces, Side};
 use alloc::vec::Vec;
 use robust::{Coord, orient2d};
 use visibility_core::glam::{DVec3, Vec3};
@@ -94,32 +94,35 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
     across.cmpgt(reach + rounding).any()
 }
 
-/// Inserts into each open edge, which belongs to one face only, the ends of other open edges that lie on it.
-/// `sides` are the sides of the faces, which are others afterwards. Returns the number of corners inserted.
-/// Takes some microseconds for an open edge.
+/// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge, which
+/// are others afterwards. Returns the number of corners inserted. Takes some microseconds for an edge.
+///
+/// Edges that two faces share are taken too: closed pieces that stand side by side, as those of a kit do, have
+/// no others.
 pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
-    let open: Vec<Side> = open_sides(sides).collect();
-    let mut ends: Vec<u32> = open.iter().flat_map(|side| side.edge).collect();
-    ends.sort_unstable();
-    ends.dedup();
-    let tree = PointTree::new(ends, &faces.vertices);
+    let tree = PointTree::new((0..faces.vertices.len() as u32).collect(), &faces.vertices);
+    let at = |vertex: u32| faces.vertices[vertex as usize];
     // For each vertex found: the corner that the side starts at, and the place along the side to sort by.
     let mut found: Vec<(u32, u32)> = Vec::new();
-    for side in &open {
-        let [a, b] = side.edge.map(|vertex| faces.vertices[vertex as usize]);
-        let begin = found.len();
+    let mut between: Vec<u32> = Vec::new();
+    for same in sides.chunk_by(|a, b| a.edge == b.edge) {
+        let [a, b] = same[0].edge.map(at);
+        between.clear();
         tree.along(a, b, &mut |vertex| {
-            if is_between(a, b, faces.vertices[vertex as usize]) {
-                found.push((side.corner, vertex));
+            if is_between(a, b, at(vertex)) {
+                between.push(vertex);
             }
         });
         // Points of one line are in order along the axis in which the line is longest.
         let axis = (b - a).abs().max_position();
-        let rising = (b[axis] > a[axis]) == side.forward;
-        found[begin..].sort_unstable_by(|p, q| {
-            let order = faces.vertices[p.1 as usize][axis].total_cmp(&faces.vertices[q.1 as usize][axis]);
-            if rising { order } else { order.reverse() }
-        });
+        between.sort_unstable_by(|&p, &q| at(p)[axis].total_cmp(&at(q)[axis]));
+        if b[axis] < a[axis] {
+            between.reverse();
+        }
+        for side in same {
+            let from_start = between.iter().map(|&vertex| (side.corner, vertex));
+            if side.forward { found.extend(from_start) } else { found.extend(from_start.rev()) }
+        }
     }
     let count = found.len();
     // A stable sort keeps the order along each side.

@@ -55,6 +55,10 @@ pub(crate) struct LevelScratch {
     /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab. NaN for a
     /// polygon that is not drawn.
     far_sides: Vec<f64>,
+    /// For each polygon of a cluster, whether it was drawn or waits to be.
+    done: Vec<bool>,
+    /// Polygons of a cluster that hang together by edges, in the order of drawing.
+    waiting: Vec<u32>,
 }
 
 /// Draws a level into `tiles`. Returns an upper bound on the depth keys of what was drawn.
@@ -158,6 +162,8 @@ fn draw_cluster(
     let mut any = false;
     scratch.far_sides.clear();
     scratch.far_sides.resize(end - first, f64::NAN);
+    scratch.done.clear();
+    scratch.done.resize(end - first, false);
     for (block, polygons) in level.polygons[blocks.clone()].iter().enumerate() {
         let mut chosen = choose(polygons, frame);
         while chosen != 0 {
@@ -175,20 +181,39 @@ fn draw_cluster(
     }
     let vertices = cluster.vertices[0] as usize..cluster.vertices[1] as usize;
     scratch.vertices.project(&level.level.vertices()[vertices], frame);
-    let (mut drawn, mut whole) = (false, true);
-    for at in 0..end - first {
-        if scratch.far_sides[at].is_nan() {
-            continue;
+    let mut drawn = false;
+    for seed in 0..end - first {
+        // The polygons that hang together with this one, of those not drawn yet.
+        let mut whole = true;
+        scratch.waiting.clear();
+        if !scratch.far_sides[seed].is_nan() && !scratch.done[seed] {
+            scratch.done[seed] = true;
+            scratch.waiting.push(seed as u32);
         }
-        let polygons = &level.polygons[blocks.start + at / WIDTH];
-        let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(polygons.middle[axis][at % WIDTH])));
-        let radius = f64::from(polygons.radius[at % WIDTH]);
-        match draw_polygon(level, frame, coverage, cluster, at, middle, radius, scratch, tiles) {
-            Some(any) => drawn |= any,
-            None => whole = false,
+        let mut next = 0;
+        while let Some(&at) = scratch.waiting.get(next) {
+            next += 1;
+            let at = at as usize;
+            let edges = level.level.polygons()[first + at].edges;
+            for edge in edges[0]..edges[1] {
+                let neighbour = level.neighbours[edge as usize];
+                if neighbour != NO_POLYGON
+                    && !scratch.far_sides[neighbour as usize].is_nan()
+                    && !core::mem::replace(&mut scratch.done[neighbour as usize], true)
+                {
+                    scratch.waiting.push(neighbour);
+                }
+            }
+            let polygons = &level.polygons[blocks.start + at / WIDTH];
+            let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(polygons.middle[axis][at % WIDTH])));
+            let radius = f64::from(polygons.radius[at % WIDTH]);
+            match draw_polygon(level, frame, coverage, cluster, at, middle, radius, scratch, tiles) {
+                Some(any) => drawn |= any,
+                None => whole = false,
+            }
         }
+        scratch.union.finish(whole, tiles);
     }
-    scratch.union.finish(whole, tiles);
     drawn
 }
 

@@ -114,18 +114,20 @@ pub(super) fn fill(
     const STEP: f32 = SIDE as f32;
     let [left, above, right, below] = edges.bounds;
     let size = [tiles.columns as f32, tiles.rows as f32];
-    // False where there are no edges.
-    if !(left < size[0] * STEP && above < size[1] * STEP && right > 0.0 && below > 0.0) {
-        return false;
-    }
     // The pixels that the outline may come near, in tiles, which are exact numbers.
     let low = |pixel: f32| nearest_whole(pixel - slack - 0.5) / STEP;
     let high = |pixel: f32| nearest_whole(pixel + slack + 0.5) / STEP;
     let (left_end, right_end, above_end, below_end) = (low(left), high(right), low(above), high(below));
+    // False where there are no edges.
+    if !(left_end < size[0] && above_end < size[1] && right_end > 0.0 && below_end > 0.0) {
+        return false;
+    }
     let constant = plane[2] - (least(plane[0], 0.0) + least(plane[1], 0.0));
-    let tile = |pixel: f32, size: usize| (greatest(pixel, 0.0) as usize / SIDE).min(size);
-    let (x0, x1) = (tile(left, tiles.columns), tile(right, tiles.columns - 1) + 1);
-    let (y0, y1) = (tile(above, tiles.rows), tile(below, tiles.rows - 1) + 1);
+    // All tiles that the outline may come near, so that polygons that share an edge agree on them.
+    let first = |side: f32| greatest(side, 0.0) as usize;
+    let end = |side: f32, size: usize| ((greatest(side, 0.0) + 1.0) as usize).min(size);
+    let (x0, x1) = (first(left_end), end(right_end, tiles.columns));
+    let (y0, y1) = (first(above_end), end(below_end, tiles.rows));
     let mut planes_index = 0;
     across.clear();
     let mut column = x0;

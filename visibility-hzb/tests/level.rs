@@ -1,0 +1,251 @@
+//! Occluders of a level: the view ray through every sampled point of a covered pixel meets a triangle of the
+//! level no farther than the pixel's depth key; and what a wall of many pieces hides.
+
+use crate::common::{Face, faces, occluder, view};
+use crate::rays::{check, room, sheets};
+use std::sync::Arc;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{
+    Aabb, FrustumCuller, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
+    geometry::Plane, view::Window,
+};
+use visibility_hzb::{Hzb, HzbCuller};
+use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+use visibility_testing::Random;
+
+/// Returns the two triangles of the quadrilateral `a`, `b`, `c`, `d`.
+fn quad([a, b, c, d]: [Vec3; 4]) -> [[Vec3; 3]; 2] {
+    [[a, b, c], [a, c, d]]
+}
+
+/// Returns the triangles of a box, or of a room if `inwards`: with their fronts inside.
+fn cuboid(bounds: &Aabb, inwards: bool) -> Vec<[Vec3; 3]> {
+    let mesh = OccluderMesh::cuboid(bounds).unwrap();
+    let mut triangles: Vec<_> = mesh.triangles().iter().map(|t| t.map(|i| mesh.positions()[i as usize])).collect();
+    if inwards {
+        triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    triangles
+}
+
+/// Returns a floor of `cells` x `cells` squares around the origin, `size` metres wide, some of which are divided
+/// in two strips (T-junctions) or missing, or have a corner a little off the plane. Walls stand on some of their
+/// sides.
+fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
+    let step = size / cells as f32;
+    let at = |i: usize, j: usize| Vec3::new(i as f32 * step - size * 0.5, j as f32 * step - size * 0.5, 0.0);
+    let mut triangles = Vec::new();
+    for (i, j) in (0..cells).flat_map(|i| (0..cells).map(move |j| (i, j))) {
+        let [a, b, c, mut d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        match random.below(8) {
+            0 => continue,
+            1 => {
+                let (p, q) = ((a + b) * 0.5, (d + c) * 0.5);
+                triangles.extend(quad([a, p, q, d]));
+                triangles.extend(quad([p, b, c, q]));
+                continue;
+            }
+            2 => d.z += [1e-6, 1e-4, 0.3][random.below(3)],
+            3 => triangles.extend(quad([b, c, c + Vec3::Z * 2.0, b + Vec3::Z * 2.0])),
+            _ => {}
+        }
+        triangles.extend(quad([a, b, c, d]));
+    }
+    triangles
+}
+
+/// Returns a random level: rooms, boxes that touch, sheets, a ground. Triangles of the same level hide from one
+/// side or from both.
+fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
+    let mut out = Vec::new();
+    let mut add = |random: &mut Random, triangles: Vec<[Vec3; 3]>| {
+        let sides = random.below(3);
+        for corners in triangles {
+            let two_sided = if sides == 2 { random.one_in(2) } else { sides == 1 };
+            out.push(LevelTriangle { corners, two_sided });
+        }
+    };
+    for _ in 0..random.below(3) + 1 {
+        let of = |occluders: Vec<crate::common::Occluder>| {
+            let faces = faces(&occluders);
+            faces.iter().map(|face| face.corners.map(|p| p.as_vec3())).collect::<Vec<_>>()
+        };
+        let own = match random.below(6) {
+            0 => of(sheets(random)),
+            1 => of(room(random)),
+            2 => {
+                let middle = random.vec3(-3.0, 3.0);
+                cuboid(&Aabb::new(middle - random.vec3(0.5, 12.0), middle + random.vec3(0.5, 12.0)), random.one_in(2))
+            }
+            3 => {
+                let (cells, size) = (random.below(6) + 1, random.fine_range(2.0, 60.0) as f32);
+                ground(random, cells, size)
+            }
+            _ => of((0..random.below(4) + 1).map(|_| occluder(random)).collect()),
+        };
+        add(random, own);
+    }
+    out
+}
+
+/// Returns triangles as faces to cast rays at.
+fn as_faces(triangles: &[LevelTriangle]) -> Vec<Face> {
+    let face = |t: &LevelTriangle| Face { corners: t.corners.map(|p| p.as_dvec3()), one_sided: !t.two_sided };
+    triangles.iter().map(face).collect()
+}
+
+fn level(triangles: &[LevelTriangle], settings: LevelSettings) -> Arc<LevelOccluders> {
+    Arc::new(LevelOccluders::new(triangles, settings).unwrap())
+}
+
+/// Returns a view from a place among the triangles: in the corner of a room, on the ground, beside a wall.
+fn view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
+    let [a, b, c] = triangles[random.below(triangles.len())].corners.map(|p| p.as_dvec3());
+    let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
+    let beside = random.fine_range(-2.0, 2.0) * [1.0, 1e-2, 1e-4][random.below(3)];
+    let eye = a + (b - a) * random.fine_unit() + (c - a) * 0.5 * random.fine_unit() + normal * beside;
+    let towards = if random.one_in(2) { random.direction() } else { b - a + normal * 0.1 * random.fine_unit() };
+    let pose = Pose::look_at(eye, eye + towards.normalize_or(DVec3::X), random.direction());
+    let near = [1e-3, 0.02, 0.3][random.below(3)];
+    if random.one_in(5) {
+        let window = Window { left: -4.0, right: 5.0, bottom: -3.0, top: 2.5 };
+        return View::orthographic(pose, window, near - 1.0, 60.0).unwrap();
+    }
+    View::perspective(pose, random.fine_range(0.3, 2.4), 1.6, near, f64::INFINITY).unwrap()
+}
+
+/// Casts rays at random levels until `samples` rays are cast.
+fn cast(seed: u64, samples: u64) {
+    let mut random = Random(seed);
+    let (mut cast, mut pixels, mut rounds) = (0, 0, 0);
+    while cast < samples {
+        let triangles = triangles(&mut random);
+        if triangles.is_empty() {
+            continue;
+        }
+        let settings = match random.below(3) {
+            0 => LevelSettings::default().with_max_cluster_edges(8),
+            1 => LevelSettings::default().with_flatness([1e-5, 1e-3][random.below(2)]),
+            _ => LevelSettings::default(),
+        };
+        let level = level(&triangles, settings.with_kept_area(1.0));
+        let shift = if random.one_in(4) { random.vector(1e5).round() } else { DVec3::ZERO };
+        let size = [[64, 36], [33, 57], [200, 120], [120, 40]][random.below(4)];
+        let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_level(level, shift);
+        let faces = as_faces(&triangles);
+        for _ in 0..4 {
+            let view = if random.one_in(3) { view(&mut random) } else { view_within(&mut random, &triangles) };
+            hzb.begin(&view.relative_to(view.origin() + shift).unwrap(), shift);
+            hzb.flush();
+            let [s, p] = check(&faces, &view, &hzb, &mut random, &format!("seed {seed}, round {rounds}"));
+            cast += s;
+            pixels += p;
+        }
+        rounds += 1;
+        assert!(rounds < 100_000, "too little is covered: {pixels} pixels");
+    }
+    println!("{rounds} levels, {pixels} covered pixels, {cast} rays");
+}
+
+#[test]
+fn pixels_that_a_level_covers_are_covered_and_no_farther_than_they_say() {
+    cast(31, 3_000_000);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn pixels_that_many_levels_cover_are_covered() {
+    for seed in 100..110 {
+        cast(seed, 50_000_000);
+    }
+}
+
+/// Returns the number of `hidden` boxes that a pipeline with a level of `triangles` reports from `view`.
+fn reported(triangles: &[LevelTriangle], boxes: &[Aabb], view: &View) -> usize {
+    let mut scene = Scene::new();
+    let ids: Vec<ObjectId> = scene.insert_batch(boxes.iter().copied());
+    let hzb = Hzb::default().with_level(level(triangles, LevelSettings::default()), DVec3::ZERO);
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(HzbCuller::new(hzb));
+    let mut visible = VisibleSet::new();
+    pipeline.cull(&scene, view, &mut visible);
+    ids.iter().filter(|&&id| visible.contains(&scene, id)).count()
+}
+
+/// A wall of closed panels side by side, as kits have it, hides what one wall hides, whatever its panels' width.
+#[test]
+fn a_wall_of_panels_hides_what_one_wall_hides() {
+    let boxes: Vec<Aabb> = (0..50)
+        .map(|i| {
+            let middle = Vec3::new(20.0 + (i / 10) as f32 * 4.0, (i % 10) as f32 * 2.0 - 9.0, 0.0);
+            Aabb::new(middle - 0.9, middle + 0.9)
+        })
+        .collect();
+    let pose = Pose::look_at(DVec3::new(-5.0, 0.3, 0.2), DVec3::new(10.0, 0.0, 0.0), DVec3::Z);
+    let view = View::perspective(pose, 1.2, 16.0 / 9.0, 0.1, f64::INFINITY).unwrap();
+    for panels in [1, 2, 5, 16, 40, 80] {
+        let width = 40.0 / panels as f32;
+        let triangles: Vec<LevelTriangle> = (0..panels)
+            .flat_map(|i| {
+                let y = i as f32 * width - 20.0;
+                cuboid(&Aabb::from_arrays([10.0, y, -10.0], [10.3, y + width, 10.0]), false)
+            })
+            .map(|corners| LevelTriangle { corners, two_sided: false })
+            .collect();
+        assert_eq!(reported(&triangles, &boxes, &view), 0, "{panels} panels");
+    }
+}
+
+/// A house of one mesh with thick walls hides what is in it, seen from the street: the far walls of the house
+/// hold no pixel of its front back.
+#[test]
+fn a_house_of_one_mesh_hides_what_is_in_it() {
+    let wall = |low: [f32; 3], high: [f32; 3]| cuboid(&Aabb::from_arrays(low, high), false);
+    let walls = [
+        wall([0.0, 0.0, 0.0], [8.0, 0.3, 3.0]),
+        wall([0.0, 5.7, 0.0], [8.0, 6.0, 3.0]),
+        wall([0.0, 0.3, 0.0], [0.3, 5.7, 3.0]),
+        wall([7.7, 0.3, 0.0], [8.0, 5.7, 3.0]),
+        wall([0.0, 0.0, 3.0], [8.0, 6.0, 3.2]),
+    ];
+    let triangles: Vec<LevelTriangle> =
+        walls.concat().into_iter().map(|corners| LevelTriangle { corners, two_sided: false }).collect();
+    let boxes: Vec<Aabb> = (0..20)
+        .map(|i| {
+            let low = Vec3::new(0.6 + (i % 5) as f32 * 1.4, 0.6 + (i / 5) as f32 * 1.2, 0.1);
+            Aabb::new(low, low + Vec3::new(1.0, 1.0, 2.5))
+        })
+        .collect();
+    for eye in [[4.0, -9.0, 1.7], [-7.0, -5.0, 1.7], [14.0, 3.0, 1.0], [-4.0, 12.0, 6.0]] {
+        let eye = DVec3::from_array(eye);
+        let view = View::perspective(
+            Pose::look_at(eye, DVec3::new(4.0, 3.0, 1.5), DVec3::Z),
+            1.1,
+            16.0 / 9.0,
+            0.1,
+            f64::INFINITY,
+        );
+        assert_eq!(reported(&triangles, &boxes, &view.unwrap()), 0, "from {eye}");
+    }
+}
+
+/// What a clip plane of the view cuts hides nothing.
+#[test]
+fn what_a_clip_plane_cuts_hides_nothing() {
+    let triangles: Vec<LevelTriangle> = quad([
+        Vec3::new(10.0, -20.0, -20.0),
+        Vec3::new(10.0, 20.0, -20.0),
+        Vec3::new(10.0, 20.0, 20.0),
+        Vec3::new(10.0, -20.0, 20.0),
+    ])
+    .map(|corners| LevelTriangle { corners, two_sided: true })
+    .to_vec();
+    let boxes = [Aabb::from_arrays([20.0, -1.0, -1.0], [21.0, 1.0, 1.0])];
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    assert_eq!(reported(&triangles, &boxes, &view), 0);
+    for (x, count) in [(9.0, 0), (11.0, 1), (10.0, 1)] {
+        let plane = Plane::through(DVec3::X * x, DVec3::X);
+        let cut = view.with_clip_planes(&[plane]).unwrap();
+        assert_eq!(reported(&triangles, &boxes, &cut), count, "cut at {x}");
+    }
+}
