@@ -203,7 +203,11 @@ impl LevelOccluders {
             // Regions are sorted by area, so polygons of lesser index are larger.
             items[first..end].sort_unstable_by_key(|item| item.polygon);
             let polygons = items[first..end].iter().map(|item| item.polygon as usize);
-            level.push_cluster(&faces, polygons.map(|i| (kept[i], &outlines[i][..])), magnitude.as_dvec3());
+            let mut own: Vec<_> = polygons.clone().map(|i| core::mem::take(&mut outlines[i])).collect();
+            // Edges shared with polygons of other clusters need not stay divided.
+            level.report.straightened += straighten(&faces.vertices, &mut own);
+            let own = own.iter().map(|outline| &outline[..]);
+            level.push_cluster(&faces, polygons.map(|i| kept[i]).zip(own), magnitude.as_dvec3());
         }
         Ok(level)
     }
