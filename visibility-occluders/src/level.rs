@@ -180,7 +180,8 @@ impl LevelOccluders {
         report.open_edges_left = open_sides(&sides).count();
         let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
         let flatness = settings.flatness * f64::from(magnitude.max_element());
-        let regions = Regions::find(&faces, &sides, flatness);
+        let mut regions = Regions::find(&faces, &sides, flatness);
+        regions.divide(&faces, settings.max_cluster_edges);
         report.polygons = regions.regions.len();
         let mut kept: Vec<&Region> = regions.regions.iter().collect();
         report.area_left_out = leave_out_smallest(&mut kept, settings.kept_area);
