@@ -20,7 +20,7 @@ pub struct LevelSettings {
 
 impl Default for LevelSettings {
     fn default() -> Self {
-        Self { flatness: 4.0 * f64::from(f32::EPSILON), kept_area: 0.99, max_cluster_edges: 96 }
+        Self { flatness: 4.0 * f64::from(f32::EPSILON), kept_area: 0.98, max_cluster_edges: 96 }
     }
 }
 
