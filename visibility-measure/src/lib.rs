@@ -75,6 +75,7 @@ extern crate alloc;
 extern crate std;
 
 mod advisor;
+mod box_limit;
 mod clip;
 mod compare;
 mod error;
