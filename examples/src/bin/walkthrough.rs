@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::description::Description;
-use visibility_examples::output_file::write_with;
+use visibility_examples::output_file::{plain_name, write_with};
 use visibility_examples::progress::Steps;
 use visibility_examples::source::{check_hints, parse_hint};
 use visibility_examples::walkthrough::canvas::Canvas;
@@ -192,15 +192,12 @@ struct Album<'a> {
 }
 
 impl Album<'_> {
-    /// Writes a picture as `SCENE-NAME.png` into the folder, with unusual characters replaced by `_`. Creates
+    /// Writes a picture as `SCENE-NAME.png` into the folder, as a [`plain_name`]. Creates
     /// the folder if needed. Returns a message with the path as the error.
     fn save(&self, canvas: &Canvas, name: &str) -> Result<(), String> {
         std::fs::create_dir_all(self.folder)
             .map_err(|error| format!("cannot make {}: {error}", self.folder.display()))?;
-        // The name of a scene comes from its file and may contain anything, path separators included.
-        let plain =
-            |letter: char| if letter.is_alphanumeric() || "-_.+".contains(letter) { letter } else { '_' };
-        let stem: String = format!("{}-{name}", self.world.source.name).chars().map(plain).collect();
+        let stem = plain_name(&format!("{}-{name}", self.world.source.name));
         let path = self.folder.join(format!("{stem}.png"));
         canvas.save(&path)
     }
