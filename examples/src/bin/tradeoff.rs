@@ -85,16 +85,14 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         })?;
         eprint!("\r\x1b[2K");
         println!("{name}: {} objects, {} triangles", world.scene.len(), world.source.triangle_count());
-        if let Some(point) = swept.points.first() {
-            println!(
-                "a frame shows {:.1} objects by {:.0} triangles; box limit {:.1} objects",
-                point.visible_objects, point.visible_triangles, point.box_limit
-            );
-        }
+        println!("{}", swept.truth);
         println!("{}", output::table(&swept.points));
         let affordable = wanted.iter().filter(|entry| !swept.too_slow.contains(entry));
         let advice = advise(&world, &affordable.cloned().collect::<Vec<_>>())?;
         println!("{advice}");
+        if let Some(bake) = advice.bake.as_ref().ok().filter(|bake| bake.is_worth_it()) {
+            println!("  {}", bake.command(scene, &[], &format!("{}.pvs", plain_name(&name))));
+        }
         if let Some(best) = output::best_sound(&swept.points, true) {
             println!(
                 "least in all of those that promise it: {}, {:.0} us, {:.1} times the ideal",

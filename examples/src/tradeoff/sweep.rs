@@ -3,6 +3,7 @@
 use super::point::Point;
 use crate::walkthrough::cullers::{CullerError, parse};
 use crate::walkthrough::judge::over_ideal;
+use crate::walkthrough::output::truth;
 use crate::walkthrough::{World, judge, run_for};
 use std::time::Duration;
 use visibility_measure::MeasureError;
@@ -32,6 +33,8 @@ impl Effort {
 pub struct Sweep {
     /// Measured points, in the order of the entries that were measured.
     pub points: Vec<Point>,
+    /// Line on what there is to report, the same for all points.
+    pub truth: String,
     /// Entries that do not suit the scene, each as the entry and the reason.
     pub left_out: Vec<(String, String)>,
     /// Entries whose first pass over the frames takes longer than [`Effort::patience`].
@@ -100,5 +103,6 @@ pub fn sweep(
             ),
         })
         .collect();
+    done.truth = truth(&judgement);
     Ok(done)
 }

@@ -5,12 +5,24 @@ use super::{Trial, World};
 use comfy_table::{CellAlignment, Table, presets};
 use serde::Serialize;
 use std::io::{self, Write};
+use visibility_measure::DrawCost;
 
 /// Returns the cost over the ideal of a culler, by its median time to cull a frame.
 fn cost_over_ideal(trial: &Trial, verdict: &Verdict, judgement: &Judgement) -> f64 {
     let triangles = verdict.reported_triangles as f64 / judgement.exact.len().max(1) as f64;
     let visible = [judgement.mean_exact(), judgement.mean_visible_triangles()];
     over_ideal(trial.quantile(0.5), [trial.mean_visible(), triangles], visible)
+}
+
+/// Returns a line on what there is to report: visible objects, box limit and ideal, means per frame.
+pub fn truth(judgement: &Judgement) -> String {
+    let ideal = DrawCost::default().of(judgement.mean_exact(), judgement.mean_visible_triangles());
+    format!(
+        "a frame: {:.1} objects visible by {:.0} triangles; box limit {:.1} objects; ideal {ideal:.1} us",
+        judgement.mean_exact(),
+        judgement.mean_visible_triangles(),
+        judgement.mean_limit(),
+    )
 }
 
 /// Formats the results as a table with a row per culler, in the order of the trials.
@@ -21,8 +33,6 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
         "culler",
         "promises",
         "reported",
-        "visible",
-        "limit",
         "/ limit",
         "us a frame",
         "p99",
@@ -37,8 +47,6 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
             trial.name.clone(),
             trial.accuracy.to_string(),
             format!("{:.1}", trial.mean_visible()),
-            format!("{:.1}", judgement.mean_exact()),
-            format!("{:.1}", judgement.mean_limit()),
             format!("{:.2}", trial.mean_visible() / judgement.mean_limit().max(1.0)),
             format!("{:.2}", trial.quantile(0.5)),
             format!("{:.2}", trial.quantile(0.99)),
@@ -57,11 +65,12 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
 
 /// Explanation of the columns of [`table`], to be printed below it.
 pub const LEGEND: &str = "\
-reported, visible: objects a frame, by the culler and in truth (an item buffer that draws every triangle)
-limit: objects a frame that a culler must report which tests only boxes: a pixel is free for their box, before the opaque triangles
-/ limit: reported objects for each of the limit; 1 is the best that boxes allow
+reported: objects a frame by the culler; visible: in truth (an item buffer that draws every triangle)
+box limit: objects a frame that a culler must report which tests only boxes: before opaque triangles, a pixel is free for their box
+/ limit: reported objects for each one of the box limit; 1 is the best that boxes allow
 us a frame, p99: median and 99th percentile of the time to cull one frame, one thread
-/ ideal: time to cull and draw what is reported, over the time to draw the visible triangles alone (1 us an object, 1 us 1000 triangles)
+/ ideal: time to cull and to draw what is reported, over the ideal: to draw visible triangles alone, without any time to cull
+(1 us for each object and 1 us for a thousand triangles)
 false hidden: visible objects that the culler hid, all frames together: what a user sees vanish
 ties: hidden objects that show only where a reported object shows alike, on an edge or in one plane with it, all frames together
 false visible: reported objects of which no pixel shows, a frame
