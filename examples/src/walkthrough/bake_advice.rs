@@ -84,20 +84,23 @@ impl fmt::Display for BakeEstimate {
         let Self { trial, advised, least_objects, viewcells, baked, seconds, complete } = self;
         writeln!(
             f,
-            "a bake of about {:.0} s {}: {:.0} objects a view in {:.1} us, {:.0} us in all, against {:.0} objects and {:.0} us",
+            "a bake of about {:.0} s {}: {:.0} objects a view in {:.1} us, {:.0} us in all, where what is advised takes {:.0} us for {:.0} objects",
             self.whole_seconds().ceil(),
             if self.is_worth_it() { "does better" } else { "does no better" },
             trial.objects,
             trial.cull_us,
             trial.total_us,
-            advised.objects,
             advised.total_us,
+            advised.objects,
         )?;
         write!(
             f,
-            "by {baked} of the {viewcells} viewcells along the walks, baked in {seconds:.1} s{}; \
-             {least_objects:.0} is the least that a longer bake may leave",
-            if *complete { "" } else { ", not finished" },
+            "by {baked} of the {viewcells} viewcells along the walks, baked in {seconds:.1} s{}, {least_objects:.0} at least",
+            if *complete {
+                "; a closer bake leaves fewer"
+            } else {
+                ", not finished; with more time a bake leaves fewer"
+            },
         )
     }
 }
