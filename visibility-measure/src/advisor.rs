@@ -160,8 +160,8 @@ pub struct Advisor<'a> {
 const IMAGE_SIZE: (u32, u32) = (320, 180);
 
 impl<'a> Advisor<'a> {
-    /// Draws each view twice in software, at 320 x 180 pixels: all objects, and occluders alone. A few typical views suffice. `draw` is the cost
-    /// of drawing in the engine.
+    /// Draws each view twice in software, at 320 x 180 pixels: all objects, and occluders alone. A few
+    /// typical views suffice. `draw` is the cost of drawing in the engine.
     ///
     /// # Errors
     /// [`MeasureError::TooMany`] if the scene has too many triangles to number; [`MeasureError::Size`] if

@@ -1,5 +1,5 @@
-//! The box limit of a view: the objects that a culler must report if it knows all surfaces, but of the objects
-//! it tests only their boxes.
+//! The box limit of a view: the objects that a culler must report if it knows all surfaces, but of the
+//! objects it tests only their boxes.
 //!
 //! A culler that tests boxes and never hides what can be seen must report an object as soon as a pixel could
 //! show a point of its box. The box is solid here: the object may be anywhere in it. The *box limit* is the
@@ -24,17 +24,17 @@ impl ItemBuffer {
     /// objects only their boxes. Draw opaque objects alone, since others hide nothing.
     ///
     /// An object belongs to the limit if it shares a layer with the view and one of three conditions holds:
-    /// `is_seen` returns true; or no culler may hide it, since it is flagged so or its box is inverted, NaN or
-    /// infinite; or a pixel is free for its box, that is, the ray through the pixel's centre meets the box
+    /// `is_seen` returns true; or no culler may hide it, since it is flagged so or its box is inverted, NaN
+    /// or infinite; or a pixel is free for its box, that is, the ray through the pixel's centre meets the box
     /// within the view, not behind the surface drawn there. A point of the box that is exactly as near as the
     /// surface is not behind it. A box that meets no ray through a centre has no free pixel: one out of view,
-    /// and one too small for the image. A box that a centre only touches at its outline, within a millionth of
-    /// a column and row, is not met there.
+    /// and one too small for the image. A box that a centre only touches at its outline, within a millionth
+    /// of a column and row, is not met there.
     ///
-    /// `is_seen` returns whether an object is known to be visible; such an object costs no test. Objects
-    /// whose boxes are tested cost 5 ns for each pixel of their bounds, and 20 ns for each where the nearest
-    /// corner of the box is before the surface drawn. Boxes with corners before and behind the eye have the
-    /// whole image as bounds. Before the first draw, and after a failed one, no pixel is free.
+    /// `is_seen` returns whether an object is known to be visible; such an object costs no test. A test visits
+    /// the pixels within the bounds of the box on the screen until one is free, and casts a ray only where
+    /// the nearest corner of the box is before the surface drawn. Boxes with corners before and behind the
+    /// eye have the whole image as bounds. Before the first draw, and after a failed one, the limit is empty.
     ///
     /// ```
     /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Pose, Scene, View};
@@ -186,8 +186,9 @@ impl<'a> FreePixels<'a> {
     }
 }
 
-/// Shortens a range of ray parameters `t`, from least to greatest, to the part where `constant + slope * t` is
-/// not negative. The range is empty, with its first end above the second, where there is none, and for NaN.
+/// Shortens a range of ray parameters `t`, from least to greatest, to the part where `constant + slope * t`
+/// is not negative. The range is empty, with its first end above the second, where there is none, and for
+/// NaN.
 fn cut(range: &mut (f64, f64), constant: f64, slope: f64) {
     let end = -constant / slope;
     if slope == 0.0 || end.is_nan() {

@@ -15,8 +15,8 @@ use visibility_core::pvs::{PvsCuller, ViewcellId, Viewcells};
 use visibility_core::{FrustumCuller, Pipeline, Scene, View, view::Eye};
 use visibility_measure::{Advisor, CullerTrial, DrawCost};
 
-/// Most triangles of a scene that is tried. Preparing the bake of so many takes about a second, which no limit
-/// of time cuts short.
+/// Most triangles of a scene that is tried. Preparing the bake of so many takes about a second, which no
+/// limit of time cuts short.
 const MOST_TRIANGLES: usize = 1_000_000;
 /// Most time in which the viewcells along the walks are made.
 const PLACE_TIME: Duration = Duration::from_secs(2);
@@ -72,8 +72,8 @@ impl BakeEstimate {
         command
     }
 
-    /// Returns whether culling and drawing takes less time by the bake than by the culler that is advised, and
-    /// the bake hid no visible object.
+    /// Returns whether culling and drawing takes less time by the bake than by the culler that is advised,
+    /// and the bake hid no visible object.
     pub fn is_worth_it(&self) -> bool {
         self.trial.is_sound() && self.trial.total_us < self.advised.total_us
     }
@@ -183,7 +183,8 @@ struct Found {
 }
 
 /// Bakes the viewcells `wanted` among the places for at most [`BAKE_TIME`]: as many as there are threads at
-/// once, from all over the walks. Those that are not finished by then are left out, unless they are the first.
+/// once, from all over the walks. Those that are not finished by then are left out, unless they are the
+/// first.
 fn bake(scene: &Scene, places: &Viewcells, mut wanted: Vec<ViewcellId>) -> Found {
     wanted.sort_unstable();
     wanted.dedup();

@@ -92,6 +92,7 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
     let is_opaque = |index: u32| {
         scene.id_at(index as usize).is_some_and(|id| scene.object(id).is_ok_and(|object| object.occluder))
     };
+    let all_opaque = world.items().all(|(index, _)| is_opaque(index));
     let worker = || -> Result<Vec<Judged>, MeasureError> {
         let mut buffer = ItemBuffer::new(world.size.0, world.size.1)?;
         let mut surfaces = ItemBuffer::new(world.size.0, world.size.1)?;
@@ -99,13 +100,17 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
         loop {
             let frame = next.fetch_add(1, Ordering::Relaxed);
             let Some(view) = world.views.get(frame) else { return Ok(judged) };
-            let seen = buffer.draw(view, world.origin(), world.items())?;
+            buffer.draw(view, world.origin(), world.items())?;
+            let seen = buffer.visible();
             // Of objects that tie, only the object in the picture counts; otherwise coplanar walls would
             // count twice.
             let shown = seen.objects().iter().filter(|object| object.visible_triangles > 0);
             let exact: Vec<u32> = shown.map(|object| object.key).collect();
-            let opaque = world.items().filter(|&(index, _)| is_opaque(index));
-            surfaces.draw(view, world.origin(), opaque)?;
+            if !all_opaque {
+                let opaque = world.items().filter(|&(index, _)| is_opaque(index));
+                surfaces.draw(view, world.origin(), opaque)?;
+            }
+            let surfaces = if all_opaque { &buffer } else { &surfaces };
             let is_seen = |id: ObjectId| exact.binary_search(&(id.index() as u32)).is_ok();
             let limit = surfaces.box_limit(scene, is_seen).count();
             let comparisons = trials.iter().map(|trial| {
