@@ -31,9 +31,9 @@ impl ItemBuffer {
     /// and one too small for the image. A box that a centre only touches at its outline, within a millionth
     /// of a column and row, is not met there.
     ///
-    /// `is_seen` returns whether an object is known to be visible; such an object costs no test. A test visits
-    /// the pixels within the bounds of the box on the screen until one is free, and casts a ray only where
-    /// the nearest corner of the box is before the surface drawn. Boxes with corners before and behind the
+    /// `is_seen` returns whether an object is known to be visible; such an object costs no test. A test
+    /// visits the pixels within the bounds of the box on the screen until one is free, and casts a ray only
+    /// where the nearest corner of the box is before the surface drawn. Boxes with corners before and behind the
     /// eye have the whole image as bounds. Before the first draw, and after a failed one, the limit is empty.
     ///
     /// ```
