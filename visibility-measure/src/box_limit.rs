@@ -33,8 +33,9 @@ impl ItemBuffer {
     ///
     /// `is_seen` returns whether an object is known to be visible; such an object costs no test. A test
     /// visits the pixels within the bounds of the box on the screen until one is free, and casts a ray only
-    /// where the nearest corner of the box is before the surface drawn. Boxes with corners before and behind the
-    /// eye have the whole image as bounds. Before the first draw, and after a failed one, the limit is empty.
+    /// where the nearest corner of the box is before the surface drawn. Boxes with corners before and behind
+    /// the eye have the whole image as bounds. Before the first draw, and after a failed one, the limit is
+    /// empty.
     ///
     /// ```
     /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Pose, Scene, View};
