@@ -147,6 +147,13 @@ fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
 }
 
+/// Returns a part of a file's name for a scene or the like, which comes from a file and may contain anything,
+/// path separators included: letters, digits and `-_.+` as they are, `_` for others.
+pub fn plain_name(name: &str) -> String {
+    let plain = |letter: char| if letter.is_alphanumeric() || "-_.+".contains(letter) { letter } else { '_' };
+    name.chars().map(plain).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

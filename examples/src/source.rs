@@ -8,6 +8,7 @@
 use crate::error::SourceError;
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
+use std::fmt;
 use std::str::FromStr;
 use visibility_core::{Aabb, Object, cells::CellGraph, pvs::Viewcells};
 
@@ -120,6 +121,18 @@ impl FromStr for Hint {
             "never-cull" => Ok(Self::NeverCull),
             _ => Err(format!("`{text}` is none of occluder, detail, door, mover and never-cull")),
         }
+    }
+}
+
+impl fmt::Display for Hint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Occluder => "occluder",
+            Self::Detail => "detail",
+            Self::Door => "door",
+            Self::Mover => "mover",
+            Self::NeverCull => "never-cull",
+        })
     }
 }
 
@@ -271,5 +284,12 @@ mod tests {
         assert_eq!(high, Vec3::new(1.0, 5.0, 4.0));
         let nothing = SourceObject::new("none", vec![[Vec3::NAN; 3]]);
         assert_eq!(nothing.bounds(), None);
+    }
+
+    #[test]
+    fn hints_are_written_as_they_are_read() {
+        for hint in [Hint::Occluder, Hint::Detail, Hint::Door, Hint::Mover, Hint::NeverCull] {
+            assert_eq!(hint.to_string().parse(), Ok(hint));
+        }
     }
 }

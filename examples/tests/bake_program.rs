@@ -9,7 +9,7 @@ use visibility_examples::output_file::Lock;
 use visibility_examples::vscn;
 use visibility_examples::{SceneSource, SourceObject};
 
-fn folder(name: &str) -> PathBuf {
+pub(crate) fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     // Left by a run of this test that failed.
     let _ = fs::remove_dir_all(&folder);
@@ -17,7 +17,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
+pub(crate) fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
     Command::new(program).current_dir(folder).args(arguments).output().expect("the program starts")
 }
 
@@ -25,12 +25,12 @@ fn bake(folder: &Path, arguments: &[&str]) -> Output {
     run(env!("CARGO_BIN_EXE_bake"), folder, arguments)
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// Returns the names of the files in a folder, sorted.
-fn names(folder: &Path) -> Vec<String> {
+pub(crate) fn names(folder: &Path) -> Vec<String> {
     let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
     let mut names: Vec<String> = names.map(|name| name.into_string().unwrap()).collect();
     names.sort();
@@ -38,7 +38,7 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 /// Writes a scene: a wall across y of 20 by 8 m at 5 m, of rectangles in x and z, and a plate behind it.
-fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
+pub(crate) fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
     let at = |y: f32, [a, b, c, d]: [f32; 4]| {
         let corner = |x: f32, z: f32| Vec3::new(x, y, z);
         [[corner(a, c), corner(b, c), corner(b, d)], [corner(a, c), corner(b, d), corner(a, d)]]
@@ -58,7 +58,7 @@ fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
     fs::write(path, vscn::write(&scene).unwrap()).unwrap();
 }
 
-const WHOLE: &[[f32; 4]] = &[[-10.0, 10.0, 0.0, 8.0]];
+pub(crate) const WHOLE: &[[f32; 4]] = &[[-10.0, 10.0, 0.0, 8.0]];
 /// With a door; the box is that of the whole wall.
 const DOOR: &[[f32; 4]] = &[[-10.0, -1.0, 0.0, 8.0], [1.0, 10.0, 0.0, 8.0], [-1.0, 1.0, 3.0, 8.0]];
 const PLACES: [&str; 6] = ["--cells", "grid", "--over=-2,-4,0,2,0,2", "--size", "4,4,2", "--out"];

@@ -14,6 +14,7 @@ mod extremes;
 mod gltf_files;
 mod hom_scenes;
 mod hzb_scenes;
+mod limit_programs;
 mod moved_origin;
 mod occluder_scenes;
 mod occlusion_scenes;

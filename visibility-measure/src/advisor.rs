@@ -58,6 +58,10 @@ pub struct SceneFacts {
     pub visible_objects: f64,
     /// Mean number of triangles that a view shows in at least one pixel.
     pub visible_triangles: f64,
+    /// Mean number of objects that a culler must report which tests only boxes, behind the triangles of all
+    /// occluders ([`Object::occluder`](visibility_core::Object::occluder)): see
+    /// [`ItemBuffer::box_limit`]. At least as many as are visible, on the layers of the views.
+    pub box_limit: f64,
     /// Mean number of triangles that cover a covered pixel, visible or hidden behind one another. 0 if no
     /// pixel is covered.
     pub depth_complexity: f64,
@@ -65,11 +69,13 @@ pub struct SceneFacts {
 
 impl fmt::Display for SceneFacts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { objects, triangles, visible_objects, visible_triangles, depth_complexity } = self;
+        let Self { objects, triangles, visible_objects, visible_triangles, box_limit, depth_complexity } =
+            self;
         write!(
             f,
             "{objects} objects of {triangles} triangles; a view shows {visible_objects:.1} of them \
-             by {visible_triangles:.0} triangles, the nearest of {depth_complexity:.1} layers"
+             by {visible_triangles:.0} triangles, the nearest of {depth_complexity:.1} layers; \
+             {box_limit:.1} have a box with a free pixel"
         )
     }
 }
@@ -112,7 +118,7 @@ const RUNS: usize = 5;
 ///
 /// The advisor needs the triangles of the scene's objects ([`Scene::set_triangles`]); an object without
 /// triangles counts as invisible. Meant for the time when a level is loaded or built: [`new`](Self::new)
-/// draws each view once in software.
+/// draws each view twice in software.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Aabb, FrustumCuller, Pipeline, Pose, Scene, View};
@@ -154,8 +160,8 @@ pub struct Advisor<'a> {
 const IMAGE_SIZE: (u32, u32) = (320, 180);
 
 impl<'a> Advisor<'a> {
-    /// Draws each view once in software, at 320 x 180 pixels. A few typical views suffice. `draw` is the cost
-    /// of drawing in the engine.
+    /// Draws each view twice in software, at 320 x 180 pixels: all objects, and occluders alone. A few
+    /// typical views suffice. `draw` is the cost of drawing in the engine.
     ///
     /// # Errors
     /// [`MeasureError::TooMany`] if the scene has too many triangles to number; [`MeasureError::Size`] if
@@ -168,6 +174,8 @@ impl<'a> Advisor<'a> {
             ..SceneFacts::default()
         };
         let mut references = Vec::with_capacity(views.len());
+        let mut surfaces = ItemBuffer::new(IMAGE_SIZE.0, IMAGE_SIZE.1)?;
+        let mut is_seen = alloc::vec![false; scene.index_limit()];
         for view in views {
             let mut buffer = ItemBuffer::new(IMAGE_SIZE.0, IMAGE_SIZE.1)?;
             let seen = buffer.draw(
@@ -179,6 +187,12 @@ impl<'a> Advisor<'a> {
             facts.visible_objects += share * f64::from(seen.visible_objects());
             facts.visible_triangles += share * f64::from(seen.visible_triangles());
             facts.depth_complexity += share * seen.depth_complexity();
+            seen.objects().iter().for_each(|object| is_seen[object.key as usize] = object.is_visible());
+            let occluders = scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder));
+            let occluders = occluders.map(|id| (id.index() as u32, triangles(id)));
+            surfaces.draw(view, scene.origin(), occluders)?;
+            let limit = surfaces.box_limit(scene, |id| is_seen[id.index()]);
+            facts.box_limit += share * limit.count() as f64;
             references.push(buffer);
         }
         Ok(Self { scene, views, draw, facts, references })
@@ -190,8 +204,9 @@ impl<'a> Advisor<'a> {
         &self.facts
     }
 
-    /// Returns a lower bound on a candidate's total time per view, in microseconds: the time to draw the
-    /// visible objects' visible triangles, with no culling time.
+    /// Returns the *ideal*, a lower bound on a candidate's total time per view in microseconds: the time to
+    /// draw the visible objects' visible triangles, with no culling time. A candidate's
+    /// [`total_us`](CullerTrial::total_us) divided by it is its *cost over the ideal*.
     pub fn least_us(&self) -> f64 {
         self.draw.of(self.facts.visible_objects, self.facts.visible_triangles)
     }
@@ -329,6 +344,24 @@ mod tests {
         assert!(trial.total_us <= advisor.least_us() + 1e-9);
         assert_eq!(advisor.best(&mut candidates[..2], || 0.0).unwrap().0, 1);
         assert!(advisor.best(&mut candidates[2..4], || 0.0).is_none());
+    }
+
+    #[test]
+    fn only_occluders_hide_boxes_and_what_is_seen_has_no_need_of_one() {
+        let (mut scene, views) = (scene(), views());
+        let limit = |scene: &Scene| {
+            Advisor::new(scene, &views, DrawCost::default()).map(|advisor| advisor.facts().box_limit)
+        };
+        // Both triangles before the eye have boxes before nothing that may hide them.
+        assert_eq!(limit(&scene), Ok(2.0));
+        let ids: Vec<ObjectId> = scene.ids().collect();
+        scene.set_occluder(ids[1], true).unwrap();
+        assert_eq!(limit(&scene), Ok(2.0));
+        scene.set_occluder(ids[0], true).unwrap();
+        assert_eq!(limit(&scene), Ok(1.0));
+        // The first triangle is seen, although its box is now another place's.
+        scene.set_bounds(ids[0], Aabb::from_arrays([-9.0; 3], [-8.0; 3])).unwrap();
+        assert_eq!(limit(&scene), Ok(1.0));
     }
 
     #[test]

@@ -27,23 +27,23 @@ type Polygon = SmallVec<[DVec4; 9]>;
 /// Mapping of one view from points in space to one image, with the view's clip planes.
 pub(crate) struct ImageProjection {
     /// Clip matrix for points in metres relative to the origin of the triangles.
-    clip_from_local: DMat4,
+    pub(crate) clip_from_local: DMat4,
     /// Near plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, and
     /// is not negative in view.
-    near: DVec2,
+    pub(crate) near: DVec2,
     /// Far plane in clip space: the signed distance is `x` times the clip z plus `y` times the clip w, and
     /// is not negative in view. The plane w = 0 for an infinite far plane.
-    far: DVec2,
+    pub(crate) far: DVec2,
     /// Coefficients of the depth key of a clip-space point: (`x` times the clip z plus the constant `y`)
     /// over the clip w.
-    depth_key: DVec2,
+    pub(crate) depth_key: DVec2,
     /// True if the view is parallel (the clip w is the same for all points), false if it is perspective.
-    parallel: bool,
+    pub(crate) parallel: bool,
     /// Half the image's width and height in pixels.
-    half_size: DVec2,
+    pub(crate) half_size: DVec2,
     /// Clip planes of the view, in metres relative to the origin of the triangles. The side that a plane's
     /// normal points to is drawn.
-    clip_planes: SmallVec<[Plane; 1]>,
+    pub(crate) clip_planes: SmallVec<[Plane; 1]>,
 }
 
 impl ImageProjection {
@@ -119,7 +119,7 @@ impl ImageProjection {
     /// Returns the planes of the view volume that a clip-space point is outside of, one bit each: left,
     /// right, bottom, top, near, far from bit 0 on. A point on a plane is inside. No bits for NaN.
     #[inline]
-    fn outside(&self, v: DVec4) -> u32 {
+    pub(crate) fn outside(&self, v: DVec4) -> u32 {
         u32::from(v.x < -v.w)
             | u32::from(v.x > v.w) << 1
             | u32::from(v.y < -v.w) << 2
@@ -143,7 +143,7 @@ impl ImageProjection {
 
     /// Divides a clip-space point with positive w by w and maps it to image coordinates and depth key.
     #[inline]
-    fn corner(&self, v: DVec4) -> Corner {
+    pub(crate) fn corner(&self, v: DVec4) -> Corner {
         Corner {
             x: (v.x / v.w + 1.0) * self.half_size.x,
             y: (1.0 - v.y / v.w) * self.half_size.y,

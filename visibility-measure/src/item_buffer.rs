@@ -33,7 +33,9 @@ pub const MAX_SIDE: u32 = 1 << 14;
 #[derive(Clone, Debug)]
 pub struct ItemBuffer {
     /// Triangle number and depth key of each pixel.
-    image: Image,
+    pub(crate) image: Image,
+    /// View of the last frame. `None` before the first frame and after one that failed.
+    pub(crate) view: Option<View>,
     /// Pixel counts of the last frame, by object and triangle.
     sampled: SampledVisibility,
 }
@@ -51,7 +53,7 @@ impl ItemBuffer {
             return Err(error);
         }
         let image = Image::new(width as usize, height as usize).ok_or(error)?;
-        Ok(Self { image, sampled: SampledVisibility::default() })
+        Ok(Self { image, view: None, sampled: SampledVisibility::default() })
     }
 
     /// Draws objects, replacing the previous frame, and counts their pixels.
@@ -84,6 +86,7 @@ impl ItemBuffer {
                 projection.draw(triangle, item, &mut self.image);
             }
         }
+        self.view = Some(*view);
         self.image.drop_hidden_claims();
         self.sampled.count(&self.image);
         Ok(&self.sampled)
@@ -91,6 +94,7 @@ impl ItemBuffer {
 
     /// Empties the image and the counts; keeps the capacity.
     fn clear(&mut self) {
+        self.view = None;
         self.image.clear();
         self.sampled.clear();
     }

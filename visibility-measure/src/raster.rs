@@ -20,7 +20,7 @@ pub const NONE: u32 = u32::MAX;
 /// Maximum distance of an edge from a pixel's centre, in columns and in rows, at which the edge counts as
 /// meeting the centre. Rounding moves an edge less, unless coordinates are 10 million times as large as the
 /// distance to the eye: in an image of 1000 columns, 1e7 * 1e3 * 2^-53 is about a millionth.
-const EDGE_TIE: f64 = 1e-6;
+pub(crate) const EDGE_TIE: f64 = 1e-6;
 
 /// Maximum mean number of claims per pixel. A claim records a triangle that ties with the triangle that the
 /// pixel shows. At this number, claims of triangles that have since been hidden are dropped. If more than
@@ -227,7 +227,7 @@ impl Image {
 /// Returns the least depth key that ties with (counts as equal to) `depth_key`: lower by `least_difference`,
 /// the absolute tolerance, plus the relative tolerance [`DEPTH_TIE`] times `depth_key`.
 #[inline]
-fn least_tied_key(depth_key: f64, least_difference: f64) -> f64 {
+pub(crate) fn least_tied_key(depth_key: f64, least_difference: f64) -> f64 {
     depth_key - (depth_key.abs() * DEPTH_TIE + least_difference)
 }
 
@@ -241,7 +241,7 @@ fn add_claim(claims: &mut Vec<TieClaim>, claim: TieClaim) {
 /// Returns the number of pixel centres `0.5, 1.5, ..` less than `v`, at most `limit`: the index of the first
 /// centre not less than `v`. 0 for NaN.
 #[inline]
-fn first_center(v: f64, limit: usize) -> usize {
+pub(crate) fn first_center(v: f64, limit: usize) -> usize {
     // The subtraction is exact for v >= 0.25. For smaller v the result is negative anyway.
     let t = v - 0.5;
     if t >= limit as f64 {

@@ -11,23 +11,23 @@ use visibility_measure::{ItemBuffer, NONE};
 use visibility_testing::Random;
 
 /// Camera from which both the rays and the clip matrices of a picture are made.
-struct Camera {
+pub(crate) struct Camera {
     /// Position (in metres) and axes of the camera in world space.
-    pose: Pose,
+    pub(crate) pose: Pose,
     /// Window at distance 1 along the viewing direction (perspective) or in metres (parallel).
-    window: Window,
+    pub(crate) window: Window,
     /// Distance of the near plane along the viewing direction, in metres; negative behind the eye.
-    near: f64,
+    pub(crate) near: f64,
     /// Distance of the far plane along the viewing direction, in metres; may be infinite.
-    far: f64,
+    pub(crate) far: f64,
     /// True if the camera is orthographic, false if it is perspective.
-    parallel: bool,
+    pub(crate) parallel: bool,
 }
 
 impl Camera {
     /// Returns the start of the ray through a pixel's centre, and its direction. The direction's component
     /// along the viewing direction is 1, so ray parameters are distances along the viewing direction.
-    fn ray(&self, column: usize, row: usize, width: usize, height: usize) -> (DVec3, DVec3) {
+    pub(crate) fn ray(&self, column: usize, row: usize, width: usize, height: usize) -> (DVec3, DVec3) {
         let Window { left, right, bottom, top } = self.window;
         let x = left + (right - left) * (column as f64 + 0.5) / width as f64;
         let y = top + (bottom - top) * (row as f64 + 0.5) / height as f64;
@@ -40,7 +40,7 @@ impl Camera {
     }
 
     /// Returns the clip matrix of the picture in the given depth convention, for points relative to the eye.
-    fn matrix(&self, depth: Depth) -> DMat4 {
+    pub(crate) fn matrix(&self, depth: Depth) -> DMat4 {
         let (n, f) = (self.near, self.far);
         // Clip depth over w at the near and the far plane. Clip z is slope * distance + constant.
         let (at_near, at_far) = match depth {
@@ -164,7 +164,7 @@ fn soup(random: &mut Random, eye: DVec3, count: usize) -> Vec<[Vec3; 3]> {
 }
 
 /// Returns a camera near the origin in a random direction, off-centre in odd rounds.
-fn camera(random: &mut Random, round: usize, near: f64, far: f64, parallel: bool) -> Camera {
+pub(crate) fn camera(random: &mut Random, round: usize, near: f64, far: f64, parallel: bool) -> Camera {
     let eye = random.vector(5.0);
     let pose = Pose::look_at(eye, eye + random.vector(1.0), DVec3::Z);
     let (w, h) = if parallel { (8.0, 6.0) } else { (0.8, 0.6) };

@@ -13,7 +13,7 @@ use visibility_core::Scene;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
 /// Where viewcells are.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, PartialEq, Debug)]
 pub struct Places {
     /// Places of the viewcells: `walks` for the boxes of a grid that the scene's walks pass, without what
     /// opaque objects separate from the walks; `free` for those, and all that a walking camera reaches from
@@ -51,6 +51,21 @@ pub struct Places {
     /// Least distance in metres that the camera keeps from opaque objects, for `free` and `walks`.
     #[arg(long, value_name = "METRES", default_value_t = 0.25)]
     pub radius: f64,
+}
+
+impl Default for Places {
+    /// Places as without arguments.
+    fn default() -> Self {
+        Self {
+            cells: None,
+            size: None,
+            over: None,
+            from: Vec::new(),
+            heights: [1.0, 3.0],
+            fly: false,
+            radius: 0.25,
+        }
+    }
 }
 
 /// How viewcells are placed.
@@ -227,4 +242,20 @@ pub fn make(
         return Err(message.to_owned().into());
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn default_places_are_those_without_arguments() {
+        #[derive(clap::Parser)]
+        struct Only {
+            #[command(flatten)]
+            places: Places,
+        }
+        let Only { places } = clap::Parser::parse_from([""]);
+        assert_eq!(places, Places::default());
+    }
 }

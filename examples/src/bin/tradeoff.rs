@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::open;
-use visibility_examples::output_file::write_with;
+use visibility_examples::output_file::{plain_name, write_with};
 use visibility_examples::tradeoff::{Effort, output, plot, sweep};
 use visibility_examples::walkthrough::auto::advise;
 use visibility_examples::walkthrough::cullers::quick_entries;
@@ -23,7 +23,13 @@ static MEMORY: PeakAlloc = PeakAlloc;
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Scenes, separated by commas: built-in scenes with sizes as in plpcity:3x3, files, or cars5:FILE.
+    /// Scenes: built-in ones (plpcity, london, town, forest, office, each with sizes as in plpcity:3,3),
+    /// files (.vscn, .glb, .gltf), or five cars by the placements beside one (cars5:car.vscn). By default the
+    /// built-in scenes.
+    #[arg(value_name = "SCENE", conflicts_with = "scenes")]
+    files: Vec<String>,
+
+    /// The same, separated by commas, with sizes as in plpcity:3x3.
     #[arg(long, value_delimiter = ',', default_value = "plpcity,london,town,forest,office")]
     scenes: Vec<String>,
 
@@ -36,7 +42,8 @@ struct Arguments {
     #[arg(long)]
     quick: bool,
 
-    /// Folder for the results: points.csv, and two plots per scene.
+    /// Folder for the results: points.csv, and two plots per scene. A scene with the name of an earlier one
+    /// gets a number.
     #[arg(long, default_value = "out/tradeoff", value_name = "DIR")]
     out: PathBuf,
 }
@@ -57,13 +64,19 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let effort = if arguments.quick { Effort::QUICK } else { Effort::FULL };
     let (start, mut all) = (Instant::now(), Vec::new());
     let table = arguments.out.join("points.csv");
-    for scene in &arguments.scenes {
-        let mut world = World::new(open(scene)?, (640, 360), Some(effort.frames))?;
+    let scenes = if arguments.files.is_empty() { &arguments.scenes } else { &arguments.files };
+    let mut names: Vec<String> = Vec::new();
+    let mut advised_costs = Vec::new();
+    for scene in scenes {
+        let world = World::new(open(scene)?, (640, 360), Some(effort.frames));
+        let mut world = world.map_err(|error| format!("{scene}: {error}"))?;
+        world.source.name = unlike(&names, &world.source.name);
         world.prepared = Prepared::measuring(|| MEMORY.current_usage());
         world.makes_cells = true;
         let given = &arguments.cullers;
         let wanted = if given.is_empty() { quick_entries(&world) } else { given.clone() };
         let name = world.source.name.clone();
+        names.push(name.clone());
         let total = wanted.len();
         let mut count = 0;
         let swept = sweep(&world, &wanted, effort, |what| {
@@ -72,15 +85,28 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         })?;
         eprint!("\r\x1b[2K");
         println!("{name}: {} objects, {} triangles", world.scene.len(), world.source.triangle_count());
+        println!("{}", swept.truth);
         println!("{}", output::table(&swept.points));
         let affordable = wanted.iter().filter(|entry| !swept.too_slow.contains(entry));
         let advice = advise(&world, &affordable.cloned().collect::<Vec<_>>())?;
         println!("{advice}");
+        if let Some(bake) = advice.bake.as_ref().ok().filter(|bake| bake.is_worth_it()) {
+            println!("  {}", bake.command(scene, &[], &format!("{}.pvs", plain_name(&name))));
+        }
         if let Some(best) = output::best_sound(&swept.points, true) {
-            println!("least in all of those that promise it: {}, {:.0} us", best.culler, best.total_us());
+            println!(
+                "least in all of those that promise it: {}, {:.0} us, {:.1} times the ideal",
+                best.culler,
+                best.total_us(),
+                best.over_ideal
+            );
             if let Some(advised) = swept.points.iter().find(|point| point.culler == advice.entry) {
                 let (total, ratio) = (advised.total_us(), advised.total_us() / best.total_us());
-                println!("what was advised takes {total:.0} us in all here, {ratio:.2} times as much");
+                println!(
+                    "what was advised takes {total:.0} us in all here, {ratio:.2} times as much, {:.1} times the ideal",
+                    advised.over_ideal
+                );
+                advised_costs.push(advised.over_ideal.ln());
             }
         }
         if let Some(best) = output::best_sound(&swept.points, false) {
@@ -98,12 +124,26 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             println!("given up after {seconds} s: {}", swept.too_slow.join(", "));
         }
         println!();
-        plot::plots(&arguments.out, &name, &swept.points)?;
+        plot::plots(&arguments.out, &plain_name(&name), &swept.points)?;
         all.extend(swept.points);
         // The table is rewritten after each scene, so that a failure in a later scene loses no results.
         write_with(&table, |out| output::csv(out, &all))?;
     }
     println!("{}", output::LEGEND);
+    if advised_costs.len() > 1 {
+        let mean = (advised_costs.iter().sum::<f64>() / advised_costs.len() as f64).exp();
+        println!(
+            "what was advised, over the ideal: {mean:.1}, geometric mean over {} scenes",
+            advised_costs.len()
+        );
+    }
     println!("{} points in {:.0} s; {}", all.len(), start.elapsed().as_secs_f64(), table.display());
     Ok(())
+}
+
+/// Returns the name of a scene, with a number if an earlier scene has the name.
+fn unlike(names: &[String], name: &str) -> String {
+    let numbered = (2..).map(|number| format!("{name}-{number}"));
+    let mut candidates = std::iter::once(name.to_owned()).chain(numbered);
+    candidates.find(|candidate| !names.contains(candidate)).unwrap_or_default()
 }

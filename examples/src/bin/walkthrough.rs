@@ -8,9 +8,10 @@ use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::description::Description;
-use visibility_examples::output_file::write_with;
+use visibility_examples::output_file::{plain_name, write_with};
 use visibility_examples::progress::Steps;
 use visibility_examples::source::{check_hints, parse_hint};
+use visibility_examples::walkthrough::bake_advice::BakeEstimate;
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
@@ -130,6 +131,17 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let (list, advice) = auto::resolve(&arguments.cullers, &world)?;
     if let Some(advice) = advice {
         println!("{advice}");
+        if let Some(bake) = advice.bake.ok().filter(BakeEstimate::is_worth_it) {
+            if arguments.with.is_empty() && arguments.cameras.is_none() {
+                let file = format!("{}.pvs", plain_name(&world.source.name));
+                println!("  {}", bake.command(name, &arguments.hints, &file));
+                println!("  then --cullers frustum,baked:{file}");
+            } else {
+                println!(
+                    "  the program `bake` takes one scene with its own walks, without --with and --cameras"
+                );
+            }
+        }
     }
     let pipelines = cullers::parse(&list, &world)?;
     let bar = Steps::new("culling", pipelines.len(), true);
@@ -144,6 +156,7 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let judgement = judge(&world, &trials, || bar.step())?;
     drop(bar);
 
+    println!("{}", output::truth(&judgement));
     println!("{}\n{}", output::table(&world, &trials, &judgement), output::LEGEND);
     if let Some(path) = &arguments.json {
         write_with(path, |out| output::json(out, &world, &trials, &judgement))?;
@@ -192,15 +205,12 @@ struct Album<'a> {
 }
 
 impl Album<'_> {
-    /// Writes a picture as `SCENE-NAME.png` into the folder, with unusual characters replaced by `_`. Creates
+    /// Writes a picture as `SCENE-NAME.png` into the folder, as a [`plain_name`]. Creates
     /// the folder if needed. Returns a message with the path as the error.
     fn save(&self, canvas: &Canvas, name: &str) -> Result<(), String> {
         std::fs::create_dir_all(self.folder)
             .map_err(|error| format!("cannot make {}: {error}", self.folder.display()))?;
-        // The name of a scene comes from its file and may contain anything, path separators included.
-        let plain =
-            |letter: char| if letter.is_alphanumeric() || "-_.+".contains(letter) { letter } else { '_' };
-        let stem: String = format!("{}-{name}", self.world.source.name).chars().map(plain).collect();
+        let stem = plain_name(&format!("{}-{name}", self.world.source.name));
         let path = self.folder.join(format!("{stem}.png"));
         canvas.save(&path)
     }

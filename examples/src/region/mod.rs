@@ -30,7 +30,7 @@ pub fn world(source: SceneSource) -> World {
 }
 
 /// Lets the doors of a source hide nothing in its scene.
-fn open_doors(source: &SceneSource, scene: &mut Scene) {
+pub(crate) fn open_doors(source: &SceneSource, scene: &mut Scene) {
     for (index, _) in source.objects.iter().enumerate().filter(|(_, object)| object.door) {
         if let Some(id) = scene.id_at(index) {
             scene.set_occluder(id, false).expect("an object of the scene");

@@ -40,6 +40,8 @@ mod tests {
             wrong_pixels_percent: wrong,
             memory_bytes: 0,
             preparation_ms: 0.0,
+            box_limit: 0.0,
+            over_ideal: 0.0,
         }
     }
 

@@ -33,6 +33,11 @@ pub struct Point {
     pub memory_bytes: usize,
     /// Time in milliseconds to make the culler ready for the scene.
     pub preparation_ms: f64,
+    /// Number of objects that a culler must report which tests only boxes: the box limit.
+    pub box_limit: f64,
+    /// Time to cull a frame and to draw the reported objects, divided by the time to draw the visible
+    /// triangles alone: see [`over_ideal`](crate::walkthrough::judge::over_ideal).
+    pub over_ideal: f64,
 }
 
 impl Point {

@@ -2,6 +2,8 @@
 
 use super::point::Point;
 use crate::walkthrough::cullers::{CullerError, parse};
+use crate::walkthrough::judge::over_ideal;
+use crate::walkthrough::output::truth;
 use crate::walkthrough::{World, judge, run_for};
 use std::time::Duration;
 use visibility_measure::MeasureError;
@@ -31,6 +33,8 @@ impl Effort {
 pub struct Sweep {
     /// Measured points, in the order of the entries that were measured.
     pub points: Vec<Point>,
+    /// Line on what there is to report, the same for all points.
+    pub truth: String,
     /// Entries that do not suit the scene, each as the entry and the reason.
     pub left_out: Vec<(String, String)>,
     /// Entries whose first pass over the frames takes longer than [`Effort::patience`].
@@ -75,6 +79,7 @@ pub fn sweep(
     let judgement = judge(world, &trials, || ())?;
     let frames = world.views.len() as f64;
     let pixels = f64::from(world.size.0) * f64::from(world.size.1) * frames;
+    let visible = [judgement.mean_exact(), judgement.mean_visible_triangles()];
     done.points = (trials.iter().zip(&judgement.verdicts).zip(costs))
         .map(|((trial, verdict), cost)| Point {
             scene: world.source.name.clone(),
@@ -83,14 +88,21 @@ pub fn sweep(
             frame_us: trial.quantile(0.5),
             p99_us: trial.quantile(0.99),
             objects: trial.mean_visible(),
-            visible_objects: judgement.mean_exact(),
+            visible_objects: visible[0],
             triangles: verdict.reported_triangles as f64 / frames,
-            visible_triangles: judgement.visible_triangles as f64 / frames,
+            visible_triangles: visible[1],
             false_hidden: verdict.false_hidden,
             wrong_pixels_percent: verdict.wrong_pixels as f64 / pixels * 100.0,
             memory_bytes: cost.bytes,
             preparation_ms: cost.time.as_secs_f64() * 1e3,
+            box_limit: judgement.mean_limit(),
+            over_ideal: over_ideal(
+                trial.quantile(0.5),
+                [trial.mean_visible(), verdict.reported_triangles as f64 / frames],
+                visible,
+            ),
         })
         .collect();
+    done.truth = truth(&judgement);
     Ok(done)
 }

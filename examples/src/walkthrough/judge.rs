@@ -4,7 +4,8 @@
 use super::{Trial, World};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
-use visibility_measure::{Comparison, ItemBuffer, MeasureError};
+use visibility_core::ObjectId;
+use visibility_measure::{Comparison, DrawCost, ItemBuffer, MeasureError};
 
 /// Counts of one pipeline's right and wrong answers, summed over all frames unless said otherwise.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,6 +34,9 @@ pub struct Judgement {
     /// Indices of the visible objects of each frame, ascending. Of objects that tie in all their pixels,
     /// only the object that the picture shows is listed.
     pub exact: Vec<Vec<u32>>,
+    /// Box limit of each frame: the number of objects that a culler must report which tests only boxes,
+    /// behind the triangles of all opaque objects. Visible objects are among them.
+    pub limits: Vec<usize>,
     /// Number of triangles with at least one visible pixel, summed over all frames.
     pub visible_triangles: u64,
     /// Verdicts, one per trial, in the order of the trials.
@@ -45,12 +49,32 @@ impl Judgement {
         let sum: usize = self.exact.iter().map(Vec::len).sum();
         sum as f64 / self.exact.len().max(1) as f64
     }
+
+    /// Returns the mean box limit per frame, in objects; 0 without frames.
+    pub fn mean_limit(&self) -> f64 {
+        self.limits.iter().sum::<usize>() as f64 / self.limits.len().max(1) as f64
+    }
+
+    /// Returns the mean number of triangles per frame with a visible pixel; 0 without frames.
+    pub fn mean_visible_triangles(&self) -> f64 {
+        self.visible_triangles as f64 / self.exact.len().max(1) as f64
+    }
+}
+
+/// Returns the cost over the ideal: the time in microseconds to cull a frame and to draw what is reported,
+/// divided by the time to draw the visible triangles of the visible objects alone, without any time to cull.
+/// Drawing costs what [`DrawCost`] says by default. An ideal of less than 1 us, the price of one object,
+/// counts as 1 us. Below 1 for cullers that hide visible objects.
+pub fn over_ideal(frame_us: f64, reported: [f64; 2], visible: [f64; 2]) -> f64 {
+    let draw = |[objects, triangles]: [f64; 2]| DrawCost::default().of(objects, triangles);
+    (frame_us + draw(reported)) / draw(visible).max(1.0)
 }
 
 /// Result of judging one frame: the exact answer, and the comparison of each trial with it.
 struct Judged {
     frame: usize,
     exact: Vec<u32>,
+    limit: usize,
     visible_triangles: u32,
     comparisons: Vec<Comparison>,
 }
@@ -64,17 +88,31 @@ struct Judged {
 /// triangles.
 pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Result<Judgement, MeasureError> {
     let next = AtomicUsize::new(0);
+    let scene = &world.scene;
+    let is_opaque = |index: u32| {
+        scene.id_at(index as usize).is_some_and(|id| scene.object(id).is_ok_and(|object| object.occluder))
+    };
+    let all_opaque = world.items().all(|(index, _)| is_opaque(index));
     let worker = || -> Result<Vec<Judged>, MeasureError> {
         let mut buffer = ItemBuffer::new(world.size.0, world.size.1)?;
+        let mut surfaces = ItemBuffer::new(world.size.0, world.size.1)?;
         let mut judged = Vec::new();
         loop {
             let frame = next.fetch_add(1, Ordering::Relaxed);
             let Some(view) = world.views.get(frame) else { return Ok(judged) };
-            let seen = buffer.draw(view, world.origin(), world.items())?;
+            buffer.draw(view, world.origin(), world.items())?;
+            let seen = buffer.visible();
             // Of objects that tie, only the object in the picture counts; otherwise coplanar walls would
             // count twice.
             let shown = seen.objects().iter().filter(|object| object.visible_triangles > 0);
-            let exact = shown.map(|object| object.key);
+            let exact: Vec<u32> = shown.map(|object| object.key).collect();
+            if !all_opaque {
+                let opaque = world.items().filter(|&(index, _)| is_opaque(index));
+                surfaces.draw(view, world.origin(), opaque)?;
+            }
+            let surfaces = if all_opaque { &buffer } else { &surfaces };
+            let is_seen = |id: ObjectId| exact.binary_search(&(id.index() as u32)).is_ok();
+            let limit = surfaces.box_limit(scene, is_seen).count();
             let comparisons = trials.iter().map(|trial| {
                 let mut comparison = Comparison::default();
                 seen.compare(|_, key| trial.reported[frame].binary_search(&key).is_ok(), &mut comparison);
@@ -82,7 +120,8 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
             });
             judged.push(Judged {
                 frame,
-                exact: exact.collect(),
+                exact,
+                limit,
                 visible_triangles: seen.visible_triangles(),
                 comparisons: comparisons.collect(),
             });
@@ -113,6 +152,7 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
         }
     }
     let visible_triangles = judged.iter().map(|one| u64::from(one.visible_triangles)).sum();
+    let limits = judged.iter().map(|one| one.limit).collect();
     let exact = judged.into_iter().map(|one| one.exact).collect();
-    Ok(Judgement { exact, visible_triangles, verdicts })
+    Ok(Judgement { exact, limits, visible_triangles, verdicts })
 }

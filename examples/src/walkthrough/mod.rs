@@ -6,6 +6,7 @@
 //! [`cells_picture`] draw them.
 
 pub mod auto;
+pub mod bake_advice;
 pub mod canvas;
 pub mod cell_sets;
 pub mod cells_picture;

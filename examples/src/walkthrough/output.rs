@@ -1,10 +1,29 @@
 //! Output of results as a table for people, and as JSON lines and lists of reported objects for programs.
 
-use super::judge::Judgement;
+use super::judge::{Judgement, Verdict, over_ideal};
 use super::{Trial, World};
 use comfy_table::{CellAlignment, Table, presets};
 use serde::Serialize;
 use std::io::{self, Write};
+use visibility_measure::DrawCost;
+
+/// Returns the cost over the ideal of a culler, by its median time to cull a frame.
+fn cost_over_ideal(trial: &Trial, verdict: &Verdict, judgement: &Judgement) -> f64 {
+    let triangles = verdict.reported_triangles as f64 / judgement.exact.len().max(1) as f64;
+    let visible = [judgement.mean_exact(), judgement.mean_visible_triangles()];
+    over_ideal(trial.quantile(0.5), [trial.mean_visible(), triangles], visible)
+}
+
+/// Returns a line on what there is to report: visible objects, box limit and ideal, means per frame.
+pub fn truth(judgement: &Judgement) -> String {
+    let ideal = DrawCost::default().of(judgement.mean_exact(), judgement.mean_visible_triangles());
+    format!(
+        "a frame: {:.1} objects visible by {:.0} triangles; box limit {:.1} objects; ideal {ideal:.1} us",
+        judgement.mean_exact(),
+        judgement.mean_visible_triangles(),
+        judgement.mean_limit(),
+    )
+}
 
 /// Formats the results as a table with a row per culler, in the order of the trials.
 pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
@@ -14,9 +33,10 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
         "culler",
         "promises",
         "reported",
-        "visible",
+        "/ limit",
         "us a frame",
         "p99",
+        "/ ideal",
         "false hidden",
         "ties",
         "false visible",
@@ -27,9 +47,10 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
             trial.name.clone(),
             trial.accuracy.to_string(),
             format!("{:.1}", trial.mean_visible()),
-            format!("{:.1}", judgement.mean_exact()),
+            format!("{:.2}", trial.mean_visible() / judgement.mean_limit().max(1.0)),
             format!("{:.2}", trial.quantile(0.5)),
             format!("{:.2}", trial.quantile(0.99)),
+            format!("{:.1}", cost_over_ideal(trial, verdict, judgement)),
             verdict.false_hidden.to_string(),
             verdict.tied_hidden.to_string(),
             format!("{:.1}", verdict.false_visible as f64 / frames),
@@ -44,8 +65,12 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
 
 /// Explanation of the columns of [`table`], to be printed below it.
 pub const LEGEND: &str = "\
-reported, visible: objects a frame, by the culler and in truth (an item buffer that draws every triangle)
+reported: objects a frame by the culler; visible: in truth (an item buffer that draws every triangle)
+box limit: objects a frame that a culler must report which tests only boxes: before opaque triangles, a pixel is free for their box
+/ limit: reported objects for each one of the box limit; 1 is the best that boxes allow
 us a frame, p99: median and 99th percentile of the time to cull one frame, one thread
+/ ideal: time to cull and to draw what is reported, over the ideal: to draw visible triangles alone, without any time to cull
+(1 us for each object and 1 us for a thousand triangles)
 false hidden: visible objects that the culler hid, all frames together: what a user sees vanish
 ties: hidden objects that show only where a reported object shows alike, on an edge or in one plane with it, all frames together
 false visible: reported objects of which no pixel shows, a frame
@@ -62,6 +87,8 @@ struct Line<'a> {
     p99_us: f64,
     mean_visible: f64,
     mean_exact: f64,
+    mean_box_limit: f64,
+    over_ideal: f64,
     false_hidden: u64,
     tied_hidden: u64,
     false_visible: u64,
@@ -86,6 +113,8 @@ pub fn json(out: &mut impl Write, world: &World, trials: &[Trial], judgement: &J
             p99_us: trial.quantile(0.99),
             mean_visible: trial.mean_visible(),
             mean_exact: judgement.mean_exact(),
+            mean_box_limit: judgement.mean_limit(),
+            over_ideal: cost_over_ideal(trial, verdict, judgement),
             false_hidden: verdict.false_hidden,
             tied_hidden: verdict.tied_hidden,
             false_visible: verdict.false_visible,
