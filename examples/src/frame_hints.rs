@@ -7,7 +7,7 @@ use glam::Vec3;
 /// Height in metres from which on a scene may be in centimetres, and in millimetres.
 const TALL: [f32; 2] = [300.0, 1500.0];
 /// Size in metres below which a scene is a thing rather than a place, and stands in any way.
-const PLACE: f32 = 5.0;
+const PLACE: f32 = 30.0;
 
 /// Returns lines for a user of a file that was read with the default unit, or the default axis up, where its
 /// extents or its walls suggest others.
@@ -16,19 +16,21 @@ pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
     let (size, up) = (high - low, scene.up.abs());
     let mut lines = Vec::new();
     let [x, y, z] = size.to_array();
-    let ground = (size * (Vec3::ONE - up)).max_element();
-    let height = size.dot(up);
-    if reading.unit.is_none() && height > TALL[0] && height > ground / 3.0 {
-        let unit = if height < TALL[1] { "cm" } else { "mm" };
-        lines.push(format!("it is {x:.0} by {y:.0} by {z:.0} m: if it is in {unit}, say --unit {unit}"));
-    }
-    if reading.up.is_none() && scene.up == Vec3::Y && size.max_element() * reading.metres() as f32 > PLACE {
+    if reading.up.is_none() && scene.up == Vec3::Y && size.max_element() > PLACE {
         let is_flat = 3.0 * z < x.min(y);
         let upright = |axis: Vec3| upright_share(scene, axis);
         if is_flat || upright(Vec3::Y) < 0.5 && upright(Vec3::Z) > 0.75 {
             let why = if is_flat { "it is flat along z" } else { "its walls and floors stand along z" };
             lines.push(format!("{why}: if z is up, say --up z"));
+            // The height is not known before that.
+            return lines;
         }
+    }
+    let ground = (size * (Vec3::ONE - up)).max_element();
+    let height = size.dot(up);
+    if reading.unit.is_none() && height > TALL[0] && height > ground / 3.0 {
+        let unit = if height < TALL[1] { "cm" } else { "mm" };
+        lines.push(format!("it is {x:.0} by {y:.0} by {z:.0} m: if it is in {unit}, say --unit {unit}"));
     }
     lines
 }

@@ -1,8 +1,9 @@
-//! Decoder of buffer views that are compressed by `EXT_meshopt_compression`, as the program gltfpack writes
-//! them: vertex attributes (version 0 of the format), triangle lists and index sequences.
+//! Decoder of buffer views that are compressed by `EXT_meshopt_compression` or `KHR_meshopt_compression`, as
+//! the program gltfpack writes them: vertex attributes, triangle lists and index sequences.
 //!
-//! The format is that of the extension's specification ("Appendix A: Bitstream"). Memory grows with what is
-//! decoded, of which each 64 bytes need at least one byte of input, so a false count takes none.
+//! The format is that of the extensions' specifications ("Appendix A: Bitstream"). Memory grows with what is
+//! decoded, a block of at most 8192 bytes at a time. Each block needs at least a byte of input for each four
+//! bytes of an element, so a false count takes at most a thousand times the bytes that are there.
 
 use serde_json::Value;
 
@@ -19,6 +20,9 @@ pub(super) struct Compressed {
     mode: Mode,
     filter: Filter,
 }
+
+/// Maximum number of bytes of a view.
+const MOST_BYTES: usize = 1 << 31;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Mode {
@@ -69,6 +73,9 @@ impl Compressed {
         }
         let (buffer, offset) = (number("buffer", None)?, number("byteOffset", Some(0))?);
         let (length, count) = (number("byteLength", None)?, number("count", None)?);
+        if count.saturating_mul(stride) > MOST_BYTES {
+            return Err(format!("its meshopt compression has {count} elements, which is too many"));
+        }
         Ok(Self { buffer, offset, length, stride, count, mode, filter })
     }
 
@@ -138,13 +145,17 @@ const GROUP: usize = 16;
 /// Decodes `count` elements of `stride` bytes. `None` if the bytes are damaged.
 fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let mut input = Input(bytes);
-    if input.byte()? != 0xA0 {
-        return None;
-    }
-    // The last bytes are the element before the first, padded in front to 32 bytes.
-    let tail = stride.max(32);
-    let end = input.0.len().checked_sub(tail)?;
-    let mut before = input.0[input.0.len() - stride..].to_vec();
+    let is_first_version = match input.byte()? {
+        0xA0 => true,
+        0xA1 => false,
+        _ => return None,
+    };
+    // The last bytes are the element before the first, and in version 1 a byte for each four of an element
+    // that says how they differ from those before. They are padded in front.
+    let (least, channels) = if is_first_version { (32, 0) } else { (24, stride / 4) };
+    let end = input.0.len().checked_sub((stride + channels).max(least))?;
+    let (before, channels) = input.0[input.0.len() - stride - channels..].split_at(stride);
+    let mut before = before.to_vec();
     input.0 = &input.0[..end];
     let most = (8192 / stride & !(GROUP - 1)).min(256);
     let mut decoded = Vec::new();
@@ -154,41 +165,92 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
         left -= elements;
         let start = decoded.len();
         decoded.resize(start + elements * stride, 0);
+        let controls = if is_first_version { &[][..] } else { input.take(stride / 4)? };
         for byte in 0..stride {
-            let groups = elements.div_ceil(GROUP);
-            let header = input.take(groups.div_ceil(4))?;
-            for group in 0..groups {
-                let deltas = group_of_bytes(&mut input, header[group / 4] >> (group % 4 * 2) & 3)?;
-                let first = start + group * GROUP * stride + byte;
-                let places = decoded.get_mut(first..)?.iter_mut().step_by(stride);
-                for (place, delta) in places.zip(deltas) {
-                    before[byte] = before[byte].wrapping_add(delta >> 1 ^ (delta & 1).wrapping_neg());
-                    *place = before[byte];
-                }
+            let control = controls.get(byte / 4).map(|control| control >> (byte % 4 * 2) & 3);
+            let bytes = decoded[start + byte..].iter_mut().step_by(stride);
+            differences(&mut input, control, elements, bytes)?;
+        }
+        let elements = decoded[start..].chunks_exact_mut(stride);
+        for element in elements {
+            for (at, four) in element.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+                let last: &mut [u8; 4] = (&mut before[4 * at..4 * at + 4]).try_into().ok()?;
+                *last = sum(*last, *four, channels.get(at).copied().unwrap_or(0));
+                *four = *last;
             }
         }
     }
     input.0.is_empty().then_some(decoded)
 }
 
-/// Decodes a group of sixteen values of 0, 2, 4 or 8 bits, by `width` from 0 to 3. The greatest value of 2 or
-/// 4 bits stands for one of the bytes that follow.
-fn group_of_bytes(input: &mut Input<'_>, width: u8) -> Option<[u8; GROUP]> {
-    let mut values = [0; GROUP];
-    let bits = match width {
-        0 => return Some(values),
-        1 => 2,
-        2 => 4,
-        _ => return input.take(GROUP)?.try_into().ok(),
+/// Decodes the differences of one byte of `count` elements. `control` says in version 1 how they are stored;
+/// it is `None` in version 0.
+fn differences<'a>(
+    input: &mut Input<'_>,
+    control: Option<u8>,
+    count: usize,
+    mut bytes: impl Iterator<Item = &'a mut u8>,
+) -> Option<()> {
+    let widths = match control {
+        None => [0, 2, 4, 8],
+        Some(0) => [0, 1, 2, 4],
+        Some(1) => [1, 2, 4, 8],
+        Some(2) => return Some(()),
+        Some(_) => {
+            bytes.zip(input.take(count)?).for_each(|(byte, &literal)| *byte = literal);
+            return Some(());
+        }
     };
+    let groups = count.div_ceil(GROUP);
+    let header = input.take(groups.div_ceil(4))?;
+    for group in 0..groups {
+        let width = widths[usize::from(header[group / 4] >> (group % 4 * 2) & 3)];
+        bytes.by_ref().zip(group_of_bytes(input, width)?).for_each(|(byte, value)| *byte = value);
+    }
+    Some(())
+}
+
+/// Decodes a group of sixteen values of `bits` bits: 0, 1, 2, 4 or 8. The greatest value of 1 to 4 bits stands
+/// for one of the bytes that follow.
+fn group_of_bytes(input: &mut Input<'_>, bits: usize) -> Option<[u8; GROUP]> {
+    let mut values = [0; GROUP];
+    match bits {
+        0 => return Some(values),
+        8 => return input.take(GROUP)?.try_into().ok(),
+        _ => {}
+    }
     let packed = input.take(GROUP * bits / 8)?;
     let greatest = (1 << bits) - 1;
     for (i, value) in values.iter_mut().enumerate() {
         let at = i * bits;
-        let small = packed[at / 8] >> (8 - bits - at % 8) & greatest;
+        // Single bits begin with the least of a byte, wider values with the greatest.
+        let shift = if bits == 1 { at % 8 } else { 8 - bits - at % 8 };
+        let small = packed[at / 8] >> shift & greatest;
         *value = if small == greatest { input.byte()? } else { small };
     }
     Some(values)
+}
+
+/// Returns four bytes of an element from those of the element before and their difference, by a channel's
+/// byte: four bytes, two numbers of 16 bits, or one of 32 bits whose rotated bits differ.
+fn sum(before: [u8; 4], difference: [u8; 4], channel: u8) -> [u8; 4] {
+    match channel & 3 {
+        0 => std::array::from_fn(|i| {
+            let d = difference[i];
+            before[i].wrapping_add(d >> 1 ^ (d & 1).wrapping_neg())
+        }),
+        1 => {
+            let pair = |four: [u8; 4]| [[four[0], four[1]], [four[2], four[3]]].map(u16::from_le_bytes);
+            let (last, by) = (pair(before), pair(difference));
+            let [a, b] =
+                [0, 1].map(|i| last[i].wrapping_add(by[i] >> 1 ^ (by[i] & 1).wrapping_neg()).to_le_bytes());
+            [a[0], a[1], b[0], b[1]]
+        }
+        _ => {
+            let turned = u32::from_le_bytes(difference).rotate_right(u32::from(channel >> 4));
+            (turned ^ u32::from_le_bytes(before)).to_le_bytes()
+        }
+    }
 }
 
 /// The sixteen items that a decoder has seen last, by age.

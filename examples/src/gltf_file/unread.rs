@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 
 /// Beginnings of the names of extensions that are read, or that place no triangle.
-const KNOWN: [&str; 14] = [
+const KNOWN: [&str; 15] = [
     "ADOBE_materials_",
     "EXT_lights_",
     "EXT_mesh_gpu_instancing",
@@ -16,6 +16,7 @@ const KNOWN: [&str; 14] = [
     "KHR_lights_",
     "KHR_materials_",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_node_visibility",
     "KHR_texture_",
     "KHR_xmp",
