@@ -360,7 +360,7 @@ fn skinned() -> File {
     file.node(json!({"translation": [10, 0, 0], "name": "root joint"}));
     file.node(json!({"translation": [0, 4, 0], "scale": [2, 2, 2], "name": "tip joint"}));
     let joints = file.accessor(&[0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0], 5121, "VEC4", 3);
-    let weights = file.floats(&[[1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0]]);
+    let weights = file.floats(&[[1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.25, 0.25, 0.0, 0.0]]);
     let matrix = |x: f32| [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, 0.0, 0.0, 1.0];
     let binds = file.floats(&[matrix(0.0), matrix(1.0)]);
     file.root["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": binds}]);
@@ -617,9 +617,10 @@ proptest! {
                 (least, most) = (least.min(p), most.max(p));
             }
         }
-        // The bounds are loose by the length of a step.
+        // The bounds are loose by the length of a step, and more where quaternions turn wildly.
         let (size, tight) = ((high - low).length(), (most - least).length());
-        prop_assert!(size <= 3.0 * tight + 0.1, "{size} for {tight}");
+        let is_wild = channels.iter().any(|(_, part, _, kind)| (*part, *kind) == (1, "CUBICSPLINE"));
+        prop_assert!(is_wild || size <= 2.0 * tight + 0.1, "{size} for {tight}");
     }
 }
 
