@@ -58,7 +58,9 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let (start, mut all) = (Instant::now(), Vec::new());
     let table = arguments.out.join("points.csv");
     for scene in &arguments.scenes {
-        let mut world = World::new(open(scene)?, (640, 360), Some(effort.frames))?;
+        let source = open(scene)?;
+        source.print_notes();
+        let mut world = World::new(source, (640, 360), Some(effort.frames))?;
         world.prepared = Prepared::measuring(|| MEMORY.current_usage());
         world.makes_cells = true;
         let given = &arguments.cullers;
