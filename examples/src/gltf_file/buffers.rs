@@ -12,6 +12,7 @@ use gltf::accessor::sparse::IndexType;
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::buffer::{Source, View};
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
@@ -21,12 +22,18 @@ pub(super) struct Buffers<'a> {
     bytes: Vec<Result<Vec<u8>, String>>,
     /// Bytes of the compressed buffer views by their index, or why there are none. `None` for others.
     decoded: Vec<Option<Result<Vec<u8>, String>>>,
+    /// Number of elements read so far, at most [`MOST_READ`].
+    read: Cell<usize>,
     path: &'a Path,
 }
 
+/// Maximum number of elements of accessors that are read in total. A thousand nodes may each read the same
+/// million vertices, or be copied a million times, so the size of the file does not bound the work.
+const MOST_READ: usize = 1 << 27;
+
 /// Maximum number of elements of an accessor without a buffer view: these are zeros that no byte of the file
 /// stands for.
-const MOST_ZEROS: usize = 1 << 22;
+const MOST_ZEROS: usize = 1 << 20;
 
 impl<'a> Buffers<'a> {
     /// Loads the buffers of a document. `chunk` is the binary chunk of a GLB, `None` for a glTF file; `path`
@@ -62,7 +69,18 @@ impl<'a> Buffers<'a> {
             }))
         };
         let decoded = document.views().map(decode).collect();
-        Self { bytes, decoded, path }
+        Self { bytes, decoded, read: Cell::new(0), path }
+    }
+
+    /// Notes that `count` more elements are read. Returns an error that names `place` if they are too many.
+    pub(super) fn charge(&self, count: usize, place: impl FnOnce() -> String) -> Result<(), SourceError> {
+        self.read.set(self.read.get().saturating_add(count));
+        if self.read.get() <= MOST_READ {
+            return Ok(());
+        }
+        let problem =
+            format!("with it, more than {MOST_READ} vertices, indices and the like would have to be read");
+        Err(SourceError::content(self.path, place(), problem))
     }
 
     /// Reads the vertex positions of an accessor, in mesh space. Returns an error unless the elements are
@@ -109,6 +127,7 @@ impl<'a> Buffers<'a> {
     /// buffer, strides shorter than an element, and sparse elements beyond the accessor.
     fn elements(&self, accessor: &Accessor<'_>) -> Result<Elements<'_>, SourceError> {
         let (size, count) = (accessor.size(), accessor.count());
+        self.charge(count, || format!("accessor {}", accessor.index()))?;
         let base = match accessor.view() {
             Some(view) => self.within(accessor, &view, accessor.offset(), size, count)?,
             None if count > MOST_ZEROS => {

@@ -34,12 +34,11 @@ use std::collections::HashMap;
 use std::path::Path;
 use visibility_core::Aabb;
 
+/// Maximum number of objects of a scene, which may have few triangles or none.
+const MOST_OBJECTS: usize = 1 << 22;
 /// Maximum number of triangles of a scene. Nodes can instance one mesh any number of times, so the size of
 /// the file does not bound the number of triangles.
 const MOST_TRIANGLES: usize = 1 << 25;
-/// Maximum number of vertices and indices read in total. A thousand nodes may each read the same million
-/// vertices, so the size of the file does not bound the work.
-const MOST_READ: usize = 1 << 27;
 
 /// Reads a glTF or GLB document from its bytes, in metres and with y up. `path` is the document's path:
 /// further files are searched below its folder, and error messages show it.
@@ -80,7 +79,6 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         at_rest: Vec::new(),
         without_triangles: 0,
         triangles: 0,
-        read: 0,
     };
     collector.origin = collector.origin_near_content()?;
     for node in placed(&document, &nodes) {
@@ -135,8 +133,6 @@ struct Collector<'a> {
     /// Number of primitives of points or lines, or without positions.
     without_triangles: usize,
     triangles: usize,
-    /// Number of vertices and indices read so far, at most [`MOST_READ`].
-    read: usize,
 }
 
 /// Triangles of a primitive before they are placed.
@@ -175,8 +171,10 @@ impl Collector<'_> {
             let copies = instances(&node, &self.document.gltf, self.buffers, self.path)?;
             let joint = node.skin().and_then(|skin| skin.joints().next());
             let world = self.nodes.worlds[joint.map_or(node.index(), |joint| joint.index())];
-            for copy in copies.unwrap_or_else(|| vec![DMat4::IDENTITY]) {
-                let world = world * copy;
+            // A thousand copies say well enough where all are.
+            let copies = copies.unwrap_or_else(|| vec![DMat4::IDENTITY]);
+            for copy in copies.iter().step_by(copies.len() / 1000 + 1) {
+                let world = world * *copy;
                 boxes.push(around(box_corners(bounds).map(|corner| world.transform_point3(corner))));
             }
         }
@@ -315,13 +313,6 @@ impl Collector<'_> {
                 opaque: false,
             });
         };
-        let index_count = primitive.indices().map_or(0, |indices| indices.count());
-        self.read = self.read.saturating_add(accessor.count()).saturating_add(index_count);
-        if self.read > MOST_READ {
-            return Err(wrong(format!(
-                "with it, more than {MOST_READ} vertices and indices would have to be read"
-            )));
-        }
         let is_draco = primitive.extension_value("KHR_draco_mesh_compression").is_some();
         if is_draco && accessor.view().is_none() && accessor.sparse().is_none() {
             return Err(wrong(
@@ -357,11 +348,13 @@ impl Collector<'_> {
         instance: &DMat4,
     ) -> Result<Vec<[Vec3; 3]>, SourceError> {
         let Primitive { shape, order, corners, .. } = primitive;
-        if corners.len() > MOST_TRIANGLES - self.triangles.min(MOST_TRIANGLES) {
-            let problem = format!("with it, the scene has more than {MOST_TRIANGLES} triangles");
+        self.triangles += corners.len();
+        if self.triangles > MOST_TRIANGLES || self.objects.len() >= MOST_OBJECTS {
+            let problem = format!(
+                "with it, the scene has more than {MOST_TRIANGLES} triangles or {MOST_OBJECTS} objects"
+            );
             return Err(SourceError::content(self.path, format!("node {}", node.index()), problem));
         }
-        self.triangles += corners.len();
         let placed = shape.placed(node.index(), instance, self.nodes);
         let placed: Vec<Vec3> = placed.into_iter().map(|p| (p - self.origin).as_vec3()).collect();
         // A mirroring transform turns triangles inside out; swapping two vertices restores the front that the

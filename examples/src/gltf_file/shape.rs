@@ -136,6 +136,7 @@ impl Skin {
         wrong: &dyn Fn(String) -> SourceError,
     ) -> Result<Option<Self>, SourceError> {
         let nodes: Vec<usize> = skin.joints().map(|joint| joint.index()).collect();
+        buffers.charge(nodes.len(), || format!("skin {}", skin.index()))?;
         let binds: Vec<DMat4> = match skin.inverse_bind_matrices() {
             None => vec![DMat4::IDENTITY; nodes.len()],
             Some(accessor) => {
