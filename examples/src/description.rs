@@ -4,9 +4,8 @@
 //! Every key is optional, since each scene has its own selection. A key of the wrong type is an error that
 //! names the key by its path, such as `cameras[1].keys[3].eye`. Unknown keys are ignored.
 
-use crate::error::SourceError;
+use crate::error::{SourceError, ordinary};
 use crate::json;
-use crate::load::ordinary;
 use crate::walk::{CameraKey, Walk};
 use glam::{DVec3, Vec3};
 use serde_json::Value;

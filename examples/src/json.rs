@@ -18,6 +18,11 @@ pub(crate) fn parse(bytes: &[u8]) -> serde_json::Result<Value> {
     Ok(value)
 }
 
+/// Returns the list of an object under a key, empty if there is none.
+pub(crate) fn list<'a>(object: &'a Value, key: &str) -> &'a [Value] {
+    object.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
+}
+
 /// Visitor that makes values, and refuses the second of two equal keys.
 struct Strict;
 

@@ -5,7 +5,7 @@
 //! from its bounds.
 
 use crate::description::Description;
-use crate::error::SourceError;
+use crate::error::{SourceError, ordinary};
 use crate::reading::Reading;
 use crate::recipes::{built_in_by_object, known_recipes};
 use crate::source::{Bounds, SceneSource, SourceObject, collected};
@@ -37,8 +37,8 @@ pub fn open_as(name: &str, reading: &Reading) -> Result<SceneSource, SourceError
 }
 
 /// Makes the same scene as [`open_as`], object by object: each is passed to `each` with the scene's origin as
-/// soon as it is made or read, and the scene is returned without objects. Of recipes and VSCN files one object
-/// is in memory at a time; glTF files are read as a whole before their first object is passed on.
+/// soon as it is made or read, and the scene is returned without objects. Of recipes and VSCN files one
+/// object is in memory at a time; glTF files are read as a whole before their first object is passed on.
 ///
 /// # Errors
 ///
@@ -138,16 +138,6 @@ fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<Sc
         copies.for_each(&mut *each);
     }
     Ok(SceneSource { name: format!("{}5", car.name), objects: Vec::new(), ..car })
-}
-
-/// Returns an error for a path of a pipe, a device or a folder. A pipe that nobody writes to would be waited
-/// for without end.
-pub(crate) fn ordinary(path: &Path) -> Result<(), SourceError> {
-    let facts = std::fs::metadata(path).map_err(|cause| SourceError::io(path, cause))?;
-    if facts.is_file() {
-        return Ok(());
-    }
-    Err(SourceError::content(path, "file", "it is no ordinary file, but a folder, a pipe or a device"))
 }
 
 /// Reads all bytes of a file. The error of the file system carries the path.

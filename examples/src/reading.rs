@@ -11,8 +11,8 @@ pub struct Reading {
     #[arg(long, value_name = "UNIT", value_parser = parse_unit)]
     pub unit: Option<f64>,
 
-    /// Axis that points up in scene files: x, y or z. By default y in glTF files, and in .vscn files z or what
-    /// the description says. Coordinates stay as they are.
+    /// Axis that points up in scene files: x, y or z. By default y in glTF files, and in .vscn files z or
+    /// what the description says. Coordinates stay as they are.
     #[arg(long, value_name = "AXIS", value_parser = parse_axis)]
     pub up: Option<Vec3>,
 }

@@ -87,8 +87,8 @@ fn size(cells: &Viewcells) -> (f64, f64) {
 pub struct SourceObject {
     /// Name in the source; not necessarily unique.
     pub name: String,
-    /// Triangles relative to the scene's origin, in metres. Of an object that moves, those at rest. Vertices from files are kept unchanged, NaN and infinities
-    /// included.
+    /// Triangles relative to the scene's origin, in metres. Of an object that moves, those at rest. Vertices
+    /// from files are kept unchanged, NaN and infinities included.
     pub triangles: Vec<[Vec3; 3]>,
     /// Whether the object may serve as an occluder. False for glass and cut-out billboards, which can be
     /// hidden but must never hide other objects.

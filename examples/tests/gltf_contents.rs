@@ -566,7 +566,7 @@ proptest! {
         keys in 1usize..4,
         matrix in any::<bool>(),
     ) {
-        // Three nodes in a row, each with a channel for translation, rotation and scale, of any interpolation.
+        // Three nodes in a row, each with channels for translation, rotation and scale.
         let mut numbers = numbers.into_iter().cycle();
         let mut next = || numbers.next().expect("numbers without end");
         let mut file = File::new();

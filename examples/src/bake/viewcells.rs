@@ -130,8 +130,8 @@ impl Solids<'_> {
 }
 
 /// Makes the viewcells of a scene, and gives up once `stop` returns true. `reading` is how its file, and a
-/// file of walkable triangles, are read. `bounds` are those of all its objects, relative to its origin, `None`
-/// if there are none.
+/// file of walkable triangles, are read. `bounds` are those of all its objects, relative to its origin,
+/// `None` if there are none.
 ///
 /// # Errors
 ///

@@ -158,8 +158,8 @@ impl<'a> Buffers<'a> {
         Ok(Elements { bytes: Cow::Owned(bytes), size, stride: size })
     }
 
-    /// Returns `count` elements of `size` bytes from a byte of a buffer view on. Returns an error for elements
-    /// beyond the view or its buffer, and strides shorter than an element.
+    /// Returns `count` elements of `size` bytes from a byte of a buffer view on. Returns an error for
+    /// elements beyond the view or its buffer, and strides shorter than an element.
     fn within(
         &self,
         accessor: &Accessor<'_>,

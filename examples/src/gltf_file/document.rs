@@ -112,7 +112,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Document, SourceError> {
         wrong(&key, format!("{index} is beyond all indices, of which there are at most 2^32"))
     })?;
     let mut unread = Unread::new(&root);
-    let nodes = list(&root, "nodes");
+    let nodes = json::list(&root, "nodes");
     let transforms: Vec<_> = nodes.iter().map(LocalTransform::of).collect();
     let mut is_pointed_at = vec![false; nodes.len()];
     strip(&mut root, &mut is_pointed_at, &mut unread);
@@ -178,8 +178,8 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), (usize, String)> {
 }
 
 /// Checks that numbers that are indices, or constants of 32 bits, are below 2^32: the `gltf` crate drops the
-/// bits above. `key` is the key of the value, and `is_index` whether all numbers below it are indices. Returns
-/// the key and the number as the error.
+/// bits above. `key` is the key of the value, and `is_index` whether all numbers below it are indices.
+/// Returns the key and the number as the error.
 fn check_indices(value: &Value, key: &str, is_index: bool) -> Result<(), (String, u64)> {
     /// Keys of indices or constants, or of lists or objects of them.
     const KEYS: [&str; 23] = [
@@ -227,11 +227,6 @@ fn check_indices(value: &Value, key: &str, is_index: bool) -> Result<(), (String
         }),
         _ => Ok(()),
     }
-}
-
-/// Returns the list of a document under a key, empty if there is none.
-pub(super) fn list<'a>(root: &'a Value, key: &str) -> &'a [Value] {
-    root.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
 /// Returns the mutable list of an object under a key, empty if there is none.

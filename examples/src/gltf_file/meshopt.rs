@@ -210,8 +210,8 @@ fn differences<'a>(
     Some(())
 }
 
-/// Decodes a group of sixteen values of `bits` bits: 0, 1, 2, 4 or 8. The greatest value of 1 to 4 bits stands
-/// for one of the bytes that follow.
+/// Decodes a group of sixteen values of `bits` bits: 0, 1, 2, 4 or 8. The greatest value of 1 to 4 bits
+/// stands for one of the bytes that follow.
 fn group_of_bytes(input: &mut Input<'_>, bits: usize) -> Option<[u8; GROUP]> {
     let mut values = [0; GROUP];
     match bits {

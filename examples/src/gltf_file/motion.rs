@@ -379,7 +379,8 @@ impl Channel {
         let middle = (from + to) * 0.5;
         let next = self.times.partition_point(|&time| time <= middle);
         if self.interpolation == Interpolation::Linear && 0 < next && next < self.times.len() {
-            // Slerp along the shorter arc, whose angle between unit quaternions is half that of the rotations.
+            // Slerp along the shorter arc, whose angle between unit quaternions is half that of the
+            // rotations.
             let [a, b] = [next - 1, next].map(|key| unit(DQuat::from_vec4(self.values[key].value)));
             let b = if a.dot(b) < 0.0 { -b } else { b };
             let length = self.times[next] - self.times[next - 1];

@@ -23,9 +23,9 @@ pub(super) struct Nodes {
 }
 
 impl Nodes {
-    /// Places the nodes of a document; `root` is the matrix from the document's space to world space. Those of
-    /// the default scene are read. Without a default scene these are the nodes of the first scene, and without
-    /// scenes all. Counts hidden nodes in the document.
+    /// Places the nodes of a document; `root` is the matrix from the document's space to world space. Those
+    /// of the default scene are read. Without a default scene these are the nodes of the first scene, and
+    /// without scenes all. Counts hidden nodes in the document.
     ///
     /// # Errors
     ///

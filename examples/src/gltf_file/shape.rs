@@ -32,8 +32,8 @@ impl Shape {
     ///
     /// # Errors
     ///
-    /// Returns the errors of reading the accessors, and [`SourceError::Content`] when a morph target or a skin
-    /// does not fit the positions, or a joint is beyond the skin's. `place` names the primitive.
+    /// Returns the errors of reading the accessors, and [`SourceError::Content`] when a morph target or a
+    /// skin does not fit the positions, or a joint is beyond the skin's. `place` names the primitive.
     pub(super) fn read(
         node: &gltf::Node<'_>,
         primitive: &gltf::Primitive<'_>,
@@ -101,8 +101,8 @@ impl Shape {
     }
 
     /// Returns the boxes that contain the vertices at `indices` over all weights: with the node that moves
-    /// each, and the matrix to that node's space. A skinned vertex is a mean of what its joints make of it, and
-    /// so within the box around those.
+    /// each, and the matrix to that node's space. A skinned vertex is a mean of what its joints make of it,
+    /// and so within the box around those.
     pub(super) fn boxes(&self, node: usize, instance: &DMat4, indices: &[u32]) -> Vec<(usize, DMat4, Box64)> {
         let of_vertex = |index: usize| match self.morphed.get(index) {
             Some(&bounds) => bounds,

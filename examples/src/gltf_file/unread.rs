@@ -1,6 +1,6 @@
 //! What is in a glTF file and not read, counted, so that nobody takes what is loaded for the whole file.
 
-use super::document::list;
+use crate::json::list;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
