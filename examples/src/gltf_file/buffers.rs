@@ -127,7 +127,6 @@ impl<'a> Buffers<'a> {
     /// buffer, strides shorter than an element, and sparse elements beyond the accessor.
     fn elements(&self, accessor: &Accessor<'_>) -> Result<Elements<'_>, SourceError> {
         let (size, count) = (accessor.size(), accessor.count());
-        self.charge(count, || format!("accessor {}", accessor.index()))?;
         let base = match accessor.view() {
             Some(view) => self.within(accessor, &view, accessor.offset(), size, count)?,
             None if count > MOST_ZEROS => {
@@ -136,6 +135,7 @@ impl<'a> Buffers<'a> {
             }
             None => Elements { bytes: Cow::Owned(vec![0; size * count]), size, stride: size },
         };
+        self.charge(count, || format!("accessor {}", accessor.index()))?;
         let Some(sparse) = accessor.sparse() else { return Ok(base) };
         let (indices, values) = (sparse.indices(), sparse.values());
         let index_size = match indices.index_type() {
