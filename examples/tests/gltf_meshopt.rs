@@ -79,7 +79,7 @@ fn encode(
     let mut before = first.clone();
     let zigzag8 = |d: u8| d << 1 ^ (d as i8 >> 7) as u8;
     let zigzag16 = |d: u16| d << 1 ^ (d as i16 >> 15) as u16;
-    let block = (8192 / stride & !15).min(256) * stride;
+    let block = ((8192 / stride) & !15).min(256) * stride;
     for block in elements.chunks(block) {
         // Differences of all elements, in place of the elements.
         let mut differences = block.to_vec();

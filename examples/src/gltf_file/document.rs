@@ -142,10 +142,13 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Document, SourceError> {
     Ok(Document { gltf, chunk, transforms, is_pointed_at, unread })
 }
 
+/// Text and binary chunk of a GLB.
+type Chunks<'a> = (&'a [u8], Option<&'a [u8]>);
+
 /// Splits a GLB into its text and its binary chunk, `None` if there is none. Further chunks are ignored.
 /// Returns the byte and a message as the error when the version is not 2, or the chunks do not fill the
 /// length in the header, or that is not the file's.
-fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), (usize, String)> {
+fn split(bytes: &[u8]) -> Result<Chunks<'_>, (usize, String)> {
     /// Number of bytes of the header, and of the header of a chunk.
     const HEADERS: [usize; 2] = [12, 8];
     let number = |at: usize| {

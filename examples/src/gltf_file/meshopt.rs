@@ -157,7 +157,7 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let (before, channels) = input.0[input.0.len() - stride - channels..].split_at(stride);
     let mut before = before.to_vec();
     input.0 = &input.0[..end];
-    let most = (8192 / stride & !(GROUP - 1)).min(256);
+    let most = ((8192 / stride) & !(GROUP - 1)).min(256);
     let mut decoded = Vec::new();
     let mut left = count;
     while left > 0 {
@@ -288,7 +288,7 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
         0xE1 => 13,
         _ => return None,
     };
-    if count % 3 != 0 {
+    if !count.is_multiple_of(3) {
         return None;
     }
     let codes = input.take(count / 3)?;
