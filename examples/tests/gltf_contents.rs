@@ -692,6 +692,13 @@ fn movers_far_from_the_origin_are_relative_to_it_too() {
     assert!((high - DVec3::new(2.0, 7.0, 6.4e6)).length() < 0.01, "{high}");
 }
 
+/// Arguments of a program that reads a scene file.
+#[derive(clap::Parser)]
+struct Arguments {
+    #[command(flatten)]
+    reading: Reading,
+}
+
 /// Returns the scene of a box of a size, read in a way.
 fn boxed(size: [f32; 3], reading: &Reading) -> SceneSource {
     let [x, y, z] = size;
@@ -704,8 +711,8 @@ fn boxed(size: [f32; 3], reading: &Reading) -> SceneSource {
 
 #[test]
 fn unit_and_axis_up_are_as_told_or_hinted_at() {
-    let told = Reading { unit: Some(0.001), up: Some(Vec3::Z) };
-    let house = boxed([12_000.0, 9_000.0, 6_000.0], &told);
+    let Arguments { reading } = clap::Parser::parse_from(["", "--unit", "mm", "--up", "z"]);
+    let house = boxed([12_000.0, 9_000.0, 6_000.0], &reading);
     assert_eq!(house.bounds(), Some((Vec3::ZERO, Vec3::new(12.0, 9.0, 6.0))));
     assert_eq!((house.up, house.notes.len()), (Vec3::Z, 0));
     let silent = Reading::default();
