@@ -39,3 +39,33 @@ fn numbers_beyond_what_can_be_kept_or_drawn_are_refused() {
         assert!(error.contains(expected), "{program} {arguments}: expected `{expected}` in: {error}");
     }
 }
+
+#[test]
+fn cameras_are_in_the_unit_of_the_scene() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("cameras_in_mm");
+    std::fs::create_dir_all(&folder).unwrap();
+    // A triangle 2 m before the camera, and one 3 m behind it, in millimetres.
+    let triangle = |z: f32| [[-500.0, -500.0, z], [500.0, -500.0, z], [0.0, 500.0, z]];
+    let points = [triangle(0.0), triangle(5000.0)];
+    let bytes: Vec<u8> = points.as_flattened().as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
+    std::fs::write(folder.join("scene.bin"), bytes).unwrap();
+    let document = r#"{"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}, {"mesh": 1}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}, {"primitives": [{"attributes": {"POSITION": 1}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3},
+            {"bufferView": 0, "byteOffset": 36, "componentType": 5126, "type": "VEC3", "count": 3}],
+        "bufferViews": [{"buffer": 0, "byteLength": 72}], "buffers": [{"byteLength": 72, "uri": "scene.bin"}]}"#;
+    std::fs::write(folder.join("scene.gltf"), document).unwrap();
+    let cameras = r#"{"near": 1000, "cameras": [{"fov_y_deg": 60, "up": [0, 1, 0],
+        "keys": [{"eye": [0, 0, 2000], "target": [0, 0, 0]}]}]}"#;
+    std::fs::write(folder.join("cameras.json"), cameras).unwrap();
+    let arguments =
+        "scene.gltf --unit mm --cameras cameras.json --cullers frustum --size 32x18 --dump dump.csv";
+    let output = Command::new(env!("CARGO_BIN_EXE_walkthrough"))
+        .args(arguments.split(' '))
+        .current_dir(&folder)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let dump = std::fs::read_to_string(folder.join("dump.csv")).unwrap();
+    assert!(dump.lines().any(|line| line.trim_end() == "0 frustum 0"), "{dump}");
+}

@@ -35,6 +35,7 @@ fn main() -> ExitCode {
 
 fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let source = open(&arguments.scene)?;
+    source.print_notes();
     let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
     let triangles: Vec<LevelTriangle> = opaque
         .flat_map(|object| &object.triangles)

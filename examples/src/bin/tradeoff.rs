@@ -68,7 +68,9 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut names: Vec<String> = Vec::new();
     let mut advised_costs = Vec::new();
     for scene in scenes {
-        let world = World::new(open(scene)?, (640, 360), Some(effort.frames));
+        let source = open(scene)?;
+        source.print_notes();
+        let world = World::new(source, (640, 360), Some(effort.frames));
         let mut world = world.map_err(|error| format!("{scene}: {error}"))?;
         world.source.name = unlike(&names, &world.source.name);
         world.prepared = Prepared::measuring(|| MEMORY.current_usage());
