@@ -5,4 +5,5 @@ mod clip_planes;
 mod common;
 mod pictures;
 mod rays;
+mod surfaces;
 mod ties;
