@@ -5,6 +5,8 @@
 //! names the key by its path, such as `cameras[1].keys[3].eye`. Unknown keys are ignored.
 
 use crate::error::SourceError;
+use crate::json;
+use crate::load::ordinary;
 use crate::walk::{CameraKey, Walk};
 use glam::{DVec3, Vec3};
 use serde_json::Value;
@@ -65,8 +67,10 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// Returns [`SourceError::Io`] when the file cannot be read, and the errors of [`parse`](Self::parse).
+    /// Returns [`SourceError::Io`] when the file cannot be read, [`SourceError::Content`] when it is no
+    /// ordinary file, such as a pipe, and the errors of [`parse`](Self::parse).
     pub fn load(path: &Path) -> Result<Self, SourceError> {
+        ordinary(path)?;
         let bytes = std::fs::read(path).map_err(|cause| SourceError::io(path, cause))?;
         Self::parse(&bytes, path)
     }
@@ -76,9 +80,9 @@ impl Description {
     /// # Errors
     ///
     /// Returns [`SourceError::Content`] with the path of the key when the text is not JSON, the root is not
-    /// an object, or a known key has a wrong type or an unusable value.
+    /// an object, a key is given twice, or a known key has a wrong type or an unusable value.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, SourceError> {
-        let root: Value = serde_json::from_slice(bytes).map_err(|error| {
+        let root = json::parse(bytes).map_err(|error| {
             let place = format!("line {}, column {}", error.line(), error.column());
             SourceError::content(path, place, error.to_string())
         })?;
@@ -313,6 +317,7 @@ mod tests {
             (&GOOD.replace("[0, 2, 0]", "[0, 0, 0]"), "cameras[0].up"),
             (&GOOD.replace("[0, 0, 0]", "[1, 2, 3.5]"), "cameras[0].keys[0]"),
             (r#"{"near": 1e999}"#, "line 1"),
+            (r#"{"near": 1, "near": 2}"#, "line 1"),
             ("{", "line 1"),
         ];
         for (text, place) in wrong {

@@ -6,6 +6,7 @@
 
 use crate::description::Description;
 use crate::error::SourceError;
+use crate::reading::Reading;
 use crate::recipes::{built_in_by_object, known_recipes};
 use crate::source::{Bounds, SceneSource, SourceObject, collected};
 use crate::{gltf_file, vscn, walk};
@@ -23,25 +24,39 @@ use std::path::Path;
 ///
 /// Returns the errors of [`built_in`](crate::built_in), [`load()`] or [`cars5`].
 pub fn open(name: &str) -> Result<SceneSource, SourceError> {
-    collected(|each| open_by_object(name, each))
+    open_as(name, &Reading::default())
 }
 
-/// Makes the same scene as [`open`], object by object: each is passed to `each` as soon as it is made or
-/// read, and the scene is returned without objects. Of recipes and VSCN files one object is in memory at a
-/// time; glTF files are read as a whole before their first object is passed on.
+/// Makes the scene that a user names as [`open`] does, with another unit or axis up of a scene file.
+///
+/// # Errors
+///
+/// Returns the errors of [`open`].
+pub fn open_as(name: &str, reading: &Reading) -> Result<SceneSource, SourceError> {
+    collected(|each| open_by_object(name, reading, &mut |_, object| each(object)))
+}
+
+/// Makes the same scene as [`open_as`], object by object: each is passed to `each` with the scene's origin as
+/// soon as it is made or read, and the scene is returned without objects. Of recipes and VSCN files one object
+/// is in memory at a time; glTF files are read as a whole before their first object is passed on.
 ///
 /// # Errors
 ///
 /// Returns the errors of [`open`], which may come after objects were passed on.
-pub fn open_by_object(name: &str, each: &mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError> {
+pub fn open_by_object(
+    name: &str,
+    reading: &Reading,
+    each: &mut dyn FnMut(DVec3, SourceObject),
+) -> Result<SceneSource, SourceError> {
+    let mut at_zero = |object| each(DVec3::ZERO, object);
     let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
     let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
     if let Some(car) = name.strip_prefix("cars5:") {
-        cars5_by_object(Path::new(car), each)
+        cars5_by_object(Path::new(car), &mut at_zero)
     } else if known_recipes().any(is_recipe) || Path::new(name).extension().is_none() {
-        built_in_by_object(name, each)
+        built_in_by_object(name, &mut at_zero)
     } else {
-        load_by_object(Path::new(name), each)
+        load_by_object(Path::new(name), reading, each)
     }
 }
 
@@ -54,16 +69,34 @@ pub fn open_by_object(name: &str, each: &mut dyn FnMut(SourceObject)) -> Result<
 /// read, and [`SourceError::Content`] when its content is invalid or the JSON's counts differ from the
 /// file's.
 pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
-    collected(|each| load_by_object(path, each))
+    load_as(path, &Reading::default())
 }
 
-fn load_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError> {
+/// Reads a scene from a file as [`load`] does, with another unit or axis up.
+///
+/// # Errors
+///
+/// Returns the errors of [`load`].
+pub fn load_as(path: &Path, reading: &Reading) -> Result<SceneSource, SourceError> {
+    collected(|each| load_by_object(path, reading, &mut |_, object| each(object)))
+}
+
+fn load_by_object(
+    path: &Path,
+    reading: &Reading,
+    each: &mut dyn FnMut(DVec3, SourceObject),
+) -> Result<SceneSource, SourceError> {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
-        Some("vscn") => load_vscn(path, each),
+        Some("vscn") => load_vscn(path, reading, &mut |object| each(DVec3::ZERO, object)),
         Some("gltf" | "glb") => {
-            let mut scene = gltf_file::parse(&read(path)?, path)?;
-            std::mem::take(&mut scene.objects).into_iter().for_each(each);
+            let mut scene = gltf_file::parse_as(&read(path)?, path, reading)?;
+            if scene.triangle_count() == 0 {
+                let notes = scene.notes.join("; ");
+                let problem = format!("it has no triangles, so nothing is seen or hidden ({notes})");
+                return Err(SourceError::content(path, "document", problem.replace(" ()", "")));
+            }
+            std::mem::take(&mut scene.objects).into_iter().for_each(|object| each(scene.origin, object));
             Ok(scene)
         }
         _ => Err(SourceError::UnknownFormat { file: path.to_path_buf() }),
@@ -107,13 +140,28 @@ fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<Sc
     Ok(SceneSource { name: format!("{}5", car.name), objects: Vec::new(), ..car })
 }
 
+/// Returns an error for a path of a pipe, a device or a folder. A pipe that nobody writes to would be waited
+/// for without end.
+pub(crate) fn ordinary(path: &Path) -> Result<(), SourceError> {
+    let facts = std::fs::metadata(path).map_err(|cause| SourceError::io(path, cause))?;
+    if facts.is_file() {
+        return Ok(());
+    }
+    Err(SourceError::content(path, "file", "it is no ordinary file, but a folder, a pipe or a device"))
+}
+
 /// Reads all bytes of a file. The error of the file system carries the path.
 fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
+    ordinary(path)?;
     std::fs::read(path).map_err(|cause| SourceError::io(path, cause))
 }
 
 /// Loads a VSCN file with the JSON description beside it. A missing description is no error.
-fn load_vscn(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<SceneSource, SourceError> {
+fn load_vscn(
+    path: &Path,
+    reading: &Reading,
+    each: &mut dyn FnMut(SourceObject),
+) -> Result<SceneSource, SourceError> {
     let beside = path.with_extension("json");
     // Only a missing file counts as no description; a file that exists and cannot be read is an error.
     let description = match Description::load(&beside) {
@@ -122,7 +170,16 @@ fn load_vscn(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<SceneSou
         }
         other => other?,
     };
-    assemble(path, &description, each)
+    let unit = reading.metres();
+    let scaled = |p: Vec3| (p.as_dvec3() * unit).as_vec3();
+    let mut scene = assemble(path, &description, &mut |mut object| {
+        object.triangles.as_flattened_mut().iter_mut().for_each(|p| *p = scaled(*p));
+        each(object);
+    })?;
+    scene.up = reading.up.unwrap_or(scene.up);
+    scene.near *= unit as f32;
+    scene.walks.iter_mut().for_each(|walk| walk.map(|point| point * unit));
+    Ok(scene)
 }
 
 /// Makes the scene of a VSCN file and a description, and passes its objects on. Absent facts get defaults: z
@@ -133,6 +190,7 @@ fn assemble(
     description: &Description,
     each: &mut dyn FnMut(SourceObject),
 ) -> Result<SceneSource, SourceError> {
+    ordinary(path)?;
     let failed = |cause| SourceError::io(path, cause);
     let file = File::open(path).map_err(failed)?;
     let size = file.metadata().map_err(failed)?.len();
@@ -146,14 +204,10 @@ fn assemble(
     })?;
     check_counts(path, description, objects, triangle_count)?;
     let bounds = bounds.corners();
-    let mut scene = SceneSource {
-        name: description.name.clone().unwrap_or_else(|| crate::source::stem(path)),
-        up: description.up.unwrap_or(Vec3::Z),
-        near: description.near.unwrap_or(walk::made_up_near(bounds)),
-        objects: Vec::new(),
-        walks: description.walks.clone(),
-        cells: None,
-    };
+    let name = description.name.clone().unwrap_or_else(|| crate::source::stem(path));
+    let near = description.near.unwrap_or(walk::made_up_near(bounds));
+    let mut scene = SceneSource::new(name, description.up.unwrap_or(Vec3::Z), near);
+    scene.walks = description.walks.clone();
     if scene.walks.is_empty() {
         scene.walks = walk::made_up(bounds, scene.up);
     }

@@ -5,13 +5,15 @@
 //! Triangles are neither indexed nor shared between objects: a triangle soup is the simplest form from which
 //! to fill the cullers' scene.
 
+use crate::eprintln;
 use crate::error::SourceError;
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
 use std::str::FromStr;
 use visibility_core::{Aabb, Object, cells::CellGraph, pvs::Viewcells};
 
-/// Scene with its camera walks, in world space and metres.
+/// Scene with its camera walks, in metres. Walks and cells are in world space, and objects relative to
+/// [`origin`](Self::origin).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneSource {
     /// Name of the recipe, or the file's name without its extension, or the name in the file's description.
@@ -20,6 +22,11 @@ pub struct SceneSource {
     pub up: Vec3,
     /// Distance of the near plane in metres, chosen for the walks.
     pub near: f32,
+    /// Point in world space that the coordinates of objects are relative to: zero, except for a file whose
+    /// content is far from its own origin.
+    pub origin: DVec3,
+    /// Lines for a user about what was read otherwise than one may expect, or not at all.
+    pub notes: Vec<String>,
     /// Objects, in the order of the file or recipe. The index of an object is its identity.
     pub objects: Vec<SourceObject>,
     /// Camera walks. A loader derives walks from the bounds when the source has none, so the list is empty
@@ -80,7 +87,7 @@ fn size(cells: &Viewcells) -> (f64, f64) {
 pub struct SourceObject {
     /// Name in the source; not necessarily unique.
     pub name: String,
-    /// Triangles in world space, in metres. Vertices from files are kept unchanged, NaN and infinities
+    /// Triangles relative to the scene's origin, in metres. Of an object that moves, those at rest. Vertices from files are kept unchanged, NaN and infinities
     /// included.
     pub triangles: Vec<[Vec3; 3]>,
     /// Whether the object may serve as an occluder. False for glass and cut-out billboards, which can be
@@ -89,8 +96,11 @@ pub struct SourceObject {
     /// Whether the object is a door leaf. The walks of some scenes pass through closed doors, so a program
     /// may leave doors out. Reference counts of a scene are taken with every door closed and drawn.
     pub door: bool,
-    /// Whether the object is visible from everywhere, such as one that moves.
+    /// Whether the object is visible from everywhere, such as one that moves without known bounds.
     pub never_cull: bool,
+    /// Bounds of the object wherever its animations move it, relative to the scene's origin. `None` if none
+    /// does.
+    pub motion: Option<Corners>,
 }
 
 /// What a level says of an object, beyond its shape.
@@ -129,7 +139,7 @@ pub type Corners = (Vec3, Vec3);
 impl SourceObject {
     /// Creates an opaque object that is not a door, from its world-space triangles.
     pub fn new(name: impl Into<String>, triangles: Vec<[Vec3; 3]>) -> Self {
-        Self { name: name.into(), triangles, opaque: true, door: false, never_cull: false }
+        Self { name: name.into(), triangles, opaque: true, door: false, never_cull: false, motion: None }
     }
 
     /// Returns the object as the cullers' scene takes it, an occluder even if it is a door.
@@ -138,8 +148,20 @@ impl SourceObject {
             cost: u32::try_from(self.triangles.len()).unwrap_or(u32::MAX),
             occluder: self.opaque,
             never_cull: self.never_cull,
-            ..Object::new(Aabb::from_points(self.triangles.iter().flatten().copied()))
+            ..Object::new(self.all_bounds())
         }
+    }
+
+    /// Returns the box around the triangles and all places that animations move them to.
+    fn all_bounds(&self) -> Aabb {
+        let ends = self.motion.into_iter().flat_map(|(low, high)| [low, high]);
+        Aabb::from_points(self.triangles.iter().flatten().copied().chain(ends))
+    }
+
+    /// Returns the triangles as the cullers' scene takes them: none for an object that moves, which may be
+    /// anywhere within its bounds.
+    pub fn fixed_triangles(&self) -> &[[Vec3; 3]] {
+        if self.motion.is_some() { &[] } else { &self.triangles }
     }
 
     /// Notes a hint of the level.
@@ -194,6 +216,43 @@ pub fn parse_hint(text: &str) -> Result<(Hint, String), String> {
 }
 
 impl SceneSource {
+    /// Creates a scene without objects, walks and cells, whose objects' coordinates are those of world space.
+    pub fn new(name: impl Into<String>, up: Vec3, near: f32) -> Self {
+        Self {
+            name: name.into(),
+            up,
+            near,
+            origin: DVec3::ZERO,
+            notes: Vec::new(),
+            objects: Vec::new(),
+            walks: Vec::new(),
+            cells: None,
+        }
+    }
+
+    /// Appends the objects of another scene, which stay where they are in world space.
+    pub fn append(&mut self, other: SceneSource) {
+        let shift = other.origin - self.origin;
+        let move_by = |point: &mut Vec3| *point = (point.as_dvec3() + shift).as_vec3();
+        self.objects.extend(other.objects.into_iter().map(|mut object| {
+            if shift != DVec3::ZERO {
+                object.triangles.as_flattened_mut().iter_mut().for_each(move_by);
+                object.motion = object.motion.map(|(low, high)| {
+                    let bounds = Aabb::from_world(low.as_dvec3(), high.as_dvec3(), -shift);
+                    (bounds.min, bounds.max)
+                });
+            }
+            object
+        }));
+    }
+
+    /// Prints the scene's notes on standard error, a line each.
+    pub fn print_notes(&self) {
+        for note in &self.notes {
+            eprintln!("{}: {note}", self.name);
+        }
+    }
+
     /// Returns the number of triangles of all objects together.
     pub fn triangle_count(&self) -> usize {
         self.objects.iter().map(|o| o.triangles.len()).sum()

@@ -29,6 +29,18 @@ pub struct Walk {
 }
 
 impl Walk {
+    /// Moves all eyes and targets by a vector in metres.
+    pub fn translate(&mut self, by: DVec3) {
+        self.map(|point| point + by);
+    }
+
+    /// Applies a function to all eyes and targets.
+    pub fn map(&mut self, place: impl Fn(DVec3) -> DVec3) {
+        for key in &mut self.keys {
+            *key = CameraKey { eye: place(key.eye), target: place(key.target) };
+        }
+    }
+
     /// Returns the interpolated camera at a position along the keys: 0 is the first key, and 1.5 is halfway
     /// from the second to the third key. Positions beyond the ends give the first or last key, and NaN the
     /// first. `None` for a walk without keys.

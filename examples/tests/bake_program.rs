@@ -43,18 +43,10 @@ fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
         let corner = |x: f32, z: f32| Vec3::new(x, y, z);
         [[corner(a, c), corner(b, c), corner(b, d)], [corner(a, c), corner(b, d), corner(a, d)]]
     };
-    let object = |name: &str, triangles: Vec<[Vec3; 3]>| SourceObject {
-        name: name.to_owned(),
-        triangles,
-        opaque: true,
-        door: false,
-        never_cull: false,
-    };
     let wall = rectangles.iter().flat_map(|&rectangle| at(5.0, rectangle)).collect();
     let plate = at(9.0, [-0.4, 0.4, 0.0, 2.0]).to_vec();
-    let objects = vec![object("wall", wall), object("plate", plate)];
-    let (name, walks) = ("wall".to_owned(), Vec::new());
-    let scene = SceneSource { name, up: Vec3::Z, near: 0.01, objects, walks, cells: None };
+    let objects = vec![SourceObject::new("wall", wall), SourceObject::new("plate", plate)];
+    let scene = SceneSource { objects, ..SceneSource::new("wall", Vec3::Z, 0.01) };
     fs::write(path, vscn::write(&scene).unwrap()).unwrap();
 }
 

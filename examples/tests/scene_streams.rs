@@ -3,7 +3,7 @@
 use glam::Vec3;
 use std::path::Path;
 use visibility_examples::source::{Bounds, SourceObject};
-use visibility_examples::{SceneSource, open, open_by_object, vscn};
+use visibility_examples::{Reading, SceneSource, open, open_by_object, vscn};
 use visibility_testing::allocations::{LIVE, PEAK};
 
 /// Writes a scene as a VSCN file with names and glass, and an object with coordinates that are not finite.
@@ -30,7 +30,7 @@ fn objects_one_by_one_are_those_of_the_whole_and_take_little_memory() {
         let mut bounds = Bounds::default();
         let before = LIVE.get();
         PEAK.set(before);
-        let rest = open_by_object(name, &mut |object| {
+        let rest = open_by_object(name, &Reading::default(), &mut |_, object| {
             let other = expected.next().expect(name);
             assert_eq!((&object.name, object.opaque, object.door), (&other.name, other.opaque, other.door));
             let bits = |object: &SourceObject| {

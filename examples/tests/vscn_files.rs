@@ -4,18 +4,12 @@
 use glam::Vec3;
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
-use visibility_examples::{SceneSource, SourceError, SourceObject, load, open_by_object, vscn};
+use visibility_examples::{Reading, SceneSource, SourceError, SourceObject, load, open_by_object, vscn};
 
 /// Makes a scene of opaque objects, each from its list of triangles.
 fn scene(objects: Vec<Vec<[Vec3; 3]>>) -> SceneSource {
-    SceneSource {
-        name: "test".into(),
-        up: Vec3::Z,
-        near: 0.1,
-        objects: objects.into_iter().map(|triangles| SourceObject::new("object", triangles)).collect(),
-        walks: Vec::new(),
-        cells: None,
-    }
+    let objects = objects.into_iter().map(|triangles| SourceObject::new("object", triangles)).collect();
+    SceneSource { objects, ..SceneSource::new("test", Vec3::Z, 0.1) }
 }
 
 /// Parses the bytes of a VSCN file named `test.vscn`, and returns the loader's result.
@@ -129,7 +123,8 @@ fn files_are_read_object_by_object_and_damaged_ones_refused_as_bytes_are() {
     for bytes in &damaged {
         std::fs::write(&file, bytes).expect("a test file");
         let mut passed = Vec::new();
-        let read = open_by_object(&at, &mut |object| passed.push(object.triangles.len()));
+        let read =
+            open_by_object(&at, &Reading::default(), &mut |_, object| passed.push(object.triangles.len()));
         let expected = parse(bytes).map(|objects| objects.len()).map_err(|error| error.to_string());
         match (read, expected) {
             (Ok(scene), Ok(count)) => assert!(scene.objects.is_empty() && passed.len() == count),

@@ -22,7 +22,7 @@ fuzz_target!(|bytes: &[u8]| {
         views.extend(view.ok().filter(is_of_a_camera));
     }
     let source = bytes.scene();
-    let world = World::with_views(source, visibility_core::glam::DVec3::ZERO, views, Vec::new(), (64, 64));
+    let world = World::with_views(source, views, Vec::new(), (64, 64));
     let names: Vec<_> = cullers::known().collect();
     let known = names[usize::from(culler) % names.len()];
     let dial = known.dials.first().map_or_else(String::new, |dial| format!(":{dial}"));

@@ -95,6 +95,6 @@ impl<'a> Bytes<'a> {
             let last = objects.len() - 1;
             objects[last].triangles.push([corner(0), corner(3), corner(6)]);
         }
-        SceneSource { name: "fuzz".into(), up: Vec3::Z, near: 0.1, objects, walks: Vec::new(), cells: None }
+        SceneSource { objects, ..SceneSource::new("fuzz", Vec3::Z, 0.1) }
     }
 }

@@ -1,8 +1,8 @@
 //! The job of a bake, as a user states it: scene, viewcells and settings.
 
 use super::viewcells::Places;
-use crate::Hint;
 use crate::source::parse_hint;
+use crate::{Hint, Reading};
 use clap::Args;
 
 /// What is baked: the same for all shards of a bake.
@@ -12,6 +12,10 @@ pub struct Job {
     /// or a file (.vscn, .glb, .gltf).
     #[arg(value_name = "SCENE")]
     pub scene: String,
+
+    /// How scene files are read.
+    #[command(flatten)]
+    pub reading: Reading,
 
     /// Where viewcells are.
     #[command(flatten)]

@@ -56,23 +56,36 @@ impl Level {
         let (name, content, viewcells) = match job.memory {
             None => {
                 let mut objects = Vec::new();
-                let (source, bounds) = read(job, &mut |object| objects.push(object))?;
+                let (source, bounds) = read(job, &mut |_, object| objects.push(object))?;
                 let world = world(SceneSource { objects, ..source });
                 let solids = Solids::Scene(&world.scene);
-                let viewcells = viewcells::make(&job.places, &world.source, bounds, &solids, stop)?;
+                let viewcells =
+                    viewcells::make(&job.places, &job.reading, &world.source, bounds, &solids, stop)?;
                 (world.source.name.clone(), Content::World(Box::new(world)), viewcells)
             }
             Some(memory) => {
-                let mut writer = TiledScene::writer(scratch, DVec3::ZERO)?;
-                let mut written = Ok(());
-                let (source, bounds) = read(job, &mut |object| {
-                    if written.is_ok() {
-                        written = append(&mut writer, object);
+                // The origin is known with the first object.
+                let (mut writer, mut failed) = (None, None);
+                let (source, bounds) = read(job, &mut |origin, object| {
+                    if failed.is_some() {
+                        return;
                     }
+                    let append = |writer: &mut Option<TiledSceneWriter>| {
+                        let writer = match writer {
+                            Some(writer) => writer,
+                            none => none.insert(TiledScene::writer(scratch, origin)?),
+                        };
+                        append(writer, object)
+                    };
+                    failed = append(&mut writer).err();
                 })?;
-                written?;
-                let level = writer.finish(memory, PROGRAM_BYTES)?;
-                let viewcells = viewcells::make(&job.places, &source, bounds, &Solids::Level(&level), stop)?;
+                if let Some(failed) = failed {
+                    return Err(failed.into());
+                }
+                let writer = writer.map_or_else(|| TiledScene::writer(scratch, source.origin), Ok)?;
+                let (level, places) = (writer.finish(memory, PROGRAM_BYTES)?, &job.places);
+                let viewcells =
+                    viewcells::make(places, &job.reading, &source, bounds, &Solids::Level(&level), stop)?;
                 (source.name, Content::File(Arc::new(level)), viewcells)
             }
         };
@@ -160,21 +173,26 @@ impl Level {
     }
 }
 
-/// Makes the scene of a job, and passes its objects to `each` one by one, with the job's hints. Returns the
-/// scene without objects, and the bounds of all objects, `None` if there are none.
+/// Makes the scene of a job, and passes its objects to `each` one by one, with the scene's origin and the
+/// job's hints. Returns the scene without objects, and the bounds of all objects relative to the origin,
+/// `None` if there are none. Prints the scene's notes.
 ///
 /// # Errors
 ///
 /// Returns a message if the scene cannot be made or read, or a hint is for no object.
-fn read(job: &Job, each: &mut dyn FnMut(SourceObject)) -> Result<(SceneSource, Option<Corners>), String> {
+fn read(
+    job: &Job,
+    each: &mut dyn FnMut(DVec3, SourceObject),
+) -> Result<(SceneSource, Option<Corners>), String> {
     let mut bounds = Bounds::default();
     let mut is_named = vec![false; job.hints.len()];
-    let source = open_by_object(&job.scene, &mut |mut object| {
+    let source = open_by_object(&job.scene, &job.reading, &mut |origin, mut object| {
         object.take_all(&job.hints, &mut is_named);
         bounds.add(&object);
-        each(object);
+        each(origin, object);
     });
     let source = source.map_err(|error| error.to_string())?;
+    source.print_notes();
     check_hints(&job.hints, &is_named)?;
     Ok((source, bounds.corners()))
 }
@@ -184,7 +202,7 @@ fn append(writer: &mut TiledSceneWriter, object: SourceObject) -> Result<(), Lev
     let mut scene = Scene::new();
     let whole = object.object();
     let id = scene.insert(Object { occluder: whole.occluder && !object.door, ..whole });
-    scene.set_triangles(id, object.triangles).expect("the object was just inserted");
+    scene.set_triangles(id, object.fixed_triangles()).expect("the object was just inserted");
     scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
     let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { return Ok(()) };
     writer.push(&object, triangles, scene.occluder(id))

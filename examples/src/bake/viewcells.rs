@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use crate::region::cells;
 use crate::source::Corners;
-use crate::{SceneSource, load};
+use crate::{Reading, SceneSource, load_as};
 use clap::Args;
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
@@ -129,14 +129,16 @@ impl Solids<'_> {
     }
 }
 
-/// Makes the viewcells of a scene, and gives up once `stop` returns true. `bounds` are those of all its
-/// objects, `None` if there are none.
+/// Makes the viewcells of a scene, and gives up once `stop` returns true. `reading` is how its file, and a
+/// file of walkable triangles, are read. `bounds` are those of all its objects, relative to its origin, `None`
+/// if there are none.
 ///
 /// # Errors
 ///
 /// [`Failure`] if there are none or too many, a file cannot be read, or the memory is too small.
 pub fn make(
     places: &Places,
+    reading: &Reading,
     source: &SceneSource,
     bounds: Option<Corners>,
     solids: &Solids<'_>,
@@ -144,7 +146,8 @@ pub fn make(
 ) -> Result<Vec<Viewcell>, Failure> {
     let text = |error: GridError| error.to_string();
     let double = |point: Vec3| point.as_dvec3();
-    let (low, high) = bounds.map_or((DVec3::ZERO, DVec3::ZERO), |(a, b)| (double(a), double(b)));
+    let (low, high) = bounds
+        .map_or((DVec3::ZERO, DVec3::ZERO), |(a, b)| (double(a) + source.origin, double(b) + source.origin));
     let up = source.up.abs().max_position();
     let usual = DVec3::from_array([0, 1, 2].map(|axis| if axis == up { 2.0 } else { 4.0 }));
     let size = places.size.map_or(usual, DVec3::from_array);
@@ -216,9 +219,10 @@ pub fn make(
             .cells()
             .to_vec(),
         Placement::Above(file) => {
-            let walkable = load(&file).map_err(|error| error.to_string())?;
+            let walkable = load_as(&file, reading).map_err(|error| error.to_string())?;
             let triangles = walkable.objects.iter().flat_map(|object| &object.triangles);
-            let triangles: Vec<[DVec3; 3]> = triangles.map(|corners| corners.map(double)).collect();
+            let triangles: Vec<[DVec3; 3]> =
+                triangles.map(|corners| corners.map(|p| double(p) + walkable.origin)).collect();
             grid.above(&triangles, &camera).map_err(text)?
         }
     };

@@ -13,8 +13,8 @@ use visibility_examples::region::cells::TurnedBox;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
 use visibility_examples::region::{cells, methods, picture, planes, plot, trial};
+use visibility_examples::{Reading, load_walks, open_as, region};
 use visibility_examples::{eprintln, println};
-use visibility_examples::{load_walks, open, region};
 
 /// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
 #[derive(Parser)]
@@ -24,6 +24,10 @@ struct Arguments {
     /// or a file (.vscn, .glb, .gltf).
     #[arg(value_name = "SCENE", default_value = "london")]
     scene: String,
+
+    /// How a scene file is read.
+    #[command(flatten)]
+    reading: Reading,
 
     /// Viewcell: a box in metres. `@` and an angle turn the box about the vertical axis through its middle,
     /// counter-clockwise seen from above. May be given several times.
@@ -98,9 +102,12 @@ fn main() -> ExitCode {
 }
 
 fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    let mut source = open(&arguments.scene)?;
+    let mut source = open_as(&arguments.scene, &arguments.reading)?;
+    source.print_notes();
     if let Some(cameras) = &arguments.cameras {
         source.walks = load_walks(cameras)?;
+        let unit = arguments.reading.metres();
+        source.walks.iter_mut().for_each(|walk| walk.map(|point| point * unit));
     }
     let world = region::world(source);
     println!(

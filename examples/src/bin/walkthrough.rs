@@ -16,7 +16,7 @@ use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
     Trial, World, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
 };
-use visibility_examples::{Hint, SceneSource, SourceError, load, load_walks, open};
+use visibility_examples::{Hint, Reading, SceneSource, SourceError, load_as, load_walks, open_as};
 use visibility_examples::{eprintln, print, println};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
@@ -31,6 +31,10 @@ struct Arguments {
     /// file (.vscn, .glb, .gltf), or five cars by the placements beside one (cars5:car.vscn).
     #[arg(long, value_name = "NAME[:SIZES]|FILE")]
     scene: Option<String>,
+
+    /// How scene files are read.
+    #[command(flatten)]
+    reading: Reading,
 
     /// File whose objects are appended to the scene; may be given several times.
     #[arg(long, value_name = "FILE")]
@@ -98,9 +102,12 @@ fn main() -> ExitCode {
 fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let name = arguments.scene.as_deref().or(arguments.file.as_deref()).unwrap_or("plpcity");
     let start = Instant::now();
-    let mut source = scene(name, arguments.cameras.as_deref())?;
+    let mut source = scene(name, &arguments.reading, arguments.cameras.as_deref())?;
+    source.print_notes();
     for file in &arguments.with {
-        source.objects.extend(load(file)?.objects);
+        let with = load_as(file, &arguments.reading)?;
+        with.print_notes();
+        source.append(with);
     }
     let mut is_named = vec![false; arguments.hints.len()];
     source.objects.iter_mut().for_each(|object| object.take_all(&arguments.hints, &mut is_named));
@@ -171,14 +178,16 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 }
 
 /// Opens the scene `name`. If `cameras` is given, the walks, near plane and up axis come from that JSON
-/// description. Returns an error when a file cannot be read or is invalid.
-fn scene(name: &str, cameras: Option<&Path>) -> Result<SceneSource, SourceError> {
-    let mut source = open(name)?;
+/// description, in the unit of the scene. Returns an error when a file cannot be read or is invalid.
+fn scene(name: &str, reading: &Reading, cameras: Option<&Path>) -> Result<SceneSource, SourceError> {
+    let mut source = open_as(name, reading)?;
     if let Some(cameras) = cameras {
+        let unit = reading.metres();
         source.walks = load_walks(cameras)?;
+        source.walks.iter_mut().for_each(|walk| walk.map(|point| point * unit));
         let description = Description::load(cameras)?;
-        source.near = description.near.unwrap_or(source.near);
-        source.up = description.up.unwrap_or(source.up);
+        source.near = description.near.map_or(source.near, |near| near * unit as f32);
+        source.up = reading.up.or(description.up).unwrap_or(source.up);
     }
     Ok(source)
 }

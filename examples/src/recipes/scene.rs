@@ -45,12 +45,6 @@ pub(super) fn scene_on(
     routes: &[Route],
     ground: impl Fn(f64, f64) -> f64,
 ) -> SceneSource {
-    SceneSource {
-        name: name.to_owned(),
-        up: Vec3::Z,
-        near,
-        objects: Vec::new(),
-        walks: routes.iter().map(|route| route.walk(&ground)).collect(),
-        cells: None,
-    }
+    let walks = routes.iter().map(|route| route.walk(&ground)).collect();
+    SceneSource { walks, ..SceneSource::new(name, Vec3::Z, near) }
 }

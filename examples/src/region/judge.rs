@@ -74,7 +74,7 @@ impl<'a> Judge<'a> {
             .filter_map(|index| {
                 let object = world.scene.object(world.scene.id_at(index)?).ok()?;
                 let bounds = object.bounds;
-                let corners = [bounds.min.as_dvec3(), bounds.max.as_dvec3()];
+                let corners = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + world.origin());
                 object.occluder.then_some((index as u32, corners))
             })
             .collect();

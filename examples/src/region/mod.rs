@@ -15,7 +15,6 @@ pub mod trial;
 
 use crate::SceneSource;
 use crate::walkthrough::World;
-use glam::DVec3;
 use std::fmt::Display;
 use std::path::Path;
 use visibility_bake::{BakedSet, level_version};
@@ -24,7 +23,7 @@ use visibility_core::pvs::ScenePvs;
 
 /// Makes the world of a source for visibility from viewcells. Doors do not occlude, unlike in walks.
 pub fn world(source: SceneSource) -> World {
-    let mut world = World::with_views(source, DVec3::ZERO, Vec::new(), Vec::new(), (1, 1));
+    let mut world = World::with_views(source, Vec::new(), Vec::new(), (1, 1));
     open_doors(&world.source, &mut world.scene);
     world
 }

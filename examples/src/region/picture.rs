@@ -60,7 +60,8 @@ pub fn draw(
     }
     for &object in &lost {
         if let Some((low, high)) = world.source.objects[object as usize].bounds() {
-            canvas.disc(map.place(((low + high) * 0.5).as_dvec3()), 14.0, true, LOST);
+            let middle = ((low + high) * 0.5).as_dvec3() + world.origin();
+            canvas.disc(map.place(middle), 14.0, true, LOST);
         }
     }
     let top = i64::from(map.height) + 8;

@@ -81,7 +81,8 @@ pub fn draw(
         if let Some((low, high)) =
             world.source.objects.get(object as usize).and_then(|object| object.bounds())
         {
-            canvas.disc(map.place(((low + high) * 0.5).as_dvec3()), 14.0, true, color);
+            let middle = ((low + high) * 0.5).as_dvec3() + world.origin();
+            canvas.disc(map.place(middle), 14.0, true, color);
         }
     }
     canvas.rectangle(0, legend_at.into(), map.width.into(), LEGEND.into(), PAPER);
@@ -130,7 +131,7 @@ impl Map {
     /// Creates the map of the whole scene and all camera positions.
     fn new(world: &World) -> Self {
         let (low, high) = world.source.bounds().unwrap_or((Vec3::ZERO, Vec3::ONE));
-        let (mut low, mut high) = (low.as_dvec3(), high.as_dvec3());
+        let [mut low, mut high] = [low, high].map(|corner| corner.as_dvec3() + world.origin());
         for (pose, _) in &world.poses {
             (low, high) = (low.min(pose.eye), high.max(pose.eye));
         }
@@ -200,7 +201,7 @@ impl Map {
             .map(|(rank, &(_, object))| {
                 let height = self.up * f64::from(rank);
                 let flatten = |p: Vec3| {
-                    let offset = p.as_dvec3() - self.center;
+                    let offset = p.as_dvec3() + world.origin() - self.center;
                     (self.right * offset.dot(self.right) + self.ahead * offset.dot(self.ahead) + height)
                         .as_vec3()
                 };

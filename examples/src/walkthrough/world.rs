@@ -60,24 +60,22 @@ impl World {
             poses.push((pose, frame.walk));
         }
 
-        Ok(Self::with_views(source, DVec3::ZERO, views, poses, size))
+        Ok(Self::with_views(source, views, poses, size))
     }
 
-    /// Creates a world with given views. Objects of the source are relative to `origin`, while cells and
-    /// views are in world space. `poses` may be empty where nothing is drawn.
+    /// Creates a world with given views, in world space. `poses` may be empty where nothing is drawn.
     ///
     /// # Panics
     ///
-    /// Panics if `origin` is not finite, or the source's cells do not match their graph.
+    /// Panics if the source's origin is not finite, or its cells do not match their graph.
     pub fn with_views(
         mut source: SceneSource,
-        origin: DVec3,
         views: Vec<View>,
         poses: Vec<(Pose, usize)>,
         size: (u32, u32),
     ) -> Self {
         let mut scene = Scene::new();
-        scene.set_origin(origin).expect("a finite origin");
+        scene.set_origin(source.origin).expect("a finite origin");
         let ids = scene.insert_batch(source.objects.iter().map(SourceObject::object));
         let mut given = source.cells.as_mut();
         while let Some(cells) = given {
@@ -86,7 +84,7 @@ impl World {
             given = cells.with_doorways.as_deref_mut();
         }
         for (id, object) in ids.into_iter().zip(&source.objects) {
-            scene.set_triangles(id, object.triangles.as_slice()).expect("the object was just inserted");
+            scene.set_triangles(id, object.fixed_triangles()).expect("the object was just inserted");
         }
         // Occluders are two-sided: scenes are drawn with both faces, and files may have any winding.
         scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });

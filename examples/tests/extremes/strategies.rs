@@ -96,9 +96,8 @@ pub(crate) fn world(
     origin: DVec3,
     views: Vec<View>,
 ) -> World {
-    let source =
-        SceneSource { name: "extremes".into(), up: Vec3::Z, near: 0.1, objects, walks: Vec::new(), cells };
-    World::with_views(source, origin, views, Vec::new(), (64, 36))
+    let source = SceneSource { objects, cells, origin, ..SceneSource::new("extremes", Vec3::Z, 0.1) };
+    World::with_views(source, views, Vec::new(), (64, 36))
 }
 
 /// Triangles of one object, relative to the world's origin.

@@ -109,15 +109,9 @@ fn live_cullers_hide_nothing_seen_in_long_runs() {
 /// Makes the world of a scene: sources that cullers of the table are made from.
 fn source_world(scene: &Scene) -> World {
     let objects = world_objects(scene);
-    let source = SceneSource {
-        name: "moved".into(),
-        up: Vec3::Z,
-        near: 0.05,
-        objects,
-        walks: Vec::new(),
-        cells: None,
-    };
-    World::with_views(source, scene.origin(), Vec::new(), Vec::new(), (64, 36))
+    let origin = scene.origin();
+    let source = SceneSource { objects, origin, ..SceneSource::new("moved", Vec3::Z, 0.05) };
+    World::with_views(source, Vec::new(), Vec::new(), (64, 36))
 }
 
 fn world_objects(scene: &Scene) -> Vec<SourceObject> {

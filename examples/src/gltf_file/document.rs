@@ -1,0 +1,303 @@
+//! The document of a glTF file: split from its container, checked, and rid of all that places no triangle.
+//!
+//! Textures, images and the like are removed before the `gltf` crate sees the document: a file whose pictures
+//! are missing, or of a kind that is not known, has its triangles all the same. Extensions that are required
+//! are let through, since nearly all of them change how surfaces look.
+
+use super::unread::Unread;
+use crate::error::SourceError;
+use crate::json;
+use glam::{DMat4, DQuat, DVec3};
+use gltf::json::validation::{Checked, Error, Validate};
+use gltf::json::{Path as JsonPath, Root};
+use gltf::mesh::Semantic;
+use serde_json::{Map, Value};
+use std::path::Path;
+
+/// Document of a glTF file.
+pub(super) struct Document {
+    /// Document without what places no triangle.
+    pub gltf: gltf::Document,
+    /// Binary chunk of a GLB, `None` if there is none.
+    pub chunk: Option<Vec<u8>>,
+    /// Transforms of the nodes to their parents' spaces, by index, in the precision of the text.
+    pub transforms: Vec<LocalTransform>,
+    /// Whether a pointer of `KHR_animation_pointer` moves the node, by index. Where to is not read.
+    pub is_pointed_at: Vec<bool>,
+    /// What is in the file and not read.
+    pub unread: Unread,
+}
+
+/// Transform from a node's space to that of its parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum LocalTransform {
+    /// Matrix as in the file.
+    Matrix(DMat4),
+    /// Scale, then rotation, then translation.
+    Parts { translation: DVec3, rotation: DQuat, scale: DVec3 },
+}
+
+impl LocalTransform {
+    /// Reads the transform of a node. Members of other types than glTF's are left to the `gltf` crate to
+    /// refuse.
+    fn of(node: &Value) -> Self {
+        let numbers = |key: &str| {
+            let list = node.get(key).and_then(Value::as_array);
+            list.map(|list| list.iter().filter_map(Value::as_f64).collect::<Vec<_>>())
+        };
+        if let Some(matrix) = numbers("matrix").and_then(|matrix| <[f64; 16]>::try_from(matrix).ok()) {
+            return Self::Matrix(DMat4::from_cols_array(&matrix));
+        }
+        let vector = |key, default| {
+            let read = numbers(key).and_then(|vector| <[f64; 3]>::try_from(vector).ok());
+            read.map_or(default, DVec3::from_array)
+        };
+        let rotation = numbers("rotation").and_then(|rotation| <[f64; 4]>::try_from(rotation).ok());
+        Self::Parts {
+            translation: vector("translation", DVec3::ZERO),
+            rotation: unit(rotation.map_or(DQuat::IDENTITY, DQuat::from_array)),
+            scale: vector("scale", DVec3::ONE),
+        }
+    }
+
+    /// Returns scale, rotation and translation. A matrix, which no animation should change, is taken apart,
+    /// without its shear.
+    pub(super) fn parts(&self) -> (DVec3, DQuat, DVec3) {
+        match *self {
+            Self::Matrix(matrix) => matrix.to_scale_rotation_translation(),
+            Self::Parts { translation, rotation, scale } => (scale, rotation, translation),
+        }
+    }
+
+    /// Returns the matrix of the transform.
+    pub(super) fn matrix(&self) -> DMat4 {
+        match *self {
+            Self::Matrix(matrix) => matrix,
+            Self::Parts { translation, rotation, scale } => {
+                DMat4::from_scale_rotation_translation(scale, rotation, translation)
+            }
+        }
+    }
+}
+
+/// Returns the unit quaternion of a rotation. A quaternion of length zero, or one that is not finite, counts
+/// as no rotation.
+pub(super) fn unit(rotation: DQuat) -> DQuat {
+    let length = rotation.length();
+    if length > 0.0 && length.is_finite() { rotation / length } else { DQuat::IDENTITY }
+}
+
+/// Reads a document from the bytes of a glTF or GLB file. `path` appears in error messages only.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Content`] for a container that is cut short or has bytes beyond its length, for
+/// text that is not JSON, for another version than 2, and for what the `gltf` crate finds wrong.
+pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Document, SourceError> {
+    let wrong = |place: &str, problem: String| SourceError::content(path, place, problem);
+    let (text, chunk) = if bytes.starts_with(b"glTF") {
+        let (text, chunk) = split(bytes).map_err(|(at, problem)| wrong(&format!("byte {at}"), problem))?;
+        (text, chunk.map(<[u8]>::to_vec))
+    } else {
+        (bytes, None)
+    };
+    let unreadable = |error: serde_json::Error| wrong("document", error.to_string());
+    let mut root = json::parse(text).map_err(unreadable)?;
+    let version = root.pointer("/asset/version").and_then(Value::as_str).unwrap_or_default();
+    if !version.starts_with("2.") {
+        let problem = format!("its version is `{version}`: glTF of version 2 is read, and no other");
+        return Err(wrong("asset.version", problem));
+    }
+    check_indices(&root, "", false).map_err(|(key, index)| {
+        wrong(&key, format!("{index} is beyond all indices, of which there are at most 2^32"))
+    })?;
+    let mut unread = Unread::new(&root);
+    let nodes = list(&root, "nodes");
+    let transforms: Vec<_> = nodes.iter().map(LocalTransform::of).collect();
+    let mut is_pointed_at = vec![false; nodes.len()];
+    strip(&mut root, &mut is_pointed_at, &mut unread);
+
+    let root: Root = serde_json::from_value(root).map_err(unreadable)?;
+    // The validation of the `gltf` crate looks up the accessors of positions without a bounds check.
+    for (mesh_index, mesh) in root.meshes.iter().enumerate() {
+        for (index, primitive) in mesh.primitives.iter().enumerate() {
+            let accessor = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
+            if accessor.is_some_and(|accessor| accessor.value() >= root.accessors.len()) {
+                let place = format!("mesh {mesh_index}, primitive {index}");
+                return Err(wrong(&place, "its positions are no accessor".into()));
+            }
+        }
+    }
+    let mut first = None;
+    root.validate(&root, JsonPath::new, &mut |place, error| {
+        // What is missing is found where it is needed: an accessor without a buffer view is zeros.
+        if first.is_none() && error != Error::Missing {
+            first = Some((place().to_string(), error.to_string()));
+        }
+    });
+    if let Some((place, problem)) = first {
+        return Err(wrong(&place, problem));
+    }
+    let gltf = gltf::Document::from_json_without_validation(root);
+    Ok(Document { gltf, chunk, transforms, is_pointed_at, unread })
+}
+
+/// Splits a GLB into its text and its binary chunk, `None` if there is none. Further chunks are ignored.
+/// Returns the byte and a message as the error when the version is not 2, or the chunks do not fill the
+/// length in the header, or that is not the file's.
+fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), (usize, String)> {
+    /// Number of bytes of the header, and of the header of a chunk.
+    const HEADERS: [usize; 2] = [12, 8];
+    let number = |at: usize| {
+        let four = bytes.get(at..at + 4).and_then(|four| four.try_into().ok()).map(u32::from_le_bytes);
+        four.ok_or_else(|| (at, "the file is cut short within a header".to_owned()))
+    };
+    let (version, length) = (number(4)?, number(8)? as usize);
+    if version != 2 {
+        return Err((4, format!("its version is {version}: GLB of version 2 is read, and no other")));
+    }
+    if length != bytes.len() {
+        return Err((8, format!("the header claims {length} bytes, the file has {}", bytes.len())));
+    }
+    let (mut at, mut text, mut binary) = (HEADERS[0], None, None);
+    while at < length {
+        let (size, kind) = (number(at)? as usize, number(at + 4)?);
+        let start = at + HEADERS[1];
+        let Some(chunk) = bytes.get(start..start + size) else {
+            return Err((at, format!("the chunk claims {size} bytes, {} are left", length - start)));
+        };
+        match (&kind.to_le_bytes(), text) {
+            (b"JSON", None) => text = Some(chunk),
+            (_, None) => return Err((at, "the first chunk is not the text".into())),
+            (b"BIN\0", _) if binary.is_none() => binary = Some(chunk),
+            _ => {}
+        }
+        at = start + size;
+    }
+    text.map(|text| (text, binary)).ok_or_else(|| (8, "the header's length leaves no chunk".into()))
+}
+
+/// Checks that numbers that are indices, or constants of 32 bits, are below 2^32: the `gltf` crate drops the
+/// bits above. `key` is the key of the value, and `is_index` whether all numbers below it are indices. Returns
+/// the key and the number as the error.
+fn check_indices(value: &Value, key: &str, is_index: bool) -> Result<(), (String, u64)> {
+    /// Keys of indices or constants, or of lists or objects of them.
+    const KEYS: [&str; 23] = [
+        "attributes",
+        "buffer",
+        "bufferView",
+        "camera",
+        "children",
+        "componentType",
+        "indices",
+        "input",
+        "inverseBindMatrices",
+        "joints",
+        "material",
+        "mesh",
+        "mode",
+        "node",
+        "nodes",
+        "output",
+        "sampler",
+        "scene",
+        "skeleton",
+        "skin",
+        "source",
+        "target",
+        "targets",
+    ];
+    match value {
+        Value::Number(number) if is_index => match number.as_u64() {
+            Some(index) if index > u64::from(u32::MAX) => Err((key.to_owned(), index)),
+            _ => Ok(()),
+        },
+        Value::Array(items) => items.iter().try_for_each(|item| check_indices(item, key, is_index)),
+        Value::Object(members) => members.iter().try_for_each(|(name, member)| {
+            // Members of attributes and morph targets are named by the file.
+            let named = matches!(key, "attributes" | "targets");
+            match name.as_str() {
+                "extras" | "extensions" => Ok(()),
+                _ => check_indices(
+                    member,
+                    if named { key } else { name },
+                    named || KEYS.contains(&name.as_str()),
+                ),
+            }
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Returns the list of a document under a key, empty if there is none.
+pub(super) fn list<'a>(root: &'a Value, key: &str) -> &'a [Value] {
+    root.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
+}
+
+/// Returns the mutable list of an object under a key, empty if there is none.
+fn list_mut<'a>(value: &'a mut Value, key: &str) -> &'a mut [Value] {
+    value.get_mut(key).and_then(Value::as_array_mut).map_or(&mut [], Vec::as_mut_slice)
+}
+
+/// Returns the mutable objects of the list of an object under a key.
+fn objects<'a>(
+    value: &'a mut Value,
+    key: &str,
+) -> impl Iterator<Item = &'a mut Map<String, Value>> + use<'a> {
+    list_mut(value, key).iter_mut().filter_map(Value::as_object_mut)
+}
+
+/// Removes all of a document that places no triangle, and notes the nodes that pointers of animations move.
+fn strip(root: &mut Value, is_pointed_at: &mut [bool], unread: &mut Unread) {
+    if let Some(members) = root.as_object_mut() {
+        for key in ["images", "textures", "samplers", "cameras", "extensionsRequired", "extensions"] {
+            members.remove(key);
+        }
+    }
+    objects(root, "materials").for_each(strip_textures);
+    for node in objects(root, "nodes") {
+        node.remove("camera");
+    }
+    for mesh in list_mut(root, "meshes") {
+        for primitive in list_mut(mesh, "primitives") {
+            if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
+                let places = |name: &str| {
+                    name == "POSITION" || name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_")
+                };
+                attributes.retain(|name, _| places(name));
+            }
+            objects(primitive, "targets").for_each(|target| target.retain(|name, _| name == "POSITION"));
+        }
+    }
+    for accessor in objects(root, "accessors") {
+        accessor.remove("min");
+        accessor.remove("max");
+    }
+    for animation in list_mut(root, "animations") {
+        let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };
+        channels.retain(|channel| {
+            let Some(target) = channel.get("target") else { return true };
+            if let Some(pointer) = target.pointer("/extensions/KHR_animation_pointer/pointer") {
+                let node = pointer.as_str().and_then(|pointer| pointer.strip_prefix("/nodes/"));
+                let node = node.and_then(|node| node.split('/').next()?.parse::<usize>().ok());
+                if let Some(is_pointed_at) = node.and_then(|node| is_pointed_at.get_mut(node)) {
+                    *is_pointed_at = true;
+                    unread.pointers += 1;
+                }
+                return false;
+            }
+            target.get("node").is_some()
+        });
+    }
+}
+
+/// Removes all textures of a material and of its extensions.
+fn strip_textures(material: &mut Map<String, Value>) {
+    material.retain(|key, _| !key.ends_with("Texture"));
+    for (key, member) in material.iter_mut() {
+        match member {
+            Value::Object(member) if key != "extras" => strip_textures(member),
+            _ => {}
+        }
+    }
+}

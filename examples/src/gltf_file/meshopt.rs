@@ -1,0 +1,336 @@
+//! Decoder of buffer views that are compressed by `EXT_meshopt_compression`, as the program gltfpack writes
+//! them: vertex attributes (version 0 of the format), triangle lists and index sequences.
+//!
+//! The format is that of the extension's specification ("Appendix A: Bitstream"). Memory grows with what is
+//! decoded, of which each 64 bytes need at least one byte of input, so a false count takes none.
+
+use serde_json::Value;
+
+/// What a compressed buffer view says of itself.
+pub(super) struct Compressed {
+    /// Index of the buffer that has the compressed bytes.
+    pub buffer: usize,
+    /// First byte in that buffer.
+    pub offset: usize,
+    /// Number of compressed bytes.
+    pub length: usize,
+    stride: usize,
+    count: usize,
+    mode: Mode,
+    filter: Filter,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Mode {
+    Attributes,
+    Triangles,
+    Indices,
+}
+
+/// Transformation of decoded attributes.
+#[derive(Clone, Copy, PartialEq)]
+enum Filter {
+    None,
+    Quaternion,
+    Exponential,
+    /// Filter of directions or colours, which place nothing.
+    Other,
+}
+
+impl Compressed {
+    /// Reads the extension of a buffer view. The error is a message for a person.
+    pub(super) fn new(extension: &Value) -> Result<Self, String> {
+        let number = |key: &str, default: Option<usize>| {
+            let value = extension.get(key);
+            let read = value.map_or(default, |value| value.as_u64().and_then(|n| usize::try_from(n).ok()));
+            read.ok_or_else(|| format!("its meshopt compression has no usable `{key}`"))
+        };
+        let text = |key: &str| extension.get(key).and_then(Value::as_str);
+        let mode = match text("mode") {
+            Some("ATTRIBUTES") => Mode::Attributes,
+            Some("TRIANGLES") => Mode::Triangles,
+            Some("INDICES") => Mode::Indices,
+            _ => return Err("its meshopt compression has no known `mode`".into()),
+        };
+        let filter = match text("filter") {
+            None | Some("NONE") => Filter::None,
+            Some("QUATERNION") => Filter::Quaternion,
+            Some("EXPONENTIAL") => Filter::Exponential,
+            Some(_) => Filter::Other,
+        };
+        let stride = number("byteStride", None)?;
+        let fits = match (mode, filter) {
+            (Mode::Attributes, Filter::Quaternion) => stride == 8,
+            (Mode::Attributes, _) => stride % 4 == 0 && (4..=256).contains(&stride),
+            _ => (stride == 2 || stride == 4) && filter == Filter::None,
+        };
+        if !fits {
+            return Err(format!("its meshopt compression has elements of {stride} bytes"));
+        }
+        let (buffer, offset) = (number("buffer", None)?, number("byteOffset", Some(0))?);
+        let (length, count) = (number("byteLength", None)?, number("count", None)?);
+        Ok(Self { buffer, offset, length, stride, count, mode, filter })
+    }
+
+    /// Decodes the bytes of the view, `count` times `byteStride`, from its compressed bytes. The error is a
+    /// message for a person.
+    pub(super) fn decode(&self, bytes: &[u8]) -> Result<Vec<u8>, String> {
+        let damaged = || "its meshopt compression is damaged".to_owned();
+        let mut decoded = match self.mode {
+            Mode::Attributes => attributes(bytes, self.count, self.stride),
+            Mode::Triangles => triangles(bytes, self.count).map(|indices| self.packed(&indices)),
+            Mode::Indices => sequence(bytes, self.count).map(|indices| self.packed(&indices)),
+        }
+        .ok_or_else(damaged)?;
+        match self.filter {
+            Filter::None => {}
+            Filter::Quaternion => decoded.as_chunks_mut().0.iter_mut().for_each(quaternion),
+            Filter::Exponential => decoded.as_chunks_mut().0.iter_mut().for_each(exponential),
+            Filter::Other => return Err("the filter of its meshopt compression is not read".into()),
+        }
+        Ok(decoded)
+    }
+
+    /// Returns the bytes of indices of 16 or 32 bits, by the view's stride.
+    fn packed(&self, indices: &[u32]) -> Vec<u8> {
+        indices.iter().flat_map(|index| index.to_le_bytes().into_iter().take(self.stride)).collect()
+    }
+}
+
+/// Bytes that are left to decode.
+struct Input<'a>(&'a [u8]);
+
+impl<'a> Input<'a> {
+    /// Returns the next `count` bytes. `None` if fewer are left.
+    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    fn byte(&mut self) -> Option<u8> {
+        self.take(1).map(|byte| byte[0])
+    }
+
+    /// Returns a number of seven bits a byte, least significant first, of at most five bytes.
+    fn number(&mut self) -> Option<u32> {
+        let mut number = 0;
+        for shift in [0, 7, 14, 21, 28] {
+            let byte = self.byte()?;
+            number |= u32::from(byte & 127) << shift;
+            if byte < 128 {
+                break;
+            }
+        }
+        Some(number)
+    }
+
+    /// Returns the index that differs from `last` by the next number in zigzag form.
+    fn index(&mut self, last: u32) -> Option<u32> {
+        let number = self.number()?;
+        Some(last.wrapping_add(number >> 1 ^ (number & 1).wrapping_neg()))
+    }
+}
+
+/// Number of values that share two bits of a header.
+const GROUP: usize = 16;
+
+/// Decodes `count` elements of `stride` bytes. `None` if the bytes are damaged.
+fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
+    let mut input = Input(bytes);
+    if input.byte()? != 0xA0 {
+        return None;
+    }
+    // The last bytes are the element before the first, padded in front to 32 bytes.
+    let tail = stride.max(32);
+    let end = input.0.len().checked_sub(tail)?;
+    let mut before = input.0[input.0.len() - stride..].to_vec();
+    input.0 = &input.0[..end];
+    let most = (8192 / stride & !(GROUP - 1)).min(256);
+    let mut decoded = Vec::new();
+    let mut left = count;
+    while left > 0 {
+        let elements = left.min(most);
+        left -= elements;
+        let start = decoded.len();
+        decoded.resize(start + elements * stride, 0);
+        for byte in 0..stride {
+            let groups = elements.div_ceil(GROUP);
+            let header = input.take(groups.div_ceil(4))?;
+            for group in 0..groups {
+                let deltas = group_of_bytes(&mut input, header[group / 4] >> (group % 4 * 2) & 3)?;
+                let first = start + group * GROUP * stride + byte;
+                let places = decoded.get_mut(first..)?.iter_mut().step_by(stride);
+                for (place, delta) in places.zip(deltas) {
+                    before[byte] = before[byte].wrapping_add(delta >> 1 ^ (delta & 1).wrapping_neg());
+                    *place = before[byte];
+                }
+            }
+        }
+    }
+    input.0.is_empty().then_some(decoded)
+}
+
+/// Decodes a group of sixteen values of 0, 2, 4 or 8 bits, by `width` from 0 to 3. The greatest value of 2 or
+/// 4 bits stands for one of the bytes that follow.
+fn group_of_bytes(input: &mut Input<'_>, width: u8) -> Option<[u8; GROUP]> {
+    let mut values = [0; GROUP];
+    let bits = match width {
+        0 => return Some(values),
+        1 => 2,
+        2 => 4,
+        _ => return input.take(GROUP)?.try_into().ok(),
+    };
+    let packed = input.take(GROUP * bits / 8)?;
+    let greatest = (1 << bits) - 1;
+    for (i, value) in values.iter_mut().enumerate() {
+        let at = i * bits;
+        let small = packed[at / 8] >> (8 - bits - at % 8) & greatest;
+        *value = if small == greatest { input.byte()? } else { small };
+    }
+    Some(values)
+}
+
+/// The sixteen items that a decoder has seen last, by age.
+struct Recent<T> {
+    items: [T; 16],
+    next: usize,
+}
+
+impl<T: Copy> Recent<T> {
+    fn new(item: T) -> Self {
+        Self { items: [item; 16], next: 0 }
+    }
+
+    /// Notes an item. If it is not `new`, the next one takes its place.
+    fn push(&mut self, item: T, new: bool) {
+        self.items[self.next] = item;
+        self.next = (self.next + usize::from(new)) % 16;
+    }
+
+    /// Returns the item that was the last `age` items ago: 1 is the last.
+    fn ago(&self, age: u8) -> T {
+        self.items[(self.next + 32 - usize::from(age)) % 16]
+    }
+}
+
+/// Decodes a triangle list of `count` indices. `None` if the bytes are damaged.
+fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
+    /// Number of bytes of the table of codes at the end.
+    const TABLE: usize = 16;
+    let mut input = Input(bytes);
+    let header = input.byte()?;
+    // In version 1, two codes stand for the indices beside the last one.
+    let known = match header {
+        0xE0 => 15,
+        0xE1 => 13,
+        _ => return None,
+    };
+    if count % 3 != 0 {
+        return None;
+    }
+    let codes = input.take(count / 3)?;
+    let table;
+    (input.0, table) = input.0.split_at_checked(input.0.len().checked_sub(TABLE)?)?;
+    let (mut edges, mut vertices) = (Recent::new([u32::MAX; 2]), Recent::new(u32::MAX));
+    let (mut next, mut last) = (0u32, 0u32);
+    let mut decoded = Vec::with_capacity(count);
+    for &code in codes {
+        let (high, low) = (code >> 4, code & 15);
+        if high < 15 {
+            let [a, b] = edges.ago(high + 1);
+            let c = if low < known {
+                let c = fresh(&mut next, low == 0, vertices.ago(low + 1));
+                vertices.push(c, low == 0);
+                c
+            } else {
+                last = match low {
+                    15 => input.index(last)?,
+                    13 => last.wrapping_sub(1),
+                    _ => last.wrapping_add(1),
+                };
+                vertices.push(last, true);
+                last
+            };
+            decoded.extend([a, b, c]);
+            edges.push([c, b], true);
+            edges.push([a, c], true);
+            continue;
+        }
+        let is_free = low >= 14;
+        let pair = if is_free { input.byte()? } else { table[usize::from(low)] };
+        let (second, third) = (pair >> 4, pair & 15);
+        // Free codes may give indices in full, and begin to count anew.
+        if is_free && pair == 0 {
+            next = 0;
+        }
+        let mut a = fresh(&mut next, low != 15, 0);
+        let mut b = fresh(&mut next, second == 0, vertices.ago(second));
+        let mut c = fresh(&mut next, third == 0, vertices.ago(third));
+        let is_full = |code: u8| is_free && code == 15;
+        for (is_full, index) in [(low == 15, &mut a), (is_full(second), &mut b), (is_full(third), &mut c)] {
+            if is_full {
+                last = input.index(last)?;
+                *index = last;
+            }
+        }
+        decoded.extend([a, b, c]);
+        vertices.push(a, true);
+        vertices.push(b, second == 0 || is_full(second));
+        vertices.push(c, third == 0 || is_full(third));
+        edges.push([b, a], true);
+        edges.push([c, b], true);
+        edges.push([a, c], true);
+    }
+    input.0.is_empty().then_some(decoded)
+}
+
+/// Returns the next index that no triangle has, or another one.
+fn fresh(next: &mut u32, is_new: bool, otherwise: u32) -> u32 {
+    if !is_new {
+        return otherwise;
+    }
+    let index = *next;
+    *next = next.wrapping_add(1);
+    index
+}
+
+/// Decodes a sequence of `count` indices. `None` if the bytes are damaged.
+fn sequence(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
+    /// Number of unused bytes at the end.
+    const TAIL: usize = 4;
+    let mut input = Input(bytes);
+    if !matches!(input.byte()?, 0xD0 | 0xD1) {
+        return None;
+    }
+    input.0 = input.0.get(..input.0.len().checked_sub(TAIL)?)?;
+    let mut last = [0u32; 2];
+    let mut decoded = Vec::new();
+    for _ in 0..count {
+        let number = input.number()?;
+        let (of, delta) = ((number & 1) as usize, number >> 1);
+        last[of] = last[of].wrapping_add(delta >> 1 ^ (delta & 1).wrapping_neg());
+        decoded.push(last[of]);
+    }
+    input.0.is_empty().then_some(decoded)
+}
+
+/// Turns three components of a unit quaternion, and the index and scale of the fourth, into four of 16 bits.
+fn quaternion(element: &mut [u8; 8]) {
+    let [x, y, z, last] = [0, 2, 4, 6].map(|i| i16::from_le_bytes([element[i], element[i + 1]]));
+    let scale = std::f32::consts::FRAC_1_SQRT_2 / f32::from(last | 3);
+    let [x, y, z] = [x, y, z].map(|c| f32::from(c) * scale);
+    let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
+    for (i, component) in [w, x, y, z].into_iter().enumerate() {
+        let rounded = (component * 32767.0).round() as i16;
+        let at = ((last & 3) as usize + i) % 4 * 2;
+        element[at..at + 2].copy_from_slice(&rounded.to_le_bytes());
+    }
+}
+
+/// Turns a mantissa of 24 bits and an exponent of 8 bits into a float.
+fn exponential(element: &mut [u8; 4]) {
+    let bits = i32::from_le_bytes(*element);
+    let value = f64::from(bits << 8 >> 8) * 2.0f64.powi(bits >> 24);
+    *element = (value as f32).to_le_bytes();
+}

@@ -1,0 +1,413 @@
+//! glTF and GLB files as scenes: every primitive of every node's mesh becomes an object in world space.
+//!
+//! Nodes are visited with an explicit stack and at most once each, so neither a cycle nor a deep hierarchy
+//! can hang the program or overflow the call stack. Transforms are multiplied in `f64`; where the content is
+//! far from the document's origin, the scene has an origin near the content.
+//!
+//! Objects are in their pose at rest. An object that an animation, a skin or morph targets move hides
+//! nothing, and has bounds over all clips.
+
+mod buffers;
+mod document;
+mod instances;
+mod meshopt;
+mod motion;
+mod nodes;
+mod shape;
+mod unread;
+
+use crate::error::SourceError;
+use crate::reading::Reading;
+use crate::source::{Hint, SceneSource, SourceObject};
+use crate::{frame_hints, walk};
+use buffers::Buffers;
+use document::Document;
+use glam::{DMat4, DVec3, Vec3};
+use gltf::material::AlphaMode;
+use gltf::mesh::{Mode, Semantic};
+use instances::instances;
+use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, union};
+use nodes::Nodes;
+use serde_json::Value;
+use shape::Shape;
+use std::collections::HashMap;
+use std::path::Path;
+use visibility_core::Aabb;
+
+/// Maximum number of triangles of a scene. Nodes can instance one mesh any number of times, so the size of
+/// the file does not bound the number of triangles.
+const MOST_TRIANGLES: usize = 1 << 25;
+/// Maximum number of vertices and indices read in total. A thousand nodes may each read the same million
+/// vertices, so the size of the file does not bound the work.
+const MOST_READ: usize = 1 << 27;
+
+/// Reads a glTF or GLB document from its bytes, in metres and with y up. `path` is the document's path:
+/// further files are searched below its folder, and error messages show it.
+///
+/// A node may carry a [`Hint`] for its objects: the extra (custom property) `visibility` with the value
+/// `occluder`, `detail`, `door`, `mover` or `never-cull`.
+///
+/// The near plane and the walks are derived from the bounds of the scene.
+///
+/// # Errors
+///
+/// Returns [`SourceError::Content`] when the document or a buffer that is needed is invalid, when nodes do
+/// not form trees, when triangles are compressed by Draco alone, or when the scene exceeds the bounds on
+/// triangles or on vertices and indices read.
+pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneSource, SourceError> {
+    parse_as(bytes, path, &Reading::default())
+}
+
+/// Reads a glTF or GLB document as [`parse`] does, with another unit or another axis up.
+///
+/// # Errors
+///
+/// Returns the errors of [`parse`].
+pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSource, SourceError> {
+    let mut document = document::read(bytes, path)?;
+    let nodes = Nodes::new(&mut document, DMat4::from_scale(DVec3::splat(reading.metres())), path)?;
+    let buffers = Buffers::load(&document.gltf, document.chunk.take(), path);
+    let motion = Motion::new(&document.gltf, &document.transforms, &nodes, &buffers)?;
+    let mut collector = Collector {
+        document: &document,
+        nodes: &nodes,
+        buffers: &buffers,
+        motion: &motion,
+        path,
+        origin: DVec3::ZERO,
+        objects: Vec::new(),
+        moved: Vec::new(),
+        at_rest: Vec::new(),
+        without_triangles: 0,
+        triangles: 0,
+        read: 0,
+    };
+    collector.origin = collector.origin_near_content()?;
+    for node in placed(&document, &nodes) {
+        collector.add(&node)?;
+    }
+    collector.bound_movers();
+    let (origin, objects) = (collector.origin, collector.objects);
+    document.unread.without_triangles = collector.without_triangles;
+
+    let movers = objects.iter().filter(|object| object.motion.is_some()).count();
+    let mut notes: Vec<String> = document.unread.line().into_iter().collect();
+    if movers > 0 {
+        notes.push(format!(
+            "{movers} of {} objects may move, by animations, skins or morph targets: they hide nothing, and \
+             their bounds are those over all clips",
+            objects.len()
+        ));
+    }
+    if origin != DVec3::ZERO {
+        notes.push(format!("far from the origin of the file: coordinates are relative to {origin}"));
+    }
+    let (name, up) = (crate::source::stem(path), reading.up.unwrap_or(Vec3::Y));
+    let mut scene = SceneSource { origin, notes, objects, ..SceneSource::new(name, up, 0.0) };
+    let hints = frame_hints::hints(&scene, reading);
+    scene.notes.extend(hints);
+    let bounds = scene.bounds();
+    scene.near = walk::made_up_near(bounds);
+    scene.walks = walk::made_up(bounds, scene.up);
+    scene.walks.iter_mut().for_each(|walk| walk.translate(origin));
+    Ok(scene)
+}
+
+/// Returns the nodes of the scene that is read, in the order of the file.
+fn placed<'a>(document: &'a Document, nodes: &Nodes) -> impl Iterator<Item = gltf::Node<'a>> {
+    nodes.placed.iter().filter_map(|&index| document.gltf.nodes().nth(index))
+}
+
+/// Collector of a scene's objects, with the totals that are bounded.
+struct Collector<'a> {
+    document: &'a Document,
+    nodes: &'a Nodes,
+    buffers: &'a Buffers<'a>,
+    motion: &'a Motion,
+    path: &'a Path,
+    /// Point in world space that the objects' coordinates are relative to.
+    origin: DVec3,
+    objects: Vec<SourceObject>,
+    /// Boxes of the objects that move.
+    moved: Vec<MovedBox>,
+    /// Boxes of all objects at rest, in world space; empty for objects that do not move.
+    at_rest: Vec<Box64>,
+    /// Number of primitives of points or lines, or without positions.
+    without_triangles: usize,
+    triangles: usize,
+    /// Number of vertices and indices read so far, at most [`MOST_READ`].
+    read: usize,
+}
+
+/// Triangles of a primitive before they are placed.
+struct Primitive {
+    shape: Shape,
+    /// Vertices of the corners.
+    order: Vec<u32>,
+    corners: Corners,
+    opaque: bool,
+}
+
+impl Collector<'_> {
+    /// Returns a point with whole coordinates near the content, if that is far from the origin of world space
+    /// by its own size: the median of the middles of all meshes, where that is more than 4 km and more than
+    /// four times the median distance from it away. Otherwise the origin of world space. A `f32` at 4 km is
+    /// exact to a quarter of a millimetre.
+    fn origin_near_content(&self) -> Result<DVec3, SourceError> {
+        const NEAR: f64 = 4096.0;
+        let mut known: HashMap<usize, Box64> = HashMap::new();
+        let mut boxes = Vec::new();
+        for node in placed(self.document, self.nodes) {
+            let Some(mesh) = node.mesh() else { continue };
+            let mut bounds = EMPTY;
+            for accessor in mesh.primitives().filter_map(|primitive| primitive.get(&Semantic::Positions)) {
+                let of_accessor = match known.get(&accessor.index()) {
+                    Some(&bounds) => bounds,
+                    // What cannot be read is an error once it is placed.
+                    None => match self.buffers.positions(&accessor) {
+                        Ok(positions) => around(positions.into_iter().map(Vec3::as_dvec3)),
+                        Err(_) => EMPTY,
+                    },
+                };
+                known.insert(accessor.index(), of_accessor);
+                bounds = union(bounds, of_accessor);
+            }
+            let copies = instances(&node, &self.document.gltf, self.buffers, self.path)?;
+            let joint = node.skin().and_then(|skin| skin.joints().next());
+            let world = self.nodes.worlds[joint.map_or(node.index(), |joint| joint.index())];
+            for copy in copies.unwrap_or_else(|| vec![DMat4::IDENTITY]) {
+                let world = world * copy;
+                boxes.push(around(box_corners(bounds).map(|corner| world.transform_point3(corner))));
+            }
+        }
+        boxes.retain(|(low, high)| low.is_finite() && high.is_finite());
+        let middle = |(low, high): &Box64| (*low + *high) * 0.5;
+        let median = |mut values: Vec<f64>| {
+            values.sort_unstable_by(f64::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(0.0)
+        };
+        let along = |axis: usize| median(boxes.iter().map(|bounds| middle(bounds)[axis]).collect());
+        let centre = DVec3::new(along(0), along(1), along(2));
+        let reach = |bounds: &Box64| {
+            (middle(bounds) - centre).abs().max_element() + (bounds.1 - bounds.0).max_element() * 0.5
+        };
+        let size = median(boxes.iter().map(reach).collect());
+        let distance = centre.abs().max_element();
+        Ok(if distance > NEAR && distance > 4.0 * size { centre.round() + DVec3::ZERO } else { DVec3::ZERO })
+    }
+
+    /// Appends one object for each primitive of the node's mesh, and for each of the mesh's copies. A node
+    /// without a mesh adds no object. Returns the first error of a primitive.
+    fn add(&mut self, node: &gltf::Node<'_>) -> Result<(), SourceError> {
+        let Some(mesh) = node.mesh() else {
+            return Ok(());
+        };
+        let name =
+            node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_owned);
+        let hint = self.hint(node)?;
+        let several = mesh.primitives().len() > 1;
+        let primitives: Vec<Primitive> = mesh
+            .primitives()
+            .map(|primitive| {
+                let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
+                self.primitive(node, &primitive, &place)
+            })
+            .collect::<Result<_, _>>()?;
+        let copies = instances(node, &self.document.gltf, self.buffers, self.path)?;
+        let is_copied = copies.is_some();
+        for (copy, instance) in copies.unwrap_or_else(|| vec![DMat4::IDENTITY]).iter().enumerate() {
+            for (index, primitive) in primitives.iter().enumerate() {
+                let mut name = name.clone();
+                if is_copied {
+                    name += &format!("[{copy}]");
+                }
+                if several {
+                    name += &format!("/{index}");
+                }
+                let triangles = self.place(node, primitive, instance)?;
+                let mut object =
+                    SourceObject { opaque: primitive.opaque, ..SourceObject::new(name, triangles) };
+                if let Some(hint) = hint {
+                    object.take(hint);
+                }
+                self.move_object(node, primitive, instance, &mut object);
+                self.objects.push(object);
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes what the next object, which a node and an instance place, is moved by, if anything. An object
+    /// that moves hides nothing, whatever its hint says.
+    fn move_object(
+        &mut self,
+        node: &gltf::Node<'_>,
+        primitive: &Primitive,
+        instance: &DMat4,
+        object: &mut SourceObject,
+    ) {
+        let object_index = self.objects.len();
+        let is_pointed_at = &self.nodes.is_pointed_at;
+        let is_moved =
+            primitive.shape.is_soft() || self.motion.moves(node.index()) || is_pointed_at[node.index()];
+        self.at_rest.push(EMPTY);
+        if !is_moved || primitive.corners.len() == 0 {
+            return;
+        }
+        object.opaque = false;
+        object.motion = Some((Vec3::ZERO, Vec3::ZERO));
+        for (node, to_node, bounds) in primitive.shape.boxes(node.index(), instance, &primitive.order) {
+            // Where a pointer moves a node to is not read.
+            object.never_cull |= is_pointed_at[node];
+            let world = self.nodes.worlds[node] * to_node;
+            let at_rest = around(box_corners(bounds).map(|corner| world.transform_point3(corner)));
+            self.at_rest[object_index] = union(self.at_rest[object_index], at_rest);
+            self.moved.push(MovedBox { object: object_index, node, to_node, bounds });
+        }
+    }
+
+    /// Gives all objects that move their bounds over all clips. One whose bounds are not known is never
+    /// culled.
+    fn bound_movers(&mut self) {
+        let known =
+            self.motion.enclose(&self.document.transforms, self.nodes, &self.moved, &mut self.at_rest);
+        for (object, &(low, high)) in self.objects.iter_mut().zip(&self.at_rest) {
+            if object.motion.is_none() {
+                continue;
+            }
+            let bounds = Aabb::from_world(low, high, self.origin);
+            object.never_cull |= !known || !low.is_finite() || !high.is_finite() || !bounds.is_finite();
+            object.motion = Some((bounds.min, bounds.max));
+        }
+    }
+
+    /// Returns the hint in the extras of a node: `"visibility"` with the name of the hint. Returns an error
+    /// if there is no hint of that name.
+    fn hint(&self, node: &gltf::Node<'_>) -> Result<Option<Hint>, SourceError> {
+        let Some(extras) = node.extras() else { return Ok(None) };
+        let wrong =
+            |problem: String| SourceError::content(self.path, format!("node {}", node.index()), problem);
+        let extras: Value =
+            serde_json::from_str(extras.get()).map_err(|error| wrong(format!("its extras: {error}")))?;
+        let name = extras.get("visibility").and_then(Value::as_str);
+        name.map(|name| name.parse().map_err(|error| wrong(format!("its extra `visibility`: {error}"))))
+            .transpose()
+    }
+
+    /// Reads the triangles of one primitive, which are none for points and lines. `place` names the primitive
+    /// in error messages. Returns an error for invalid accessors or indices, and when more would be read than
+    /// may be.
+    fn primitive(
+        &mut self,
+        node: &gltf::Node<'_>,
+        primitive: &gltf::Primitive<'_>,
+        place: &str,
+    ) -> Result<Primitive, SourceError> {
+        let path = self.path;
+        let wrong = |problem: String| SourceError::content(path, place, problem);
+        // A primitive without positions is valid, and not drawn.
+        let Some(accessor) = primitive.get(&Semantic::Positions) else {
+            self.without_triangles += 1;
+            return Ok(Primitive {
+                shape: Shape::default(),
+                order: Vec::new(),
+                corners: corners(Mode::Points, 0),
+                opaque: false,
+            });
+        };
+        let index_count = primitive.indices().map_or(0, |indices| indices.count());
+        self.read = self.read.saturating_add(accessor.count()).saturating_add(index_count);
+        if self.read > MOST_READ {
+            return Err(wrong(format!(
+                "with it, more than {MOST_READ} vertices and indices would have to be read"
+            )));
+        }
+        let is_draco = primitive.extension_value("KHR_draco_mesh_compression").is_some();
+        if is_draco && accessor.view().is_none() && accessor.sparse().is_none() {
+            return Err(wrong(
+                "it is compressed by Draco, which is not read: `npx @gltf-transform/cli copy IN OUT` writes \
+                 a file without"
+                    .into(),
+            ));
+        }
+        let positions = self.buffers.positions(&accessor)?;
+        let order = match primitive.indices() {
+            Some(accessor) => self.buffers.indices(&accessor)?,
+            None => (0..positions.len()).map(|i| i as u32).collect(),
+        };
+        if let Some(index) = order.iter().find(|&&i| i as usize >= positions.len()) {
+            let count = positions.len();
+            return Err(wrong(format!("index {index} is beyond its {count} vertices")));
+        }
+        let corners = corners(primitive.mode(), order.len());
+        let has_surface =
+            matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan);
+        self.without_triangles += usize::from(!has_surface);
+        let shape = Shape::read(node, primitive, positions, self.motion, self.buffers, (self.path, place))?;
+        let opaque = primitive.material().alpha_mode() == AlphaMode::Opaque;
+        Ok(Primitive { shape, order, corners, opaque })
+    }
+
+    /// Returns the triangles of a primitive, relative to the origin. `instance` maps the mesh's space to the
+    /// node's. Returns an error when the scene would have too many.
+    fn place(
+        &mut self,
+        node: &gltf::Node<'_>,
+        primitive: &Primitive,
+        instance: &DMat4,
+    ) -> Result<Vec<[Vec3; 3]>, SourceError> {
+        let Primitive { shape, order, corners, .. } = primitive;
+        if corners.len() > MOST_TRIANGLES - self.triangles.min(MOST_TRIANGLES) {
+            let problem = format!("with it, the scene has more than {MOST_TRIANGLES} triangles");
+            return Err(SourceError::content(self.path, format!("node {}", node.index()), problem));
+        }
+        self.triangles += corners.len();
+        let placed = shape.placed(node.index(), instance, self.nodes);
+        let placed: Vec<Vec3> = placed.into_iter().map(|p| (p - self.origin).as_vec3()).collect();
+        // A mirroring transform turns triangles inside out; swapping two vertices restores the front that the
+        // file has.
+        let mirrored = (shape.world(node.index(), self.nodes) * *instance).determinant() < 0.0;
+        let triangle = |t: usize| {
+            let [a, b, c] = corners.of(t).map(|i| placed[order[i] as usize]);
+            if mirrored { [a, c, b] } else { [a, b, c] }
+        };
+        Ok((0..corners.len()).map(triangle).collect())
+    }
+}
+
+/// Vertex order of a primitive: how its `triangles` triangles index its vertices.
+struct Corners {
+    mode: Mode,
+    triangles: usize,
+}
+
+/// Returns the vertex order of a primitive with `vertices` vertices. Vertices left over at the end are
+/// ignored.
+fn corners(mode: Mode, vertices: usize) -> Corners {
+    let triangles = match mode {
+        Mode::Triangles => vertices / 3,
+        Mode::TriangleStrip | Mode::TriangleFan => vertices.saturating_sub(2),
+        // Points and lines have no surface, so they neither occlude nor are occluded.
+        Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => 0,
+    };
+    Corners { mode, triangles }
+}
+
+impl Corners {
+    /// Returns the number of triangles of the primitive.
+    fn len(&self) -> usize {
+        self.triangles
+    }
+
+    /// Returns the positions, in the primitive's vertex or index list, of the three corners of a triangle.
+    /// `triangle` must be below [`len`](Self::len).
+    fn of(&self, triangle: usize) -> [usize; 3] {
+        let t = triangle;
+        match self.mode {
+            // Every second triangle of a strip has the opposite winding.
+            Mode::TriangleStrip => [t, t + 1 + t % 2, t + 2 - t % 2],
+            Mode::TriangleFan => [t + 1, t + 2, 0],
+            _ => [3 * t, 3 * t + 1, 3 * t + 2],
+        }
+    }
+}

@@ -1,0 +1,454 @@
+//! Bounds of what animations move, over the whole of every clip.
+//!
+//! Time is cut at all keys of a clip, and further into steps. In a step each node's transform is known up to
+//! an error: translations stay in a box, and a rotation or scale by which the step departs from its middle
+//! moves a point by at most a part of its distance from the node. Errors are carried up the hierarchy
+//! ([`ErrorMap::after`]), so that the box around a step's middle, enlarged by the error, has every point at
+//! every time of the step. Bounds are therefore never too small, and as much too large as steps are long.
+
+use super::buffers::Buffers;
+use super::document::{LocalTransform, unit};
+use super::nodes::Nodes;
+use crate::error::SourceError;
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
+use gltf::animation::{Interpolation, Property};
+use std::collections::BTreeMap;
+
+/// Box in `f64`, as its minimum and maximum corner.
+pub(super) type Box64 = (DVec3, DVec3);
+
+/// Box that contains nothing.
+pub(super) const EMPTY: Box64 = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+
+/// Returns the box around two boxes.
+pub(super) fn union(a: Box64, b: Box64) -> Box64 {
+    (a.0.min(b.0), a.1.max(b.1))
+}
+
+/// Returns the box around points.
+pub(super) fn around(points: impl IntoIterator<Item = DVec3>) -> Box64 {
+    points.into_iter().fold(EMPTY, |bounds, point| union(bounds, (point, point)))
+}
+
+/// Returns the corners of a box.
+pub(super) fn corners((low, high): Box64) -> [DVec3; 8] {
+    std::array::from_fn(|i| DVec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), high, low))
+}
+
+/// Steps of a clip with few keys; each key has at most [`MOST_STEPS`] and at least one.
+const STEPS: usize = 512;
+/// Maximum number of steps from one key to the next.
+const MOST_STEPS: usize = 16;
+/// Maximum number of transforms of nodes and boxes in all steps of all clips together.
+const MOST_WORK: usize = 1 << 24;
+/// Part of a point's distance by which poses in `f32` may depart from poses in `f64`: sixteen roundings of
+/// 2^-24 for each of some ten nodes in a row.
+const ROUNDING: f64 = 1e-5;
+
+/// What all clips of a document do to its nodes.
+pub(super) struct Motion {
+    clips: Vec<Clip>,
+    /// Whether a clip moves a node or one above it, by the index of the node.
+    is_moved: Vec<bool>,
+    /// Least and greatest weight of each morph target over all clips, by the index of the node. Empty for a
+    /// node whose weights no clip changes.
+    weights: Vec<Vec<[f64; 2]>>,
+}
+
+/// Channels of translation, rotation and scale, by the index of the node.
+type Channels = BTreeMap<usize, [Option<Channel>; 3]>;
+
+/// Clip: one animation of a document.
+struct Clip {
+    /// Translation, rotation and scale by the index of the node, of nodes that have one.
+    channels: Channels,
+    /// Nodes that the clip moves, or of which it moves one above, parents before children.
+    moved: Vec<usize>,
+    /// Times of all keys, ascending and without equal ones.
+    times: Vec<f64>,
+}
+
+/// Values of a property over time.
+struct Channel {
+    times: Vec<f64>,
+    /// Values by key; vectors of three have a fourth component of 0.
+    values: Vec<Key>,
+    interpolation: Interpolation,
+}
+
+/// Value of a key, with the tangents before and after it of a cubic spline.
+#[derive(Clone, Copy)]
+struct Key {
+    before: DVec4,
+    value: DVec4,
+    after: DVec4,
+}
+
+/// Box that a node moves, of an object.
+pub(super) struct MovedBox {
+    /// Index of the object.
+    pub object: usize,
+    /// Index of the node.
+    pub node: usize,
+    /// Matrix from the box's space to that of the node.
+    pub to_node: DMat4,
+    pub bounds: Box64,
+}
+
+impl Motion {
+    /// Reads the clips of a document. A channel whose values are all those at rest moves nothing.
+    ///
+    /// # Errors
+    ///
+    /// Returns the errors of reading the accessors.
+    pub(super) fn new(
+        document: &gltf::Document,
+        transforms: &[LocalTransform],
+        nodes: &Nodes,
+        buffers: &Buffers<'_>,
+    ) -> Result<Self, SourceError> {
+        let count = transforms.len();
+        let (is_moved, weights) = (vec![false; count], vec![Vec::new(); count]);
+        let mut motion = Self { clips: Vec::new(), is_moved, weights };
+        for animation in document.animations() {
+            let mut channels = Channels::new();
+            for channel in animation.channels() {
+                let (node, sampler) = (channel.target().node().index(), channel.sampler());
+                let property = channel.target().property();
+                if property == Property::MorphTargetWeights {
+                    let targets = targets_of(&channel.target().node());
+                    motion.take_weights(node, targets, &sampler, buffers)?;
+                    continue;
+                }
+                let (read, at) = (Channel::read(&sampler, property, buffers)?, place(property));
+                if read.is_moving(&transforms[node], property) {
+                    channels.entry(node).or_default()[at] = Some(read);
+                }
+            }
+            motion.push(channels, nodes);
+        }
+        Ok(motion)
+    }
+
+    /// Appends a clip, if it moves something.
+    fn push(&mut self, channels: Channels, nodes: &Nodes) {
+        if channels.is_empty() {
+            return;
+        }
+        let mut is_moved = vec![false; nodes.parents.len()];
+        for &node in &nodes.order {
+            is_moved[node] =
+                channels.contains_key(&node) || nodes.parents[node].is_some_and(|parent| is_moved[parent]);
+        }
+        let moved: Vec<usize> = nodes.order.iter().copied().filter(|&node| is_moved[node]).collect();
+        moved.iter().for_each(|&node| self.is_moved[node] = true);
+        let times = channels.values().flatten().flatten().flat_map(|channel| &channel.times);
+        let mut times: Vec<f64> = times.copied().collect();
+        times.sort_unstable_by(f64::total_cmp);
+        times.dedup();
+        self.clips.push(Clip { channels, moved, times });
+    }
+
+    /// Notes the range of the weights that a channel gives to a node's morph targets.
+    fn take_weights(
+        &mut self,
+        node: usize,
+        targets: usize,
+        sampler: &gltf::animation::Sampler<'_>,
+        buffers: &Buffers<'_>,
+    ) -> Result<(), SourceError> {
+        if targets == 0 {
+            return Ok(());
+        }
+        let times = buffers.vectors::<1>(&sampler.input())?;
+        let values: Vec<f64> =
+            buffers.vectors::<1>(&sampler.output())?.iter().map(|[value]| f64::from(*value)).collect();
+        let ranges = &mut self.weights[node];
+        ranges.resize(targets, [f64::INFINITY, f64::NEG_INFINITY]);
+        let mut take = |target: usize, value: f64| {
+            ranges[target] = [ranges[target][0].min(value), ranges[target][1].max(value)];
+        };
+        if sampler.interpolation() != Interpolation::CubicSpline {
+            values.iter().enumerate().for_each(|(i, &value)| take(i % targets, value));
+            return Ok(());
+        }
+        for (key, of_key) in values.chunks_exact(3 * targets).enumerate() {
+            // A spline is within its Bezier points: a third of a tangent beside the value.
+            let step = |other: usize| match (times.get(key), times.get(other)) {
+                (Some([a]), Some([b])) => f64::from(*b) - f64::from(*a),
+                _ => 0.0,
+            };
+            let (before, after) = (step(key.wrapping_sub(1)), step(key + 1));
+            for target in 0..targets {
+                let [arriving, value, leaving] = [0, 1, 2].map(|part| of_key[part * targets + target]);
+                take(target, value);
+                take(target, value + arriving * before / 3.0);
+                take(target, value + leaving * after / 3.0);
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns whether a clip moves a node or one above it.
+    pub(super) fn moves(&self, node: usize) -> bool {
+        self.is_moved[node]
+    }
+
+    /// Returns the range of weights that clips give to the morph targets of a node; empty if no clip does.
+    pub(super) fn weights(&self, node: usize) -> &[[f64; 2]] {
+        &self.weights[node]
+    }
+
+    /// Encloses the boxes that nodes move over all clips: enlarges the bounds in world space of each box's
+    /// object. Returns false if there is too much to do; bounds are then too small.
+    pub(super) fn enclose(
+        &self,
+        transforms: &[LocalTransform],
+        nodes: &Nodes,
+        boxes: &[MovedBox],
+        bounds: &mut [Box64],
+    ) -> bool {
+        let work = |clip: &Clip| {
+            let steps = clip.times.len().saturating_mul(clip.steps());
+            steps.saturating_mul(clip.moved.len() + boxes.len())
+        };
+        let work = self.clips.iter().map(work).fold(0, usize::saturating_add);
+        if work > MOST_WORK {
+            return false;
+        }
+        let at_rest: Vec<ErrorMap> = nodes.worlds.iter().map(|&world| ErrorMap::exact(world)).collect();
+        for clip in &self.clips {
+            let mut worlds = at_rest.clone();
+            let mut is_moved = vec![false; worlds.len()];
+            clip.moved.iter().for_each(|&node| is_moved[node] = true);
+            for (from, to) in clip.spans() {
+                for &node in &clip.moved {
+                    let local = clip.local(node, &transforms[node], from, to);
+                    worlds[node] = match nodes.parents[node] {
+                        Some(parent) => worlds[parent].after(&local),
+                        None => ErrorMap::exact(nodes.root).after(&local),
+                    };
+                }
+                for moved in boxes.iter().filter(|moved| is_moved[moved.node]) {
+                    let map = worlds[moved.node].after(&ErrorMap::exact(moved.to_node));
+                    bounds[moved.object] = union(bounds[moved.object], map.image(moved.bounds));
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Returns the number of morph targets of a node's mesh, 0 without a mesh.
+fn targets_of(node: &gltf::Node<'_>) -> usize {
+    let primitives = node.mesh().into_iter().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
+    primitives.map(|primitive| primitive.morph_targets().count()).max().unwrap_or(0)
+}
+
+/// Returns the place of a property among the channels of a node.
+fn place(property: Property) -> usize {
+    match property {
+        Property::Translation => 0,
+        Property::Rotation => 1,
+        Property::Scale | Property::MorphTargetWeights => 2,
+    }
+}
+
+impl Clip {
+    /// Returns the number of steps from one key to the next.
+    fn steps(&self) -> usize {
+        (STEPS / self.times.len().max(1)).clamp(1, MOST_STEPS)
+    }
+
+    /// Returns the steps of the clip, as their first and last times, and then the last time alone.
+    fn spans(&self) -> impl Iterator<Item = (f64, f64)> {
+        let steps = self.steps();
+        let within = self.times.windows(2).flat_map(move |pair| {
+            let at = move |i: usize| pair[0] + (pair[1] - pair[0]) * (i as f64 / steps as f64);
+            (0..steps).map(move |i| (at(i), at(i + 1)))
+        });
+        within.chain(self.times.last().map(|&last| (last, last)))
+    }
+
+    /// Returns the map from a node's space to its parent's over a step.
+    fn local(&self, node: usize, at_rest: &LocalTransform, from: f64, to: f64) -> ErrorMap {
+        let Some([moved, turned, scaled]) = self.channels.get(&node) else {
+            return ErrorMap::exact(at_rest.matrix());
+        };
+        let (scale, rotation, translation) = at_rest.parts();
+        let range = |channel: &Option<Channel>, rest: DVec3| {
+            channel.as_ref().map_or((rest, DVec3::ZERO), |channel| channel.vector(from, to))
+        };
+        let (translation, beside) = range(moved, translation);
+        let (scale, wider) = range(scaled, scale);
+        let (rotation, angle) = turned.as_ref().map_or((rotation, 0.0), |channel| channel.rotation(from, to));
+        // |R S p - R' S' p| <= |R (S - S') p| + |(R - R') S' p|, and a rotation by an angle moves a unit
+        // vector by at most twice the sine of half of it.
+        let turn = 2.0 * (angle.min(std::f64::consts::PI) * 0.5).sin();
+        let growing = wider.max_element() + turn * scale.abs().max_element();
+        let matrix = DMat4::from_scale_rotation_translation(scale, rotation, translation);
+        ErrorMap { norm: norm(&matrix), matrix, fixed: beside, growing }
+    }
+}
+
+impl Channel {
+    /// Reads the keys of a sampler for translation, rotation or scale. Keys beyond the fewer of times and
+    /// values are ignored.
+    fn read(
+        sampler: &gltf::animation::Sampler<'_>,
+        property: Property,
+        buffers: &Buffers<'_>,
+    ) -> Result<Self, SourceError> {
+        let times: Vec<f64> =
+            buffers.vectors::<1>(&sampler.input())?.iter().map(|[time]| f64::from(*time)).collect();
+        let flat: Vec<DVec4> = if property == Property::Rotation {
+            let rotations = buffers.vectors::<4>(&sampler.output())?;
+            rotations.into_iter().map(|rotation| glam::Vec4::from_array(rotation).as_dvec4()).collect()
+        } else {
+            let vectors = buffers.vectors::<3>(&sampler.output())?;
+            vectors.into_iter().map(|vector| glam::Vec3::from_array(vector).as_dvec3().extend(0.0)).collect()
+        };
+        let interpolation = sampler.interpolation();
+        let values: Vec<Key> = if interpolation == Interpolation::CubicSpline {
+            flat.chunks_exact(3).map(|k| Key { before: k[0], value: k[1], after: k[2] }).collect()
+        } else {
+            flat.into_iter().map(|value| Key { before: DVec4::ZERO, value, after: DVec4::ZERO }).collect()
+        };
+        let count = times.len().min(values.len());
+        Ok(Self { times: times[..count].to_vec(), values: values[..count].to_vec(), interpolation })
+    }
+
+    /// Returns whether a value or a tangent departs from the property at rest. Values are compared in `f32`,
+    /// which is the precision of the buffers.
+    fn is_moving(&self, at_rest: &LocalTransform, property: Property) -> bool {
+        let (scale, rotation, translation) = at_rest.parts();
+        let differs = |value: DVec4| match property {
+            Property::Rotation => {
+                // The sine of half the angle between the rotations is about the root of 1 - |dot|^2.
+                let dot = unit(DQuat::from_vec4(value)).dot(rotation);
+                1.0 - dot.abs() > 1e-13
+            }
+            Property::Translation => value.truncate().as_vec3() != translation.as_vec3(),
+            _ => value.truncate().as_vec3() != scale.as_vec3(),
+        };
+        let bends = |key: &Key| key.before != DVec4::ZERO || key.after != DVec4::ZERO;
+        self.values.iter().any(|key| differs(key.value) || bends(key))
+    }
+
+    /// Returns the control points of the channel's curve over a step, which do not reach over a key: the
+    /// curve is within their hull. Two equal points where it is constant.
+    fn hull(&self, from: f64, to: f64) -> ([DVec4; 4], usize) {
+        let middle = (from + to) * 0.5;
+        let next = self.times.partition_point(|&time| time <= middle);
+        let key = next.saturating_sub(1);
+        let value = self.values[key].value;
+        if next == 0 || next == self.times.len() || self.interpolation == Interpolation::Step {
+            return ([value; 4], 1);
+        }
+        let (start, length) = (self.times[key], self.times[next] - self.times[key]);
+        let part = |time: f64| ((time - start) / length).clamp(0.0, 1.0);
+        let (u, v) = (part(from), part(to));
+        let (a, b) = (&self.values[key], &self.values[next]);
+        if self.interpolation == Interpolation::Linear {
+            return ([a.value.lerp(b.value, u), a.value.lerp(b.value, v), DVec4::ZERO, DVec4::ZERO], 2);
+        }
+        // The Hermite spline in Bezier form, and the polar form of that at the step's ends.
+        let third = length / 3.0;
+        let points = [a.value, a.value + a.after * third, b.value - b.before * third, b.value];
+        let polar = |u: [f64; 3]| {
+            let mut p = points;
+            for (round, &u) in u.iter().enumerate() {
+                for i in 0..3 - round {
+                    p[i] = p[i].lerp(p[i + 1], u);
+                }
+            }
+            p[0]
+        };
+        ([polar([u, u, u]), polar([u, u, v]), polar([u, v, v]), polar([v, v, v])], 4)
+    }
+
+    /// Returns the middle of a vector over a step, and the greatest distance from it along each axis.
+    fn vector(&self, from: f64, to: f64) -> (DVec3, DVec3) {
+        let (points, count) = self.hull(from, to);
+        let (low, high) = around(points[..count].iter().map(|point| point.truncate()));
+        ((low + high) * 0.5, (high - low) * 0.5)
+    }
+
+    /// Returns a rotation, and the greatest angle in radians between it and those of a step.
+    fn rotation(&self, from: f64, to: f64) -> (DQuat, f64) {
+        let middle = (from + to) * 0.5;
+        let next = self.times.partition_point(|&time| time <= middle);
+        if self.interpolation == Interpolation::Linear && 0 < next && next < self.times.len() {
+            // Slerp along the shorter arc, whose angle between unit quaternions is half that of the rotations.
+            let [a, b] = [next - 1, next].map(|key| unit(DQuat::from_vec4(self.values[key].value)));
+            let b = if a.dot(b) < 0.0 { -b } else { b };
+            let length = self.times[next] - self.times[next - 1];
+            let part = |time: f64| ((time - self.times[next - 1]) / length).clamp(0.0, 1.0);
+            let half = a.dot(b).min(1.0).acos() * (part(to) - part(from)).abs();
+            return (unit(a.slerp(b, part(middle))), half);
+        }
+        let (points, count) = self.hull(from, to);
+        let points = &points[..count];
+        let centre = points.iter().sum::<DVec4>() / count as f64;
+        let radius = points.iter().map(|point| point.distance(centre)).fold(0.0, f64::max);
+        // Quaternions in a ball around one of a greater length are within the cone that touches the ball.
+        let angle = if radius < centre.length() {
+            2.0 * (radius / centre.length()).asin()
+        } else {
+            std::f64::consts::PI
+        };
+        (unit(DQuat::from_vec4(centre)), angle)
+    }
+}
+
+/// Affine map that is known up to an error: the image of a point p is within `fixed` along each axis, and
+/// `growing * |p|` beside that, of `matrix * p`.
+#[derive(Clone, Copy)]
+struct ErrorMap {
+    matrix: DMat4,
+    /// Bound of the lengths of the images of unit vectors, without translation and error.
+    norm: f64,
+    fixed: DVec3,
+    growing: f64,
+}
+
+impl ErrorMap {
+    /// Returns the map of a matrix, without an error.
+    fn exact(matrix: DMat4) -> Self {
+        Self { norm: norm(&matrix), matrix, fixed: DVec3::ZERO, growing: 0.0 }
+    }
+
+    /// Returns the map that applies `inner` and then this one. With q = inner(p):
+    /// |q| <= (norm + growing) |p| + |translation| + |fixed|, all of inner.
+    fn after(&self, inner: &Self) -> Self {
+        let matrix = self.matrix * inner.matrix;
+        let parts = DMat3::from_mat4(self.matrix);
+        let absolute = DMat3::from_cols(parts.x_axis.abs(), parts.y_axis.abs(), parts.z_axis.abs());
+        let reach = inner.matrix.w_axis.truncate().length() + inner.fixed.length();
+        Self {
+            norm: norm(&matrix),
+            matrix,
+            fixed: absolute * inner.fixed + self.fixed + self.growing * reach,
+            growing: self.norm * inner.growing + self.growing * (inner.norm + inner.growing),
+        }
+    }
+
+    /// Returns a box around the images of a box, enlarged by what `f32` rounds.
+    fn image(&self, bounds: Box64) -> Box64 {
+        let corners = corners(bounds);
+        let reach = corners.iter().map(|corner| corner.length()).fold(0.0, f64::max);
+        let (low, high) = around(corners.map(|corner| self.matrix.transform_point3(corner)));
+        let rounding = ROUNDING * (self.norm * reach + (high - low).length());
+        let error = self.fixed + self.growing * reach + rounding;
+        (low - error, high + error)
+    }
+}
+
+/// Returns a bound of the lengths of the images of unit vectors: the root of the greatest sum of absolute
+/// values in a row of the matrix times its transpose (Gershgorin). Exact for a rotation and an even scale.
+fn norm(matrix: &DMat4) -> f64 {
+    let part = DMat3::from_mat4(*matrix);
+    let product = part.transpose() * part;
+    let rows = [0, 1, 2].map(|row| product.row(row).abs().element_sum());
+    rows.into_iter().fold(0.0, f64::max).sqrt()
+}

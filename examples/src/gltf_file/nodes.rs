@@ -1,0 +1,99 @@
+//! The nodes of a glTF document: trees, with their places in world space.
+
+use super::document::Document;
+use crate::error::SourceError;
+use glam::DMat4;
+use std::path::Path;
+
+/// Nodes of a document.
+pub(super) struct Nodes {
+    /// Matrix from the document's space to world space.
+    pub root: DMat4,
+    /// Parents, by the index of the node.
+    pub parents: Vec<Option<usize>>,
+    /// All nodes, parents before children.
+    pub order: Vec<usize>,
+    /// Matrices from the spaces of nodes to world space at rest, by the index of the node.
+    pub worlds: Vec<DMat4>,
+    /// Whether a pointer of an animation moves a node or one above it, by the index of the node.
+    pub is_pointed_at: Vec<bool>,
+    /// Nodes of the scene that is read, in the order of the file, parents before children, without hidden
+    /// ones.
+    pub placed: Vec<usize>,
+}
+
+impl Nodes {
+    /// Places the nodes of a document; `root` is the matrix from the document's space to world space. Those of
+    /// the default scene are read. Without a default scene these are the nodes of the first scene, and without
+    /// scenes all. Counts hidden nodes in the document.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`SourceError::Content`] when nodes do not form trees.
+    pub(super) fn new(document: &mut Document, root: DMat4, path: &Path) -> Result<Self, SourceError> {
+        let wrong = |node: usize, problem: &str| {
+            let problem = format!("{problem}: nodes must form trees");
+            SourceError::content(path, format!("node {node}"), problem)
+        };
+        let twice = |node| wrong(node, "it is reached twice");
+        let count = document.gltf.nodes().len();
+        let mut parents = vec![None; count];
+        for node in document.gltf.nodes() {
+            for child in node.children() {
+                if parents[child.index()].replace(node.index()).is_some() {
+                    return Err(twice(child.index()));
+                }
+            }
+        }
+        let children: Vec<Vec<usize>> =
+            document.gltf.nodes().map(|node| node.children().map(|child| child.index()).collect()).collect();
+        let tops: Vec<usize> = (0..count).filter(|&node| parents[node].is_none()).collect();
+        let order = below(&tops, &children, |_| true).map_err(twice)?;
+        if order.len() < count {
+            let mut is_reached = vec![false; count];
+            order.iter().for_each(|&node| is_reached[node] = true);
+            let lost = is_reached.iter().position(|is_reached| !is_reached).unwrap_or_default();
+            return Err(wrong(lost, "it is reached twice, by itself"));
+        }
+        let (mut worlds, mut is_pointed_at) = (vec![root; count], document.is_pointed_at.clone());
+        for &node in &order {
+            let parent = parents[node].map_or(root, |parent| worlds[parent]);
+            worlds[node] = parent * document.transforms[node].matrix();
+            is_pointed_at[node] |= parents[node].is_some_and(|parent| is_pointed_at[parent]);
+        }
+        let scene = document.gltf.default_scene().or_else(|| document.gltf.scenes().next());
+        let tops = scene.map_or(tops, |scene| scene.nodes().map(|node| node.index()).collect());
+        let all = below(&tops, &children, |_| true).map_err(twice)?;
+        let is_hidden: Vec<bool> = document
+            .gltf
+            .nodes()
+            .map(|node| {
+                let extension = node.extension_value("KHR_node_visibility");
+                let visible = extension.and_then(|extension| extension.get("visible")?.as_bool());
+                visible == Some(false) && !document.is_pointed_at[node.index()]
+            })
+            .collect();
+        let placed = below(&tops, &children, |node| !is_hidden[node]).unwrap_or_default();
+        document.unread.hidden_nodes = all.len() - placed.len();
+        Ok(Self { root, parents, order, worlds, is_pointed_at, placed })
+    }
+}
+
+/// Returns nodes and all below them in the order of the file, parents before children. Nodes that are not
+/// `kept` are left out, and all below them. Returns the first node that is reached twice as the error. A
+/// stack of its own lets the depth be any.
+fn below(tops: &[usize], children: &[Vec<usize>], kept: impl Fn(usize) -> bool) -> Result<Vec<usize>, usize> {
+    let mut is_reached = vec![false; children.len()];
+    let mut order = Vec::new();
+    let mut waiting: Vec<usize> = tops.iter().rev().copied().collect();
+    while let Some(node) = waiting.pop() {
+        if std::mem::replace(&mut is_reached[node], true) {
+            return Err(node);
+        }
+        if kept(node) {
+            order.push(node);
+            waiting.extend(children[node].iter().rev());
+        }
+    }
+    Ok(order)
+}

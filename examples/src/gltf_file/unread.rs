@@ -1,0 +1,77 @@
+//! What is in a glTF file and not read, counted, so that nobody takes what is loaded for the whole file.
+
+use super::document::list;
+use serde_json::Value;
+use std::collections::BTreeSet;
+
+/// Beginnings of the names of extensions that are read, or that place no triangle.
+const KNOWN: [&str; 14] = [
+    "ADOBE_materials_",
+    "EXT_lights_",
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_",
+    "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_",
+    "KHR_materials_",
+    "KHR_mesh_quantization",
+    "KHR_node_visibility",
+    "KHR_texture_",
+    "KHR_xmp",
+    "MSFT_texture_",
+];
+
+/// Counts of what is in a file and not read.
+#[derive(Default)]
+pub(super) struct Unread {
+    /// Primitives of points or lines, or without positions.
+    pub without_triangles: usize,
+    /// Channels of animations by `KHR_animation_pointer`, whose nodes may be anywhere.
+    pub pointers: usize,
+    /// Nodes that `KHR_node_visibility` hides, with all below them.
+    pub hidden_nodes: usize,
+    cameras: usize,
+    lights: usize,
+    /// Scenes beside the one that is read.
+    scenes: usize,
+    /// Names of extensions that may place triangles.
+    extensions: BTreeSet<String>,
+}
+
+impl Unread {
+    /// Counts what a document has of cameras, lights, scenes and extensions.
+    pub(super) fn new(root: &Value) -> Self {
+        let names = ["extensionsUsed", "extensionsRequired"].map(|key| list(root, key));
+        let names = names.into_iter().flatten().filter_map(Value::as_str);
+        let lights = root.pointer("/extensions/KHR_lights_punctual/lights").and_then(Value::as_array);
+        Self {
+            cameras: list(root, "cameras").len(),
+            lights: lights.map_or(0, Vec::len),
+            scenes: list(root, "scenes").len().saturating_sub(1),
+            extensions: names
+                .filter(|name| !KNOWN.iter().any(|known| name.starts_with(known)))
+                .map(str::to_owned)
+                .collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Returns the line that says what is not read, `None` if there is nothing.
+    pub(super) fn line(&self) -> Option<String> {
+        let counts = [
+            (self.without_triangles, "primitive without triangles", "primitives without triangles"),
+            (self.hidden_nodes, "hidden node", "hidden nodes"),
+            (self.pointers, "channel of an animation by pointer", "channels of animations by pointer"),
+            (self.cameras, "camera", "cameras"),
+            (self.lights, "light", "lights"),
+            (self.scenes, "other scene", "other scenes"),
+        ];
+        let counts = counts.iter().filter(|(count, ..)| *count > 0);
+        let counts =
+            counts.map(|(count, one, many)| format!("{count} {}", if *count == 1 { one } else { many }));
+        let extensions = self.extensions.iter().map(|name| format!("the extension {name}"));
+        let all: Vec<String> = counts.chain(extensions).collect();
+        (!all.is_empty()).then(|| format!("not read: {}", all.join(", ")))
+    }
+}

@@ -1,0 +1,65 @@
+//! How the coordinates of a scene file are read: their unit, and the axis that points up.
+
+use clap::Args;
+use glam::Vec3;
+
+/// How the coordinates of a scene file are read. Built-in scenes are in metres, with z up.
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// Unit of the coordinates in scene files and their cameras: mm, cm, m, km, in, ft, or its length in
+    /// metres. By default metres.
+    #[arg(long, value_name = "UNIT", value_parser = parse_unit)]
+    pub unit: Option<f64>,
+
+    /// Axis that points up in scene files: x, y or z. By default y in glTF files, and in .vscn files z or what
+    /// the description says. Coordinates stay as they are.
+    #[arg(long, value_name = "AXIS", value_parser = parse_axis)]
+    pub up: Option<Vec3>,
+}
+
+impl Reading {
+    /// Returns the length of the unit in metres.
+    pub fn metres(&self) -> f64 {
+        self.unit.unwrap_or(1.0)
+    }
+}
+
+/// Reads a unit as its length in metres, from its name or a number.
+fn parse_unit(text: &str) -> Result<f64, String> {
+    let metres = match text {
+        "mm" => 0.001,
+        "cm" => 0.01,
+        "m" => 1.0,
+        "km" => 1000.0,
+        "in" => 0.0254,
+        "ft" => 0.3048,
+        number => number.parse().unwrap_or(f64::NAN),
+    };
+    let is_usable = (1e-9..=1e9).contains(&metres);
+    is_usable.then_some(metres).ok_or_else(|| "a unit is mm, cm, m, km, in, ft, or a length in metres".into())
+}
+
+/// Reads an axis as its unit vector.
+fn parse_axis(text: &str) -> Result<Vec3, String> {
+    match text {
+        "x" => Ok(Vec3::X),
+        "y" => Ok(Vec3::Y),
+        "z" => Ok(Vec3::Z),
+        _ => Err("an axis is x, y or z".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_and_axes_are_read_or_refused() {
+        assert_eq!((parse_unit("mm"), parse_unit("0.5")), (Ok(0.001), Ok(0.5)));
+        assert_eq!(parse_axis("z"), Ok(Vec3::Z));
+        for wrong in ["", "0", "-1", "nan", "inf", "inch", "1e-300"] {
+            assert!(parse_unit(wrong).is_err(), "{wrong}");
+        }
+        assert!(parse_axis("-z").is_err());
+    }
+}
