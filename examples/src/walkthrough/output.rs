@@ -44,7 +44,7 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
 
 /// Explanation of the columns of [`table`], to be printed below it.
 pub const LEGEND: &str = "\
-reported, visible: objects a frame, by the culler and in truth (an item buffer that draws every triangle)
+reported, visible: objects a frame, by the culler and in truth (an item buffer: opaque triangles, and see-through ones before them)
 us a frame, p99: median and 99th percentile of the time to cull one frame, one thread
 false hidden: visible objects that the culler hid, all frames together: what a user sees vanish
 ties: hidden objects that show only where a reported object shows alike, on an edge or in one plane with it, all frames together
