@@ -300,8 +300,7 @@ impl Image {
             let here = key_at(column as f64 + 0.5);
             let (held, veil) = (self.depth_keys[pixel], &mut self.veils[pixel]);
             let tie = here.abs() * DEPTH_TIE + self.least_difference;
-            // Not for a NaN either.
-            if !(here - held >= -tie) {
+            if here - held < -tie {
                 continue;
             }
             let shows = covers && here - held > tie && !veil.is_tied;
