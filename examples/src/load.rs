@@ -96,7 +96,10 @@ fn load_by_object(
                 let problem = format!("it has no triangles, so nothing is seen or hidden ({notes})");
                 return Err(SourceError::content(path, "document", problem.replace(" ()", "")));
             }
-            std::mem::take(&mut scene.objects).into_iter().for_each(|object| each(scene.origin, object));
+            for mut object in std::mem::take(&mut scene.objects) {
+                object.one_sided &= !reading.two_sided;
+                each(scene.origin, object);
+            }
             Ok(scene)
         }
         _ => Err(SourceError::UnknownFormat { file: path.to_path_buf() }),
@@ -243,5 +246,6 @@ fn object(description: &Description, index: usize, triangles: Vec<[Vec3; 3]>) ->
     let billboard =
         description.alpha_tested_name_prefixes.iter().any(|prefix| name.starts_with(prefix.as_str()));
     let door = description.door_name_contains.as_ref().is_some_and(|part| name.contains(part.as_str()));
-    SourceObject { opaque: !glass && !billboard, door, ..SourceObject::new(name, triangles) }
+    let see_through = glass || billboard;
+    SourceObject { opaque: !see_through, see_through, door, ..SourceObject::new(name, triangles) }
 }

@@ -1,9 +1,10 @@
-//! How the coordinates of a scene file are read: their unit, and the axis that points up.
+//! How a scene file is read: the unit of its coordinates, the axis that points up, and whether triangles are
+//! drawn from both sides.
 
 use clap::Args;
 use glam::Vec3;
 
-/// How the coordinates of a scene file are read. Built-in scenes are in metres, with z up.
+/// How a scene file is read. Built-in scenes are in metres, with z up, and drawn from both sides.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// Unit of the coordinates in scene files and their cameras: mm, cm, m, km, in, ft, or its length in
@@ -15,6 +16,12 @@ pub struct Reading {
     /// what the description says. Coordinates stay as they are.
     #[arg(long, value_name = "AXIS", value_parser = parse_axis)]
     pub up: Option<Vec3>,
+
+    /// Draw all triangles from both sides, as a renderer without backface culling does. By default triangles
+    /// of glTF files whose material is not `doubleSided` are drawn from their front alone: from behind they
+    /// are not seen, and hide nothing.
+    #[arg(long)]
+    pub two_sided: bool,
 }
 
 impl Reading {

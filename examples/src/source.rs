@@ -92,8 +92,13 @@ pub struct SourceObject {
     /// from files are kept unchanged, NaN and infinities included.
     pub triangles: Vec<[Vec3; 3]>,
     /// Whether the object may serve as an occluder. False for glass and cut-out billboards, which can be
-    /// hidden but must never hide other objects.
+    /// hidden but must never hide other objects, and for what a hint excludes.
     pub opaque: bool,
+    /// Whether what is behind the object is drawn through it, as through glass and cut-out billboards.
+    pub see_through: bool,
+    /// Whether the triangles are drawn from their front alone. From behind they are not seen, and hide
+    /// nothing.
+    pub one_sided: bool,
     /// Whether the object is a door leaf. The walks of some scenes pass through closed doors, so a program
     /// may leave doors out. Reference counts of a scene are taken with every door closed and drawn.
     pub door: bool,
@@ -102,6 +107,24 @@ pub struct SourceObject {
     /// Bounds of the object wherever its animations move it, relative to the scene's origin. `None` if none
     /// does.
     pub motion: Option<Corners>,
+}
+
+/// Numbers of triangles of a scene, by how they are drawn.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Surfaces {
+    /// Triangles that cover what is behind them.
+    pub opaque: usize,
+    /// Triangles through which that is seen.
+    pub see_through: usize,
+    /// Triangles of either kind that are drawn from their front alone.
+    pub one_sided: usize,
+}
+
+impl std::fmt::Display for Surfaces {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { opaque, see_through, one_sided } = self;
+        write!(f, "{opaque} opaque, {see_through} see-through, {one_sided} one-sided")
+    }
 }
 
 /// What a level says of an object, beyond its shape.
@@ -150,9 +173,18 @@ impl fmt::Display for Hint {
 pub type Corners = (Vec3, Vec3);
 
 impl SourceObject {
-    /// Creates an opaque object that is not a door, from its world-space triangles.
+    /// Creates an opaque object that is drawn from both sides and not a door, from its world-space triangles.
     pub fn new(name: impl Into<String>, triangles: Vec<[Vec3; 3]>) -> Self {
-        Self { name: name.into(), triangles, opaque: true, door: false, never_cull: false, motion: None }
+        Self {
+            name: name.into(),
+            triangles,
+            opaque: true,
+            see_through: false,
+            one_sided: false,
+            door: false,
+            never_cull: false,
+            motion: None,
+        }
     }
 
     /// Returns the object as the cullers' scene takes it, an occluder even if it is a door.
@@ -161,6 +193,8 @@ impl SourceObject {
             cost: u32::try_from(self.triangles.len()).unwrap_or(u32::MAX),
             occluder: self.opaque,
             never_cull: self.never_cull,
+            see_through: self.see_through,
+            one_sided: self.one_sided,
             ..Object::new(self.all_bounds())
         }
     }
@@ -180,7 +214,7 @@ impl SourceObject {
     /// Notes a hint of the level.
     pub fn take(&mut self, hint: Hint) {
         match hint {
-            Hint::Occluder => self.opaque = true,
+            Hint::Occluder => (self.opaque, self.see_through) = (true, false),
             Hint::Detail => self.opaque = false,
             Hint::Door => self.door = true,
             Hint::Mover => (self.opaque, self.never_cull) = (false, true),
@@ -264,6 +298,17 @@ impl SceneSource {
         for note in &self.notes {
             eprintln!("{}: {note}", self.name);
         }
+    }
+
+    /// Returns how the triangles of all objects are drawn.
+    pub fn surfaces(&self) -> Surfaces {
+        let mut all = Surfaces::default();
+        for object in &self.objects {
+            let triangles = object.triangles.len();
+            *(if object.see_through { &mut all.see_through } else { &mut all.opaque }) += triangles;
+            all.one_sided += if object.one_sided { triangles } else { 0 };
+        }
+        all
     }
 
     /// Returns the number of triangles of all objects together.

@@ -56,10 +56,10 @@ fn explain(
     let mut crop = ItemBuffer::new(63, 63).unwrap();
     let close = close_up(view, world, witness);
     let is_opaque = |key: u32| world.source.objects[key as usize].opaque;
-    let own = world.source.objects[id.index()].triangles.as_slice();
+    let own = world.items().nth(id.index()).unwrap();
     let mut shows = |glass: bool| {
-        let others = world.items().filter(|&(k, _)| k != key && (glass || is_opaque(k)));
-        let exact = crop.draw(&close, world.origin(), others.chain([(key, own)])).unwrap();
+        let others = world.items().filter(|of| of.key != key && (glass || is_opaque(of.key)));
+        let exact = crop.draw(&close, world.origin(), others.chain([own])).unwrap();
         *exact.objects().last().unwrap()
     };
     match () {
@@ -91,8 +91,9 @@ fn is_tied(world: &World, view: &View, id: ObjectId, witness: Witness) -> bool {
     let own = depth(id.index() as u32);
     let least = world
         .items()
-        .filter(|&(key, _)| key != id.index() as u32 && world.source.objects[key as usize].opaque)
-        .map(|(key, _)| depth(key))
+        .map(|of| of.key)
+        .filter(|&key| key != id.index() as u32 && world.source.objects[key as usize].opaque)
+        .map(depth)
         .fold(f64::INFINITY, f64::min);
     own.is_finite() && own <= least + 1e-5 * own.max(1.0)
 }
@@ -180,7 +181,7 @@ fn exact_culling_is_exact_along_the_walks() {
 #[cfg_attr(not(reference_scenes), ignore = "the reference scenes are not beside the checkout")]
 fn an_arena_is_cut_into_few_fragments() {
     let world = World::new(scene("oa_dm2"), (64, 36), Some(1)).unwrap();
-    let triangles: usize = world.items().map(|(_, triangles)| triangles.len()).sum();
+    let triangles: usize = world.items().map(|of| of.triangles.len()).sum();
     let tree = SceneTree::new(&world.scene).unwrap();
     let (fragments, nodes) = (tree.tree().fragment_count(), tree.tree().node_count());
     println!("{triangles} triangles, {fragments} fragments, {nodes} nodes, {} levels", tree.tree().depth());

@@ -33,6 +33,7 @@ mod region_scenes;
 mod scene_streams;
 mod shared_scenes;
 mod stored_scenes;
+mod surfaces;
 mod vscn_files;
 
 #[global_allocator]

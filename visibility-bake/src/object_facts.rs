@@ -19,6 +19,7 @@ pub(crate) struct ObjectFacts {
     pub triangles: u32,
     pub never_cull: bool,
     pub occluder: bool,
+    pub one_sided: bool,
 }
 
 impl ObjectFacts {
@@ -28,10 +29,10 @@ impl ObjectFacts {
         triangles: &[Triangle],
         mesh: Option<(&OccluderMesh, &Affine3A)>,
     ) -> Self {
-        let Object { bounds, layers, cost, never_cull, occluder } = *object;
+        let Object { bounds, layers, cost, never_cull, occluder, one_sided, .. } = *object;
         let hash = object_hash(object, triangles, mesh);
         let triangles = triangles.len() as u32;
-        Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder }
+        Self { bounds, hash, index, cost, layers, triangles, never_cull, occluder, one_sided }
     }
 
     /// Returns the facts of an object of a scene. `None` if the scene has no such object.
@@ -42,8 +43,8 @@ impl ObjectFacts {
     }
 
     pub(crate) fn object(&self) -> Object {
-        let Self { bounds, layers, cost, never_cull, occluder, .. } = *self;
-        Object { layers, cost, never_cull, occluder, ..Object::new(bounds) }
+        let Self { bounds, layers, cost, never_cull, occluder, one_sided, .. } = *self;
+        Object { layers, cost, never_cull, occluder, one_sided, ..Object::new(bounds) }
     }
 
     /// Returns whether the object counts as visible from everywhere.
@@ -58,9 +59,10 @@ impl ObjectFacts {
 }
 
 /// Returns a hash of all that a bake depends on: bounds, layers, cost, flags, triangles and occluder mesh,
-/// but not the index.
+/// but not the index, and not whether the object is see-through: a bake asks whether it is an occluder.
 fn object_hash(object: &Object, triangles: &[Triangle], mesh: Option<(&OccluderMesh, &Affine3A)>) -> u64 {
-    let flags = u32::from(object.never_cull) | u32::from(object.occluder) << 1;
+    let flags =
+        u32::from(object.never_cull) | u32::from(object.occluder) << 1 | u32::from(object.one_sided) << 2;
     let hash = point(point(Fingerprint::new(), object.bounds.min), object.bounds.max);
     let hash = hash.with(object.layers).with(object.cost).with(flags).with(triangles.len() as u32);
     let mut hash = triangles.as_flattened().iter().fold(hash, |hash, &p| point(hash, p));
@@ -152,6 +154,7 @@ mod tests {
             hash(|scene, id| scene.set_cost(id, 7).unwrap()),
             hash(|scene, id| scene.set_occluder(id, false).unwrap()),
             hash(|scene, id| scene.set_never_cull(id, true).unwrap()),
+            hash(|scene, id| scene.set_one_sided(id, true).unwrap()),
             hash(|scene, id| {
                 scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Z]]).unwrap()
             }),

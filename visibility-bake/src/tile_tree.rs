@@ -191,7 +191,7 @@ mod tests {
     fn facts(min: Vec3, max: Vec3, never_cull: bool, hash: u64) -> ObjectFacts {
         let bounds = Aabb::new(min, max);
         let (index, cost, layers, triangles, occluder) = (0, 0, u32::MAX, 12, true);
-        ObjectFacts { bounds, hash, index, cost, layers, triangles, never_cull, occluder }
+        ObjectFacts { bounds, hash, index, cost, layers, triangles, never_cull, occluder, one_sided: false }
     }
 
     fn level(random: &mut Random) -> Vec<ObjectFacts> {

@@ -11,11 +11,11 @@ use visibility_core::{
     scene::Triangle,
     view::{Depth, Window},
 };
-use visibility_measure::ItemBuffer;
+use visibility_measure::{DrawnObject, ItemBuffer};
 use visibility_testing::Random;
 
 /// Returns a scene of `count` objects with a few triangles each: random scraps, boxes on a grid, and slanted
-/// walls. One in five is no occluder.
+/// walls. One in five is no occluder, and every second is one-sided.
 fn scene(random: &mut Random, count: usize) -> Scene {
     let mut scene = Scene::new();
     for _ in 0..count {
@@ -37,7 +37,8 @@ fn scene(random: &mut Random, count: usize) -> Scene {
                 [[p, p + u, p + u + v], [p, p + u + v, p + v]].map(corners).into()
             }
         };
-        add(&mut scene, &triangles, random.below(5) > 0);
+        let id = add(&mut scene, &triangles, random.below(5) > 0);
+        scene.set_one_sided(id, random.one_in(2)).unwrap();
     }
     scene
 }
@@ -85,7 +86,7 @@ fn reported(culler: &mut impl Culler, scene: &Scene, view: &View) -> HashSet<u32
 /// together with all occluders, so that such objects do not hide each other.
 fn pixels(buffer: &mut ItemBuffer, scene: &Scene, view: &View) -> HashSet<u32> {
     let opaque = |id: &ObjectId| scene.object(*id).unwrap().occluder;
-    let item = |id: ObjectId| (id.index() as u32, scene.triangles(id).unwrap());
+    let item = |id: ObjectId| DrawnObject::of_scene(scene, id).unwrap();
     let walls: Vec<_> = scene.ids().filter(opaque).map(item).collect();
     let mut seen = HashSet::new();
     let mut draw = |glass: Option<ObjectId>| {
@@ -110,8 +111,7 @@ fn is_confirmed(scene: &Scene, view: &View, id: ObjectId, witness: Witness) -> b
     let close = View::from_clip_from_world(zoom * view.clip_from(scene.origin()), view.depth()).unwrap();
     let mut crop = ItemBuffer::new(63, 63).unwrap();
     let others = scene.ids().filter(|&o| o != id && scene.object(o).unwrap().occluder);
-    let items =
-        core::iter::once(id).chain(others).map(|id| (id.index() as u32, scene.triangles(id).unwrap()));
+    let items = core::iter::once(id).chain(others).filter_map(|id| DrawnObject::of_scene(scene, id));
     let exact = crop.draw(&close, DVec3::ZERO, items).unwrap();
     exact.objects()[0].is_visible()
 }

@@ -75,6 +75,8 @@ impl Model {
             cost: rng.bits() as u32,
             never_cull: rng.one_in(40),
             occluder: rng.one_in(3),
+            see_through: rng.one_in(4),
+            one_sided: rng.one_in(2),
         }
     }
 
@@ -158,6 +160,10 @@ impl Model {
                 let (id, never_cull) = (self.some(), self.rng.one_in(3));
                 self.scene.set_never_cull(id, never_cull).unwrap();
                 self.set(id, |object| object.never_cull = never_cull);
+                let (id, [see_through, one_sided]) = (self.some(), [self.rng.one_in(2), self.rng.one_in(2)]);
+                self.scene.set_see_through(id, see_through).unwrap();
+                self.scene.set_one_sided(id, one_sided).unwrap();
+                self.set(id, |object| (object.see_through, object.one_sided) = (see_through, one_sided));
             }
             32 => {
                 let (id, occluder) = (self.some(), self.rng.one_in(2));
@@ -210,6 +216,8 @@ impl Model {
             assert_eq!(scene.set_cost(id, 1), Err(unknown));
             assert_eq!(scene.set_occluder(id, true), Err(unknown));
             assert_eq!(scene.set_never_cull(id, true), Err(unknown));
+            assert_eq!(scene.set_see_through(id, true), Err(unknown));
+            assert_eq!(scene.set_one_sided(id, true), Err(unknown));
             assert_eq!(scene.set_triangles(id, []), Err(unknown));
         }
     }

@@ -271,7 +271,11 @@ impl<'a> CellQuery<'a> {
             return false;
         }
         for t in entry.first..entry.end {
-            if let Some(point) = point_inside(&self.search.cell, &self.search.triangles.corners(t)) {
+            let (triangles, cell) = (self.search.triangles, self.search.cell);
+            let is_before = |front: &Half| front.height(cell.farthest(front)) > 0.0;
+            if triangles.front(t).is_none_or(is_before)
+                && let Some(point) = point_inside(&cell, &triangles.corners(t))
+            {
                 self.verdicts[object] = Verdict::Seen(Witness { from: point, to: point, triangle: t });
                 return true;
             }
@@ -318,7 +322,7 @@ impl<'a> CellQuery<'a> {
     /// certainly misses all other triangles.
     fn see(&mut self, from: DVec3, to: DVec3, t: u32) -> bool {
         let object = self.search.triangles.object_of(t);
-        if self.verdicts[object] != Verdict::Open {
+        if self.verdicts[object] != Verdict::Open || !self.search.triangles.shows(t, from) {
             return false;
         }
         let mut hits = core::mem::take(&mut self.search.hits);
@@ -370,7 +374,8 @@ impl<'a> CellQuery<'a> {
                 let to = self.random.in_triangle(&self.search.triangles.corners(t));
                 let from = self.search.cell.towards(to, &mut self.random);
                 let unsure = self.search.triangles.tree.crossed(from, to, t, 1, &mut hits);
-                reached += u32::from(hits.is_empty() && !unsure);
+                let is_shown = self.search.triangles.shows(t, from);
+                reached += u32::from(hits.is_empty() && !unsure && is_shown);
             }
             self.search.hits = hits;
             if f64::from(reached) <= 2.0 * self.settings.share * f64::from(self.settings.aimed_rays) {
@@ -524,7 +529,7 @@ impl<'a> CellQuery<'a> {
                             proofs.push(self.proof(Target::Triangle(t)));
                         }
                     }
-                    Answer::Visible(Segment { p, q }) => {
+                    Answer::Visible(Segment { p, q }) if triangles.shows(t, p) => {
                         let witness = Witness { from: p, to: q, triangle: t };
                         self.verdicts[object as usize] = Verdict::Seen(witness);
                         return;

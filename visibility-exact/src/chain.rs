@@ -53,6 +53,10 @@ impl Search<'_> {
         line: Segment,
     ) -> Result<Step, Obstacle> {
         let all = self.triangles;
+        if !self.blocks(sight, start) {
+            let t = all.corners(start);
+            return Err([t[0], t[1]]);
+        }
         scratch.begin();
         scratch.push(start, all.edges(start));
         let mut at = 0;
@@ -78,7 +82,7 @@ impl Search<'_> {
                 {
                     continue;
                 }
-                if let Some(next) = self.next_across(scratch, t, k, line) {
+                if let Some(next) = self.next_across(scratch, sight, t, k, line) {
                     scratch.push(next, all.edges(next));
                     if scratch.chain.len() > MOST {
                         return Err([a, b]);
@@ -157,8 +161,15 @@ impl Search<'_> {
     }
 
     /// Returns the triangle at the other side of an edge of the chain that folds back least: of those that
-    /// continue the surface as seen along the line.
-    fn next_across(&self, scratch: &ChainScratch, t: u32, k: usize, line: Segment) -> Option<u32> {
+    /// continue the surface as seen along the line, and occlude for all points of P.
+    fn next_across(
+        &mut self,
+        scratch: &ChainScratch,
+        sight: &Sight,
+        t: u32,
+        k: usize,
+        line: Segment,
+    ) -> Option<u32> {
         let all = self.triangles;
         let corners = all.corners(t);
         let (a, b, apex) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
@@ -175,7 +186,7 @@ impl Search<'_> {
             let other = all.corners(next)[(m + 2) % 3];
             if across.dot(other - a) * here < 0.0 {
                 let flatness = normal.dot((other - a).cross(b - a).normalize_or_zero());
-                if best.is_none_or(|(most, _)| flatness > most) {
+                if best.is_none_or(|(most, _)| flatness > most) && self.blocks(sight, next) {
                     best = Some((flatness, next));
                 }
             }

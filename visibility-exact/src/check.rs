@@ -14,6 +14,7 @@ mod surface;
 mod tests;
 
 use crate::proof::{LoopEdge, Proof, Step};
+use crate::search::SPLITS;
 use crate::sight::{Sight, Target, position_error, sights};
 use crate::triangles::SceneTriangles;
 use alloc::vec::Vec;
@@ -71,7 +72,8 @@ impl Proof {
             _ => Vec::new(),
         };
         let clearance = self.clearance;
-        let mut check = Check { triangles, clearance, delta, target_vertices, steps: self.steps.iter() };
+        let (steps, splits) = (self.steps.iter(), 0);
+        let mut check = Check { triangles, clearance, delta, target_vertices, steps, splits };
         let all = sights(triangles, &self.cell, self.target, self.clearance, 4.0 * delta);
         for sight in all.ok_or(ProofError::Malformed)? {
             check.node(&sight, &mut Vec::new(), 0)?;
@@ -94,6 +96,17 @@ impl Check<'_> {
                 for half in sight.halves(*of_p, *across) {
                     self.node(&half, rows, depth + 1)?;
                 }
+                Ok(())
+            }
+            Step::Split { triangle } => {
+                let front = (*triangle as usize) < self.triangles.len() && self.splits < SPLITS;
+                let front = front.then(|| self.triangles.front(*triangle)).flatten();
+                let parts = front.and_then(|front| sight.split(front, self.clearance, 4.0 * self.delta));
+                self.splits += 1;
+                for part in parts.ok_or(ProofError::Malformed)? {
+                    self.node(&part, rows, depth + 1)?;
+                }
+                self.splits -= 1;
                 Ok(())
             }
             Step::Surface { triangles, moved, line } => {

@@ -17,10 +17,11 @@ impl Half {
     }
 
     /// Returns the axis that the plane is perpendicular to, if there is one. Points lie on such a plane, or
-    /// at either side, by one coordinate, without rounding.
+    /// at either side, by one coordinate, without rounding. None for a plane whose normal is tilted by so little
+    /// that a component rounds to 1.
     #[inline]
     pub(crate) fn axis(&self) -> Option<usize> {
-        (0..3).find(|&k| self.normal[k].abs() == 1.0)
+        (0..3).find(|&k| self.normal.abs() == DVec3::AXES[k])
     }
 
     /// Returns whether a point lies on the plane exactly. False for planes that are not perpendicular to an
@@ -43,5 +44,19 @@ impl Half {
     /// Returns the half-space with `pad` more, unless heights over its plane are exact.
     pub(crate) fn padded(&self, pad: f64) -> Self {
         Self { offset: if self.axis().is_some() { self.offset } else { self.offset + pad }, ..*self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tilt_that_rounds_away_is_no_axis() {
+        let tilted = Half { normal: DVec3::new(1e-9, 0.0, 1.0).normalize(), offset: 0.0 };
+        assert_eq!((tilted.normal.z, tilted.axis()), (1.0, None));
+        let (a, b) = (DVec3::new(100.0, 0.0, 1.0), DVec3::new(100.0, 0.0, -1.0));
+        assert!((tilted.crossing(a, b, [tilted.height(a), tilted.height(b)]).z + 1e-7).abs() < 1e-14);
+        assert_eq!(Half { normal: -DVec3::Y, offset: 2.0 }.axis(), Some(1));
     }
 }

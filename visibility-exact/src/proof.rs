@@ -9,8 +9,8 @@ use visibility_core::glam::DVec3;
 /// arithmetic that the search does not use.
 ///
 /// The segments from P, a face of the viewcell, to Q, a face of the target, are divided into nodes: P or Q is
-/// halved, or the node is divided by the sides on which lines pass the edges of an occluder. Each node
-/// without further division has one of four reasons:
+/// halved, P is cut by the plane of a one-sided occluder, or the node is divided by the sides on which lines
+/// pass the edges of an occluder. Each node without further division has one of four reasons:
 /// - A surface of occluding triangles whose boundary no segment of the node meets, and which one of the
 ///   segments crosses an odd number of times: all segments cross it.
 /// - A closed loop on an occluder that all segments of the node have on one side: it winds around them.
@@ -44,6 +44,9 @@ impl Proof {
 pub(crate) enum Step {
     /// A polygon is halved; the two nodes of the halves follow.
     Halves { of_p: bool, across: bool },
+    /// P is cut by the plane of a one-sided triangle. The node of the part before its front follows, then that
+    /// of the rest.
+    Split { triangle: u32 },
     /// All segments cross a surface.
     Surface {
         triangles: Box<[u32]>,

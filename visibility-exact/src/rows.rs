@@ -294,7 +294,7 @@ impl Search<'_> {
     }
 
     /// Of the occluders that a line crosses, returns the loop with the fewest dividing edges.
-    fn best_loop(&self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
+    fn best_loop(&mut self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
         // The growth shrinks with every row, so that a line outside of one edge is surely not inside of
         // another edge on the same line.
         let part = (0..depth.min(60)).fold(1.0, |part, _| part * 0.9);
@@ -303,6 +303,10 @@ impl Search<'_> {
         for (k, &hit) in hits.iter().enumerate() {
             let piece = self.triangles.piece_of(hit);
             if hits[..k].iter().any(|&other| self.triangles.piece_of(other) == piece) {
+                continue;
+            }
+            let triangles = self.triangles;
+            if !triangles.piece(piece).triangles.iter().all(|&t| self.blocks(sight, t)) {
                 continue;
             }
             let Some(found) = self.loop_around(sight, piece, line, grow) else { continue };

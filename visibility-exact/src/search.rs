@@ -5,7 +5,7 @@ use crate::chain_scratch::{ChainScratch, Obstacle};
 use crate::matrix_game::{Matrix, MatrixGame};
 use crate::proof::Step;
 use crate::shaft::Shaft;
-use crate::sight::{CellBox, Sight, Target, position_error, sights};
+use crate::sight::{CellBox, Facing, Sight, Target, position_error, sights};
 use crate::triangles::SceneTriangles;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -52,6 +52,9 @@ pub(crate) struct Budget {
 const DEPTH: u32 = 28;
 /// Depth from which nodes are divided by occluder edges, on every third level.
 const DIVIDE_FROM: u32 = 3;
+/// Most cuts of P by planes of one-sided triangles on the way to a node. Each rounds a corner four times more:
+/// [`SceneTriangles::position_error`] has room for these.
+pub(crate) const SPLITS: u32 = 8;
 /// Number of triangles on a line from which surfaces are grown.
 const STARTS: usize = 4;
 /// Most triangles on a line that are looked for. With 8, viewcells in a building took up to a third more
@@ -82,6 +85,9 @@ pub(crate) struct Search<'a> {
     pub(crate) stats: SearchStats,
     /// The start of the last surface that blocked a node, tried first for the next.
     pub(crate) hint: u32,
+    /// A one-sided triangle that could not be used for the node at work because P is on both sides of its
+    /// plane, or [`NONE`].
+    pub(crate) across: u32,
     /// Asked at each node.
     pub(crate) stop: &'a dyn Fn() -> bool,
     /// Whether `stop` has returned true: every answer is then undecided.
@@ -114,6 +120,7 @@ impl<'a> Search<'a> {
             steps: Vec::new(),
             stats: SearchStats::default(),
             hint: NONE,
+            across: NONE,
             stop: &|| false,
             is_stopped: false,
         }
@@ -129,7 +136,7 @@ impl<'a> Search<'a> {
         let all = sights(self.triangles, &self.cell, target, self.clearance, self.pad());
         let Some(all) = all else { return (Answer::Undecided, self.used) };
         for sight in all {
-            match self.node(&sight, 0) {
+            match self.node(&sight, 0, 0) {
                 Answer::Hidden => {}
                 Answer::Visible(line) => return (Answer::Visible(line), self.used),
                 Answer::Undecided => {
@@ -169,7 +176,8 @@ impl<'a> Search<'a> {
         delta.is_some()
     }
 
-    fn node(&mut self, sight: &Sight, depth: u32) -> Answer {
+    /// Answers for a node below `depth` halvings and `splits` cuts of P.
+    fn node(&mut self, sight: &Sight, depth: u32, splits: u32) -> Answer {
         if self.used >= self.budget.nodes || self.must_stop() {
             return Answer::Undecided;
         }
@@ -179,6 +187,7 @@ impl<'a> Search<'a> {
         let line = self.crossed_line(sight, &mut hits);
         let mut obstacle = None;
         let mut answer = None;
+        self.across = NONE;
         match line {
             Err(clear) => answer = Some(Answer::Visible(clear)),
             Ok(line) if !hits.is_empty() => {
@@ -203,6 +212,15 @@ impl<'a> Search<'a> {
         if let Some(answer) = answer {
             return answer;
         }
+        let triangle = self.across;
+        if splits < SPLITS
+            && triangle != NONE
+            && let Some(front) = self.triangles.front(triangle)
+            && let Some(parts) = sight.split(front, self.clearance, self.pad())
+        {
+            let step = Step::Split { triangle };
+            return self.parts(step, parts, |search, part| search.node(part, depth, splits + 1));
+        }
         if self.budget.divided > 0 && depth >= DIVIDE_FROM && (depth - DIVIDE_FROM).is_multiple_of(3) {
             let mut left = self.budget.divided;
             match self.divide(sight, &mut left) {
@@ -213,7 +231,7 @@ impl<'a> Search<'a> {
         if depth >= DEPTH {
             return Answer::Undecided;
         }
-        self.halve(sight, depth, obstacle)
+        self.halve(sight, depth, splits, obstacle)
     }
 
     /// Orders triangles that a line crosses: the one that blocked the last node first, then the largest.
@@ -227,13 +245,26 @@ impl<'a> Search<'a> {
     }
 
     /// Answers for the halves of a node.
-    fn halve(&mut self, sight: &Sight, depth: u32, obstacle: Option<(Obstacle, Segment)>) -> Answer {
+    fn halve(
+        &mut self,
+        sight: &Sight,
+        depth: u32,
+        splits: u32,
+        obstacle: Option<(Obstacle, Segment)>,
+    ) -> Answer {
         let Halving { of_p, across } = best_halving(sight, obstacle);
+        let halves = sight.halves(of_p, across);
+        let step = Step::Halves { of_p, across };
+        self.parts(step, halves, |search, half| search.node(half, depth + 1, splits))
+    }
+
+    /// Answers for the two parts of a node. `step` is the step of a proof that divides it.
+    fn parts(&mut self, step: Step, parts: [Sight; 2], node: impl Fn(&mut Self, &Sight) -> Answer) -> Answer {
         let mark = self.steps.len();
-        self.steps.push(Step::Halves { of_p, across });
+        self.steps.push(step);
         let mut all = Answer::Hidden;
-        for half in sight.halves(of_p, across) {
-            match self.node(&half, depth + 1) {
+        for part in &parts {
+            match node(self, part) {
                 Answer::Hidden => {}
                 Answer::Visible(line) => return Answer::Visible(line),
                 Answer::Undecided => {
@@ -248,6 +279,17 @@ impl<'a> Search<'a> {
             self.steps.truncate(mark);
         }
         all
+    }
+
+    /// Returns whether a triangle occludes for all points of P. Remembers it in [`across`](Self::across) if it
+    /// does for some.
+    pub(crate) fn blocks(&mut self, sight: &Sight, t: u32) -> bool {
+        let Some(front) = self.triangles.front(t) else { return true };
+        let facing = sight.facing(front, self.clearance, self.pad());
+        if facing == Facing::Across {
+            self.across = t;
+        }
+        facing == Facing::Before
     }
 
     /// Returns a segment through the middle of a node with the triangles that it certainly crosses in `hits`,

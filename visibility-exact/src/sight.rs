@@ -47,6 +47,11 @@ impl CellBox {
         self.min.abs().max(self.max.abs()).max_element()
     }
 
+    /// Returns the corner that is farthest before a plane.
+    pub(crate) fn farthest(&self, half: &Half) -> DVec3 {
+        DVec3::select(half.normal.cmpgt(DVec3::ZERO), self.max, self.min)
+    }
+
     pub(crate) fn meets(&self, min: DVec3, max: DVec3) -> bool {
         self.min.cmple(max).all() && min.cmple(self.max).all()
     }
@@ -77,6 +82,17 @@ pub(crate) fn position_error(
     };
     let delta = triangles.position_error(cell.magnitude().max(magnitude) + 3.0 * c);
     (c == 0.0 || c >= 64.0 * delta).then_some(delta)
+}
+
+/// How P lies to the front of a one-sided triangle.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Facing {
+    /// Before it: the triangle occludes for all points of P.
+    Before,
+    /// On both sides.
+    Across,
+    /// Behind it, up to rounding.
+    Behind,
 }
 
 /// A pair of polygons between which lines of sight run.
@@ -112,6 +128,35 @@ impl Sight {
     #[inline]
     pub(crate) fn is_in_plane_of_q(&self, x: DVec3) -> bool {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
+    }
+
+    /// Returns how P lies to the front of a one-sided triangle, for a clearance `c`. Heights are known to `pad`.
+    ///
+    /// Without clearance an answer holds for all segments, so that P must be before the triangle for certain.
+    /// With a clearance positions are what they are, and over a plane that is perpendicular to an axis their
+    /// heights are exact: a segment that starts on such a plane does not cross it.
+    pub(crate) fn facing(&self, front: &Half, c: f64, pad: f64) -> Facing {
+        let heights = || self.p.corners().iter().map(|x| front.height(*x));
+        let is_exact = c > 0.0 && front.axis().is_some();
+        let (before, apart) = if is_exact { (0.0, 0.0) } else { (pad, 4.0 * pad) };
+        if heights().all(|height| height >= before) {
+            Facing::Before
+        } else if heights().any(|height| height > apart) {
+            Facing::Across
+        } else {
+            Facing::Behind
+        }
+    }
+
+    /// Returns the two sights with P cut by the plane of a one-sided triangle: the part that is certainly
+    /// before its front, and the rest, which reaches a little before the plane. `None` if one part has no
+    /// area.
+    pub(crate) fn split(&self, front: &Half, c: f64, pad: f64) -> Option<[Self; 2]> {
+        let [near, far] = if c > 0.0 && front.axis().is_some() { [0.0; 2] } else { [2.0 * pad, 3.0 * pad] };
+        let before = Half { offset: front.offset - near, ..*front };
+        let behind = Half { normal: -front.normal, offset: far - front.offset };
+        let with = |half: &Half| self.p.clip(half).map(|p| Self { p, ..*self });
+        Some([with(&before)?, with(&behind)?])
     }
 
     /// Returns the side of Q's plane to which occluders are cut: `pad` before Q where corners of the cut are
@@ -158,8 +203,7 @@ pub(crate) fn sights(
     let mut add = |q: Polygon, before_q: Half| {
         // Heights over Q's plane are c less than those over the target's. As c is at least 64 delta, c / 16
         // covers their errors: a viewcell that is flush with the target does not see it.
-        let farthest = DVec3::select(before_q.normal.cmpgt(DVec3::ZERO), cell.max, cell.min);
-        let highest = before_q.height(farthest);
+        let highest = before_q.height(cell.farthest(&before_q));
         grazed |= c > 0.0 && highest > pad.max(c / 16.0) - c && highest <= pad;
         for (face, before_p) in faces(cell.min, cell.max) {
             let Some(q) = q.clip(&before_p) else { continue };
@@ -175,7 +219,9 @@ pub(crate) fn sights(
         Target::Triangle(number) => {
             let t = triangles.corners(number);
             let Some(normal) = unit_normal(&t) else { return Some(all) };
-            for normal in [normal, -normal] {
+            // A one-sided triangle is not seen from behind.
+            let sides = if triangles.front(number).is_some() { 1 } else { 2 };
+            for normal in [normal, -normal].into_iter().take(sides) {
                 let q = if c > 0.0 {
                     Polygon::new(&inset(&t, c).map(|v| v + normal * c))
                 } else {

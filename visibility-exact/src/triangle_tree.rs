@@ -1,6 +1,6 @@
 //! A tree of boxes over the occluding triangles: what a segment crosses, and what a ray hits first.
 
-use crate::line_side::{Crossing, segment_triangle};
+use crate::line_side::{Crossing, segment_triangle, side, sign};
 use alloc::vec::Vec;
 use visibility_core::glam::{DVec3, Vec3};
 
@@ -12,6 +12,8 @@ pub(crate) struct TriangleTree {
     order: Vec<u32>,
     /// Corners of the triangles in the order of the leaves.
     corners: Vec<[Vec3; 3]>,
+    /// Whether segments from behind pass the triangles, in the order of the leaves.
+    one_sided: Vec<bool>,
 }
 
 /// A node; the first child follows its parent.
@@ -52,20 +54,22 @@ const TOUCHED: u32 = 4096;
 const BINS: usize = 16;
 
 impl TriangleTree {
-    /// Builds the tree over the triangles with numbers `order`.
-    pub(crate) fn new(all: &[[Vec3; 3]], order: Vec<u32>) -> Self {
+    /// Builds the tree over the triangles with numbers `order`. Segments and rays from behind pass the
+    /// triangles that are one-sided.
+    pub(crate) fn new(all: &[[Vec3; 3]], order: Vec<u32>, is_one_sided: impl Fn(u32) -> bool) -> Self {
         let leaf = |&number: &u32| {
             let t = &all[number as usize];
             LeafBox { min: t[0].min(t[1]).min(t[2]), max: t[0].max(t[1]).max(t[2]), number }
         };
         let mut boxes: Vec<LeafBox> = order.iter().map(leaf).collect();
-        let mut tree = Self { nodes: Vec::new(), order, corners: Vec::new() };
+        let mut tree = Self { nodes: Vec::new(), order, corners: Vec::new(), one_sided: Vec::new() };
         if !boxes.is_empty() {
             tree.build(&mut boxes, 0, 0);
         }
         tree.order.clear();
         tree.order.extend(boxes.iter().map(|leaf| leaf.number));
         tree.corners = tree.order.iter().map(|&i| all[i as usize]).collect();
+        tree.one_sided = tree.order.iter().map(|&i| is_one_sided(i)).collect();
         tree
     }
 
@@ -112,8 +116,8 @@ impl TriangleTree {
         self.build(other, first + split, depth + 1);
     }
 
-    /// Collects up to `most` triangles that the segment from p to q certainly crosses. Returns whether there
-    /// may be others that it touches; true if the search ended at `most`, or because it touched too many.
+    /// Collects up to `most` triangles that the segment from p to q certainly crosses, but for one-sided ones
+    /// that p is certainly behind. Returns whether there may be others that it touches; true if the search ended at `most`, or because it touched too many.
     pub(crate) fn crossed(&self, p: DVec3, q: DVec3, skip: u32, most: usize, hits: &mut Vec<u32>) -> bool {
         hits.clear();
         let (mut unsure, mut touched) = (false, 0);
@@ -122,7 +126,9 @@ impl TriangleTree {
                 if self.order[k] == skip {
                     continue;
                 }
-                match segment_triangle(p, q, &self.corners[k].map(Vec3::as_dvec3)) {
+                let corners = self.corners[k].map(Vec3::as_dvec3);
+                match segment_triangle(p, q, &corners) {
+                    Crossing::Yes | Crossing::Unsure if self.one_sided[k] && is_behind(p, &corners) => {}
                     Crossing::Yes => {
                         hits.push(self.order[k]);
                         unsure |= hits.len() >= most;
@@ -203,7 +209,7 @@ impl TriangleTree {
             let node = &self.nodes[at as usize];
             if node.count > 0 {
                 for k in node.link as usize..(node.link + node.count) as usize {
-                    if let Some(distance) = hit(p, d, &self.corners[k])
+                    if let Some(distance) = hit(p, d, &self.corners[k], self.one_sided[k])
                         && distance < reach
                     {
                         (reach, best) = (distance, Some((distance, self.order[k])));
@@ -253,13 +259,21 @@ fn best_bin(boxes: &[LeafBox], bin: impl Fn(&LeafBox) -> usize) -> usize {
     best
 }
 
-/// Returns the distance at which a ray meets a triangle, by ordinary floating point (Moeller and Trumbore,
-/// "Fast, Minimum Storage Ray/Triangle Intersection", 1997).
-fn hit(p: DVec3, d: DVec3, t: &[Vec3; 3]) -> Option<f64> {
+/// Returns whether a point is certainly behind a triangle, whose corners run clockwise as seen from there.
+fn is_behind(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> bool {
+    sign(side(p, a, b, c, 0.0)) > 0
+}
+
+/// Returns the distance at which a ray meets a triangle, `None` for the back of one that is one-sided. By
+/// ordinary floating point (Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997).
+fn hit(p: DVec3, d: DVec3, t: &[Vec3; 3], is_one_sided: bool) -> Option<f64> {
     let t = t.map(Vec3::as_dvec3);
     let (e, f) = (t[1] - t[0], t[2] - t[0]);
     let h = d.cross(f);
     let determinant = e.dot(h);
+    if is_one_sided && determinant <= 0.0 {
+        return None;
+    }
     let s = p - t[0];
     let u = s.dot(h) / determinant;
     let c = s.cross(e);
@@ -290,7 +304,7 @@ mod tests {
                 b[(axis + 2) % 3] = random.range(0.5, 4.0) as f32;
                 all.push([corner, corner + a, corner + b]);
             }
-            let tree = TriangleTree::new(&all, (0..12).collect());
+            let tree = TriangleTree::new(&all, (0..12).collect(), |_| false);
             for _ in 0..20 {
                 // Through a corner of a triangle, or a point on its axis-parallel side, exactly.
                 let number = random.below(12) as u32;

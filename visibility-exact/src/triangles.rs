@@ -3,7 +3,8 @@
 #[cfg(test)]
 mod tests;
 
-use crate::line_side::U;
+use crate::half::Half;
+use crate::line_side::{U, side, sign};
 use crate::triangle_tree::TriangleTree;
 use alloc::{boxed::Box, vec, vec::Vec};
 use visibility_core::geometry::DoubleDouble;
@@ -18,7 +19,9 @@ use visibility_core::{ObjectId, Scene};
 /// of other objects, and of those on no [layer](visibility_core::Object::layers), are targets alone. Objects
 /// that a stage before has removed occlude all the same. Triangles without area do not occlude. An object
 /// with a coordinate that is not finite counts as visible from everywhere and does not occlude. An object
-/// without triangles is represented by its bounding box and does not occlude.
+/// without triangles is represented by its bounding box and does not occlude. Triangles of objects that are
+/// [one-sided](visibility_core::Object::one_sided) occlude for viewpoints before their front alone, and are
+/// seen from there alone.
 ///
 /// Vertices with equal coordinates are one vertex, also of different objects. Takes about 150 bytes for each
 /// triangle. Building takes O(n log n).
@@ -46,6 +49,8 @@ pub struct SceneTriangles {
     /// Index of each triangle's object in `objects`.
     object_of: Vec<u32>,
     occludes: Vec<bool>,
+    /// For each triangle the side of its plane that it is seen from, if that is one side alone.
+    fronts: Vec<Option<Half>>,
     /// Areas in square metres, for orders of trial alone.
     areas: Vec<f32>,
     /// Edges of each triangle: edge k joins corners k and k + 1.
@@ -103,6 +108,7 @@ impl SceneTriangles {
             vertices: Vec::new(),
             object_of: Vec::new(),
             occludes: Vec::new(),
+            fronts: Vec::new(),
             areas: Vec::new(),
             edges: Vec::new(),
             edge_starts: Vec::new(),
@@ -119,7 +125,8 @@ impl SceneTriangles {
         all.share_edges();
         all.merge();
         let occluders = (0..all.corners.len() as u32).filter(|&i| all.occludes[i as usize]).collect();
-        all.tree = TriangleTree::new(&all.corners, occluders);
+        let is_one_sided = |i: u32| all.fronts[i as usize].is_some();
+        all.tree = TriangleTree::new(&all.corners, occluders, is_one_sided);
         all
     }
 
@@ -146,6 +153,9 @@ impl SceneTriangles {
             self.corners.push(t);
             self.object_of.push(self.objects.len() as u32);
             self.occludes.push(object.occluder && object.layers != 0 && normal != DVec3::ZERO);
+            // A triangle without area shows nothing from either side.
+            let front = || unit_normal(&t64).map(|n| Half { normal: n, offset: -n.dot(t64[0]) });
+            self.fronts.push(if object.one_sided { front() } else { None });
             self.areas.push((normal.length() * 0.5) as f32);
         }
         let end = self.corners.len() as u32;
@@ -226,7 +236,8 @@ impl SceneTriangles {
             at += 1;
             let [t, u] = *self.triangles_at(edge) else { continue };
             let other = if triangles.contains(&t) { u } else { t };
-            if triangles.contains(&other) || self.piece_of[other as usize] != u32::MAX {
+            let is_alike = self.fronts[first as usize].is_some() == self.fronts[other as usize].is_some();
+            if triangles.contains(&other) || self.piece_of[other as usize] != u32::MAX || !is_alike {
                 continue;
             }
             let numbers = self.vertices[other as usize];
@@ -290,16 +301,29 @@ impl SceneTriangles {
         self.areas[i as usize]
     }
 
-    /// Returns numbers that determine the triangles and which of them occlude.
+    /// Returns the side of a triangle's plane that it is seen from. `None` if it is seen from both.
+    pub(crate) fn front(&self, i: u32) -> Option<&Half> {
+        self.fronts[i as usize].as_ref()
+    }
+
+    /// Returns whether a triangle is seen from both sides, or a viewpoint is certainly before its front.
+    pub(crate) fn shows(&self, i: u32, from: DVec3) -> bool {
+        let [a, b, c] = self.corners(i);
+        self.front(i).is_none() || sign(side(from, a, b, c, 0.0)) < 0
+    }
+
+    /// Returns numbers that determine the triangles, which of them occlude, and from which sides.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = u64> + '_ {
         let objects = self.objects.iter().flat_map(|object| {
             let bounds = object.min.to_array().into_iter().chain(object.max.to_array()).map(f64::to_bits);
             let numbers = [object.id.index() as u64, object.first.into(), object.end.into()];
             numbers.into_iter().chain(bounds).chain([object.is_open.into()])
         });
-        let triangles = self.corners.iter().zip(&self.occludes).flat_map(|(corners, &occludes)| {
+        let flags = self.occludes.iter().zip(&self.fronts);
+        let flags = flags.map(|(&occludes, front)| u64::from(occludes) | u64::from(front.is_some()) << 1);
+        let triangles = self.corners.iter().zip(flags).flat_map(|(corners, flags)| {
             let bits = corners.iter().flat_map(|corner| corner.to_array()).map(|x| x.to_bits().into());
-            bits.chain([u64::from(occludes)])
+            bits.chain([flags])
         });
         let origin = self.origin.to_array().map(f64::to_bits);
         origin.into_iter().chain(objects).chain(triangles)

@@ -6,7 +6,7 @@
 
 use crate::compare::Comparison;
 use crate::error::MeasureError;
-use crate::item_buffer::ItemBuffer;
+use crate::item_buffer::{DrawnObject, ItemBuffer};
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::{Pipeline, Scene, View, VisibleSet};
@@ -181,7 +181,7 @@ impl<'a> Advisor<'a> {
             let seen = buffer.draw(
                 view,
                 scene.origin(),
-                scene.ids().map(|id| (id.index() as u32, triangles(id))),
+                scene.ids().filter_map(|id| DrawnObject::of_scene(scene, id)),
             )?;
             let share = 1.0 / views.len() as f64;
             facts.visible_objects += share * f64::from(seen.visible_objects());

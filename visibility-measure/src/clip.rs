@@ -12,7 +12,8 @@
 use crate::raster::{Corner, DEPTH_TIE, Image};
 use smallvec::SmallVec;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
-use visibility_core::{View, geometry::Plane, view::Depth};
+use visibility_core::view::{Depth, Eye};
+use visibility_core::{View, geometry::Plane};
 
 /// Guard band: greatest |x / w| and |y / w| (NDC, where the image spans -1 to 1) up to which triangles are
 /// not clipped by the sides of the image. The raster loses 1e-16 of the coordinates, so 16 costs no
@@ -41,6 +42,8 @@ pub(crate) struct ImageProjection {
     pub(crate) parallel: bool,
     /// Half the image's width and height in pixels.
     pub(crate) half_size: DVec2,
+    /// Eye of the view, relative to the origin of the triangles.
+    eye: Eye,
     /// Clip planes of the view, in metres relative to the origin of the triangles. The side that a plane's
     /// normal points to is drawn.
     pub(crate) clip_planes: SmallVec<[Plane; 1]>,
@@ -72,7 +75,8 @@ impl ImageProjection {
         let shift = origin - view.origin();
         let moved = |p: &Plane| Plane::new(p.normal, p.normal.dot(shift) + p.offset);
         let clip_planes = view.clip_planes().iter().map(moved).collect();
-        Self { clip_from_local, near, far, depth_key, parallel, half_size, clip_planes }
+        let eye = view.eye(origin);
+        Self { clip_from_local, near, far, depth_key, parallel, half_size, eye, clip_planes }
     }
 
     /// Returns the absolute difference of two depth keys up to which they count as equal. 1e-10 for parallel
@@ -80,6 +84,17 @@ impl ImageProjection {
     /// smaller. 0 for perspective views, whose key `1 / w` is zero only at infinity.
     pub(crate) fn least_difference(&self) -> f64 {
         if self.parallel { DEPTH_TIE } else { 0.0 }
+    }
+
+    /// Tests whether the eye is before the front of a triangle: its corners run counter-clockwise as seen from
+    /// the eye. False in the plane of the triangle, where nothing of it shows, and for NaN.
+    pub(crate) fn sees_front(&self, triangle: &[Vec3; 3]) -> bool {
+        let [a, b, c] = triangle.map(|p| p.as_dvec3());
+        let normal = (b - a).cross(c - a);
+        match self.eye {
+            Eye::Point(eye) => normal.dot(eye - a) > 0.0,
+            Eye::Direction(forward) => normal.dot(forward) < 0.0,
+        }
     }
 
     /// Draws the part of a triangle that lies in the view, as triangle number `item`. The triangle is

@@ -39,7 +39,7 @@ pub struct Comparison {
     /// errors. See [ties](crate#ties).
     pub tied_hidden_objects: u32,
     /// Number of pixels that show a false hidden object. If the reported objects alone were drawn, exactly
-    /// these pixels would differ.
+    /// these pixels would differ. A pixel that shows several, one through another, counts for each.
     ///
     /// No second drawing is needed: a triangle is seen in a pixel since it is nearer than all others there,
     /// so omitting others leaves the pixel unchanged, and omitting the triangle changes the pixel.

@@ -2,18 +2,57 @@
 
 use crate::clip::ImageProjection;
 use crate::error::MeasureError;
-use crate::raster::Image;
+use crate::raster::{Image, NONE};
 use crate::sampled_visibility::SampledVisibility;
-use visibility_core::View;
+use alloc::vec::Vec;
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{ObjectId, Scene, View};
 
 /// Maximum number of columns and of rows of an item buffer: 16,384.
 pub const MAX_SIDE: u32 = 1 << 14;
 
+/// An object to draw, with how it is drawn. Made from a pair of a key and triangles, it is opaque, and drawn
+/// from both sides.
+///
+/// ```
+/// use visibility_core::glam::Vec3;
+/// use visibility_measure::DrawnObject;
+/// let pane = [[Vec3::ZERO, Vec3::X, Vec3::Y]];
+/// let glass = DrawnObject { see_through: true, ..DrawnObject::from((7, &pane[..])) };
+/// assert!(!glass.one_sided);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct DrawnObject<'a> {
+    /// Key by which the caller identifies the object.
+    pub key: u32,
+    /// Triangles in metres relative to the origin of the call, counter-clockwise as seen from their front.
+    pub triangles: &'a [[Vec3; 3]],
+    /// Whether what is behind the object shows through it: the object is seen, and covers nothing.
+    pub see_through: bool,
+    /// Whether triangles are drawn from their front alone. From behind they are not seen, and cover nothing.
+    pub one_sided: bool,
+}
+
+impl<'a> From<(u32, &'a [[Vec3; 3]])> for DrawnObject<'a> {
+    fn from((key, triangles): (u32, &'a [[Vec3; 3]])) -> Self {
+        Self { key, triangles, see_through: false, one_sided: false }
+    }
+}
+
+impl<'a> DrawnObject<'a> {
+    /// Returns an object of a scene with its triangles, as the scene says that it is drawn. Its key is the
+    /// object's index. `None` if the scene has no such object.
+    pub fn of_scene(scene: &'a Scene, id: ObjectId) -> Option<Self> {
+        let (object, triangles) = (scene.object(id).ok()?, scene.triangles(id).ok()?);
+        let (key, see_through, one_sided) = (id.index() as u32, object.see_through, object.one_sided);
+        Some(Self { key, triangles, see_through, one_sided })
+    }
+}
+
 /// Image that holds, for each pixel, the number of the triangle seen through the pixel's centre.
 ///
-/// Memory: 12 bytes per pixel, 4 bytes per triangle drawn, and about 40 bytes per pixel for each further
-/// object that the pixel shows in a tie. All memory is reused from frame to frame. Drawing costs 10 to 20 ns
+/// Memory: 12 bytes per pixel, 4 bytes per triangle drawn, about 40 bytes per pixel for each further object
+/// that the pixel shows in a tie, and 24 bytes per pixel once a see-through object was drawn. All memory is reused from frame to frame. Drawing costs 10 to 20 ns
 /// per triangle and about 1 ns for each pixel of each triangle, hidden or not.
 ///
 /// ```
@@ -58,11 +97,13 @@ impl ItemBuffer {
 
     /// Draws objects, replacing the previous frame, and counts their pixels.
     ///
-    /// Each object is a pair of a key, by which the caller identifies the object, and its triangles in metres
-    /// relative to `origin`. `origin` is a point of the world in metres, usually the scene's origin. Objects
-    /// are numbered from 0 in the order given, and triangles from 0 through all objects. The caller chooses
-    /// which objects to draw: [`View::layers`] is ignored, and every triangle is opaque. A triangle with a
-    /// NaN or infinite coordinate, or without area on the screen, covers no pixel.
+    /// Each object is a [`DrawnObject`], or a pair of a key, by which the caller identifies the object, and its
+    /// triangles in metres relative to `origin`. `origin` is a point of the world in metres, usually the
+    /// scene's origin. Objects are numbered from 0 in the order given, and triangles from 0 through all
+    /// objects. The caller chooses which objects to draw: [`View::layers`] is ignored. A triangle with a NaN
+    /// or infinite coordinate, or without area on the screen, covers no pixel.
+    ///
+    /// See-through objects are drawn after all others. The list of these is allocated anew in each call.
     ///
     /// # Errors
     /// [`MeasureError::TooMany`] if the number of triangles or objects exceeds 32 bits; the image is then
@@ -71,24 +112,48 @@ impl ItemBuffer {
         &mut self,
         view: &View,
         origin: DVec3,
-        objects: impl IntoIterator<Item = (u32, &'a [[Vec3; 3]])>,
+        objects: impl IntoIterator<Item: Into<DrawnObject<'a>>>,
     ) -> Result<&SampledVisibility, MeasureError> {
         self.clear();
         let projection = ImageProjection::new(view, origin, &self.image);
         self.image.least_difference = projection.least_difference();
-        for (object, (key, triangles)) in objects.into_iter().enumerate() {
-            let Some(first) = self.sampled.push(key, triangles.len()) else {
+        let is_drawn = |of: &DrawnObject<'_>, triangle| !of.one_sided || projection.sees_front(triangle);
+        let mut see_through = Vec::new();
+        for (object, drawn) in objects.into_iter().enumerate() {
+            let drawn = drawn.into();
+            let Some(first) = self.sampled.push(drawn.key, drawn.triangles.len()) else {
                 self.clear();
                 return Err(MeasureError::TooMany { object });
             };
+            if drawn.see_through {
+                see_through.push((object, first, drawn));
+                continue;
+            }
             self.image.object_start = first;
-            for (item, triangle) in (first..).zip(triangles) {
-                projection.draw(triangle, item, &mut self.image);
+            for (item, triangle) in (first..).zip(drawn.triangles) {
+                if is_drawn(&drawn, triangle) {
+                    projection.draw(triangle, item, &mut self.image);
+                }
             }
         }
         self.view = Some(*view);
         self.image.drop_hidden_claims();
         self.sampled.count(&self.image);
+        if !see_through.is_empty() {
+            self.image.begin_see_through();
+        }
+        for (object, first, drawn) in see_through {
+            self.image.next_see_through(object as u32);
+            for (item, triangle) in (first..).zip(drawn.triangles) {
+                if is_drawn(&drawn, triangle) {
+                    projection.draw(triangle, item, &mut self.image);
+                    self.sampled.set_triangle_pixels(item, self.image.take_triangle_pixels());
+                }
+            }
+            let found = self.image.next_see_through(u32::MAX);
+            self.sampled.add_see_through(object, found);
+        }
+        self.sampled.set_layers(self.image.layers);
         Ok(&self.sampled)
     }
 
@@ -109,8 +174,8 @@ impl ItemBuffer {
         self.image.height as u32
     }
 
-    /// Returns, for each pixel, the number of the triangle seen through the pixel's centre, or
-    /// [`NONE`](crate::NONE) if no triangle is seen. Row by row from the top of the image, each row from the
+    /// Returns, for each pixel, the number of the opaque triangle seen through the pixel's centre, or
+    /// [`NONE`](crate::NONE) if no opaque triangle is seen. Row by row from the top of the image, each row from the
     /// left. The centre of column `i` is at NDC `x / w = (2 * i + 1) / width - 1`, the centre of row `j` at
     /// `y / w = 1 - (2 * j + 1) / height`. If triangles tie for a pixel, the pixel has the nearest of them by
     /// rounding, or the first drawn among equals.
@@ -118,7 +183,16 @@ impl ItemBuffer {
         &self.image.items
     }
 
-    /// Returns, for each pixel, the depth key of the triangle seen there, in the order of
+    /// Returns the number of the nearest see-through triangle of a pixel, before the opaque triangle if there is
+    /// one. [`NONE`](crate::NONE) if none certainly shows, or the pixel lies outside of the image.
+    pub fn see_through_item(&self, column: u32, row: u32) -> u32 {
+        if column >= self.width() || row >= self.height() {
+            return NONE;
+        }
+        self.image.veil(row as usize * self.image.width + column as usize)
+    }
+
+    /// Returns, for each pixel, the depth key of the opaque triangle seen there, in the order of
     /// [`items`](Self::items). Greater is nearer. For perspective views the key is `1 / w`, the reciprocal
     /// distance along the viewing direction (unless the clip matrix scales `w`). For parallel views the key
     /// is linear in depth. Negative infinity in pixels without a triangle.
@@ -126,8 +200,8 @@ impl ItemBuffer {
         &self.image.depth_keys
     }
 
-    /// Returns the object seen in a pixel, as an index into [`SampledVisibility::objects`]. `None` if the
-    /// pixel shows no object or lies outside of the image.
+    /// Returns the opaque object seen in a pixel, as an index into [`SampledVisibility::objects`]. `None` if the
+    /// pixel shows no opaque object or lies outside of the image.
     pub fn object_at(&self, column: u32, row: u32) -> Option<usize> {
         if column >= self.width() || row >= self.height() {
             return None;

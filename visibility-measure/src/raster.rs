@@ -68,6 +68,39 @@ pub(crate) struct TieClaim {
     depth_key: f64,
 }
 
+/// What the image knows of one pixel and the see-through objects before its opaque triangle.
+#[derive(Clone, Copy, Debug)]
+struct Veil {
+    /// Number of the nearest see-through triangle that certainly shows in the pixel, or [`NONE`].
+    nearest: u32,
+    /// Depth key of that triangle; negative infinity without one.
+    depth_key: f64,
+    /// Index of the see-through object that `shows` is about.
+    object: u32,
+    /// Whether that object certainly shows, rather than ties. Meaningless for all other objects.
+    shows: bool,
+    /// Whether several objects tie for the opaque triangle of the pixel, so that what shows before it is not
+    /// certain.
+    is_tied: bool,
+}
+
+impl Veil {
+    /// Pixel that no see-through object has reached.
+    const NONE: Self =
+        Self { nearest: NONE, depth_key: f64::NEG_INFINITY, object: u32::MAX, shows: false, is_tied: false };
+}
+
+/// Pixels of one see-through object.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub(crate) struct VeilPixels {
+    /// Number of pixels in which the object certainly shows.
+    pub(crate) pixels: u32,
+    /// Number of other pixels in which rounding alone decides whether the object shows.
+    pub(crate) tied: u32,
+    /// Number of pixels in which it shows and nothing has shown before.
+    pub(crate) newly_covered: u32,
+}
+
 /// Image under construction: the nearest triangle so far at each pixel and its depth key, row by row from the
 /// top.
 #[derive(Clone, Debug, Default)]
@@ -97,6 +130,14 @@ pub(crate) struct Image {
     /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
     /// where only the relative [`DEPTH_TIE`] counts.
     pub(crate) least_difference: f64,
+    /// What see-through objects show in each pixel. Empty while opaque triangles are drawn.
+    veils: Vec<Veil>,
+    /// Index of the see-through object that is being drawn.
+    veil_object: u32,
+    /// Pixels of that object so far.
+    veil_pixels: VeilPixels,
+    /// Number of pixels in which the see-through triangle that is being drawn shows.
+    veil_triangle: u32,
 }
 
 impl Image {
@@ -118,7 +159,34 @@ impl Image {
         self.depth_keys.clear();
         self.depth_keys.resize(self.width * self.height, f64::NEG_INFINITY);
         self.claims.clear();
+        self.veils.clear();
         (self.layers, self.claims_full) = (0, false);
+    }
+
+    /// Ends the opaque triangles: all that is drawn until [`clear`](Self::clear) is see-through, hides nothing,
+    /// and shows in each pixel in which it is before the opaque triangle.
+    pub(crate) fn begin_see_through(&mut self) {
+        self.veils.resize(self.width * self.height, Veil::NONE);
+        for claim in &self.claims {
+            self.veils[claim.pixel as usize].is_tied = true;
+        }
+    }
+
+    /// Begins the see-through object with an index, and returns the pixels of the one before.
+    pub(crate) fn next_see_through(&mut self, object: u32) -> VeilPixels {
+        self.veil_object = object;
+        core::mem::take(&mut self.veil_pixels)
+    }
+
+    /// Returns the number of pixels that show the see-through triangle drawn last, once.
+    pub(crate) fn take_triangle_pixels(&mut self) -> u32 {
+        core::mem::take(&mut self.veil_triangle)
+    }
+
+    /// Returns the number of the nearest see-through triangle before the opaque triangle of a pixel, or
+    /// [`NONE`].
+    pub(crate) fn veil(&self, pixel: usize) -> u32 {
+        self.veils.get(pixel).map_or(NONE, |veil| veil.nearest)
     }
 
     /// Drops each claim whose triangle is certainly behind the triangle that the claim's pixel now shows.
@@ -154,9 +222,25 @@ impl Image {
                 let y = row as f64 + 0.5;
                 let (a, b) = (long.crossing(y), short.crossing(y));
                 let (first, end) = (first_center(a.min(b), self.width), first_center(a.max(b), self.width));
-                self.fill_span(row, first, end, &plane, item);
                 let (left, right) = if a < b { (&long, short) } else { (short, &long) };
-                let (a, b) = (a.min(b) - left.crossing_error(), a.max(b) + right.crossing_error());
+                let errors = [left.crossing_error(), right.crossing_error()];
+                if !self.veils.is_empty() {
+                    self.layers += (end - first) as u64;
+                    let centers = |a: f64, b: f64| [a, b].map(|x| first_center(x, self.width));
+                    // In a row that passes close to a corner, no centre is certainly inside.
+                    let is_at_corner = corners.iter().any(|corner| (corner.y - y).abs() <= EDGE_TIE);
+                    let inner = centers(a.min(b) + errors[0], a.max(b) - errors[1]);
+                    let outer = centers(a.min(b) - errors[0], a.max(b) + errors[1]);
+                    if !is_at_corner {
+                        self.veil_span(row, inner, true, &plane, item);
+                    }
+                    if is_at_corner || inner != outer {
+                        self.veil_span(row, outer, false, &plane, item);
+                    }
+                    continue;
+                }
+                self.fill_span(row, first, end, &plane, item);
+                let (a, b) = (a.min(b) - errors[0], a.max(b) + errors[1]);
                 if first_center(a, self.width) < first || first_center(b, self.width) > end {
                     self.claim_row(row, &[&long, short], &plane, item);
                 }
@@ -186,12 +270,56 @@ impl Image {
         }
         let (first, end) =
             (first_center(left - EDGE_TIE, self.width), first_center(right + EDGE_TIE, self.width));
+        if !self.veils.is_empty() {
+            return self.veil_span(row, [first, end], false, plane, item);
+        }
         let key_at = plane.along_row(y);
         for column in first..end {
             let pixel = row * self.width + column;
             let here = key_at(column as f64 + 0.5);
             if here >= least_tied_key(self.depth_keys[pixel], self.least_difference) && !self.claims_full {
                 add_claim(&mut self.claims, TieClaim { pixel: pixel as u32, item, depth_key: here });
+            }
+        }
+    }
+
+    /// Counts the pixels of columns `first..end` of a row in which the see-through triangle `item` shows before
+    /// the opaque triangle. If `covers` is false, or the two are equally near, or objects tie for the opaque
+    /// triangle, the pixel is tied: rounding alone decides whether the see-through triangle shows there.
+    fn veil_span(
+        &mut self,
+        row: usize,
+        [first, end]: [usize; 2],
+        covers: bool,
+        plane: &DepthKeyPlane,
+        item: u32,
+    ) {
+        let key_at = plane.along_row(row as f64 + 0.5);
+        for column in first..end {
+            let pixel = row * self.width + column;
+            let here = key_at(column as f64 + 0.5);
+            let (held, veil) = (self.depth_keys[pixel], &mut self.veils[pixel]);
+            let tie = here.abs() * DEPTH_TIE + self.least_difference;
+            if here - held < -tie {
+                continue;
+            }
+            let shows = covers && here - held > tie && !veil.is_tied;
+            let counted = &mut self.veil_pixels;
+            if shows {
+                self.veil_triangle += 1;
+                counted.newly_covered += u32::from(veil.nearest == NONE && self.items[pixel] == NONE);
+                if here > veil.depth_key {
+                    (veil.nearest, veil.depth_key) = (item, here);
+                }
+            }
+            if veil.object != self.veil_object {
+                (veil.object, veil.shows) = (self.veil_object, shows);
+                counted.pixels += u32::from(shows);
+                counted.tied += u32::from(!shows);
+            } else if shows && !veil.shows {
+                veil.shows = true;
+                counted.pixels += 1;
+                counted.tied -= 1;
             }
         }
     }

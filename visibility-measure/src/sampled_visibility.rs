@@ -1,6 +1,6 @@
 //! Counts of an item buffer: visible pixels by object and by triangle.
 
-use crate::raster::{Image, NONE};
+use crate::raster::{Image, NONE, VeilPixels};
 use alloc::vec::Vec;
 use core::ops::Range;
 
@@ -28,7 +28,8 @@ pub struct ObjectPixels {
     pub triangles: u32,
     /// Number of the object's triangles that at least one pixel of the image shows.
     pub visible_triangles: u32,
-    /// Number of pixels that show this object and do not tie with another object.
+    /// Number of pixels that show this object and do not tie with another object. A see-through object shows
+    /// in each pixel in which it is before the opaque triangle, beside all that shows there too.
     pub pixels: u32,
     /// Number of pixels for which this object ties with other objects (rounding alone decides which of them
     /// the image shows): see [ties](crate#ties).
@@ -195,6 +196,29 @@ impl SampledVisibility {
         }
         self.count_ties(image);
         self.visible_objects = self.objects.iter().map(|object| u32::from(object.is_visible())).sum();
+    }
+
+    /// Adds what the see-through object with an index shows, after [`count`](Self::count) and
+    /// [`set_triangle_pixels`](Self::set_triangle_pixels) of its triangles.
+    pub(crate) fn add_see_through(&mut self, object: usize, found: VeilPixels) {
+        let entry = &mut self.objects[object];
+        let range = entry.triangle_range();
+        let of_triangles = &self.triangle_pixels[range.start as usize..range.end as usize];
+        entry.visible_triangles = of_triangles.iter().map(|&pixels| u32::from(pixels > 0)).sum();
+        (entry.pixels, entry.tied_pixels) = (found.pixels, found.tied);
+        self.visible_triangles += entry.visible_triangles;
+        self.covered_pixels += found.newly_covered;
+        self.visible_objects += u32::from(entry.is_visible());
+    }
+
+    /// Sets the sum over all pixels of the number of triangles that cover the pixel.
+    pub(crate) fn set_layers(&mut self, layers: u64) {
+        self.layers = layers;
+    }
+
+    /// Sets the number of pixels that show a see-through triangle.
+    pub(crate) fn set_triangle_pixels(&mut self, triangle: u32, pixels: u32) {
+        self.triangle_pixels[triangle as usize] = pixels;
     }
 
     /// Derives `ties` from the image's claims (triangles that tie for a pixel). A tied pixel is removed from

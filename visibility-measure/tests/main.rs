@@ -6,4 +6,5 @@ mod clip_planes;
 mod common;
 mod pictures;
 mod rays;
+mod surfaces;
 mod ties;

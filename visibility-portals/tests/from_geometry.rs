@@ -194,6 +194,8 @@ fn clear_lines_pass_the_cells_of_walls() {
 fn clear_lines_pass_the_cells_of_polygons() {
     let mut random = Random(4);
     let turn = DQuat::from_axis_angle(DVec3::new(0.3, -0.7, 0.4).normalize(), 0.77);
+    // Walls that are solids are closed: from between them, one-sided faces block as others do.
+    let one_sided = vec![true; 1 << 14];
     for (turn, solid) in [
         (DMat3::IDENTITY, Solid::Nothing),
         (DMat3::from_quat(turn), Solid::Nothing),
@@ -201,7 +203,8 @@ fn clear_lines_pass_the_cells_of_polygons() {
         (DMat3::from_quat(turn), Solid::Unreached(&[DVec3::new(-0.5, -0.5, 0.5)])),
     ] {
         let boxes = house(&mut random);
-        let settings = PolygonSettings { solid, ..PolygonSettings::default() };
+        let one_sided = if solid == Solid::Nothing && turn == DMat3::IDENTITY { &one_sided[..] } else { &[] };
+        let settings = PolygonSettings { solid, one_sided, ..PolygonSettings::default() };
         let cells = from_polygons(&triangles(&boxes, turn), &settings).unwrap();
         assert!(cells.graph.cell_count() > 20);
         let (clear, stopped) = check(&cells, &boxes, turn, 2e-5, &mut random);
@@ -234,6 +237,49 @@ fn solid_leaves_are_no_cells() {
     // Boxes given to `from_walls` are always solid.
     let cells = from_walls(&solids, &WallSettings::default()).unwrap();
     assert_eq!(cells.graph.cell_count(), 6);
+}
+
+#[test]
+fn regions_that_look_through_backs_are_no_cells() {
+    let solids = [[DVec3::ZERO, DVec3::splat(4.0)]];
+    let soup = triangles(&solids, DMat3::IDENTITY);
+    let turned =
+        |polygon: &ConvexPolygon| ConvexPolygon::new(polygon.vertices().iter().rev().copied()).unwrap();
+    let inside_out: Vec<ConvexPolygon> = soup.iter().map(turned).collect();
+    let count = |soup: &[ConvexPolygon], one_sided: &[bool]| {
+        let settings = PolygonSettings { one_sided, ..PolygonSettings::default() };
+        let cells = from_polygons(soup, &settings).unwrap();
+        let inside = Viewcells::new(cells.viewcells.iter().cloned()).locate(DVec3::splat(2.0));
+        (cells.graph.cell_count(), inside.is_some())
+    };
+    // From within a block lines pass its faces, and from around a block that is inside out.
+    assert_eq!(count(&soup, &[]), (7, true));
+    assert_eq!(count(&soup, &[true; 12]), (6, false));
+    assert_eq!(count(&inside_out, &[true; 12]), (1, true));
+    // One face with a back is enough. Doubled faces block from both sides.
+    let mut one_back = soup.clone();
+    one_back[7] = turned(&soup[7]);
+    let only = |at: usize| core::array::from_fn::<bool, 12, _>(|i| i == at);
+    assert_eq!(count(&one_back, &only(7)), (1, true));
+    assert_eq!(count(&soup, &only(7)), (6, false));
+    assert_eq!(count(&[soup, inside_out].concat(), &[true; 24]), (7, true));
+    // A wall across the world is a wall from its front; a gap in it joins both sides.
+    let wall = |[a, b]: [f64; 2]| {
+        let corners = [[a, 0.0], [b, 0.0], [b, 3.0], [a, 3.0]];
+        ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(0.0, y, z))).unwrap()
+    };
+    let count = |soup: &[ConvexPolygon]| {
+        let settings =
+            PolygonSettings { margin: 0.0, one_sided: &[true, true], ..PolygonSettings::default() };
+        // Too small to divide space, it only widens its bounds.
+        let thin = [DVec3::new(-5.0, 0.0, 0.0), DVec3::new(5.0, 9.0, 3.0), DVec3::new(-5.0, 0.001, 0.0)];
+        let thin = ConvexPolygon::new(thin).unwrap();
+        from_polygons(&[soup, &[thin]].concat(), &settings).unwrap().graph.cell_count()
+    };
+    assert_eq!(
+        (count(&[wall([0.0, 4.0]), wall([4.0, 9.0])]), count(&[wall([0.0, 4.0]), wall([5.0, 9.0])])),
+        (1, 0)
+    );
 }
 
 #[test]

@@ -226,3 +226,33 @@ fn no_input_panics() {
         &mut VisibleSet::new(),
     );
 }
+
+#[test]
+fn rays_pass_backs_of_one_sided_walls() {
+    let mut random = Random(3);
+    for depth in [0, 4] {
+        let square = |x: f32, r: f32, depth: usize, random: &mut Random| {
+            let mut triangles = Vec::new();
+            let (u, v) = (Vec3::Y * (2.0 * r), Vec3::Z * (2.0 * r));
+            cut(Vec3::new(x, -r, -r), u, v, depth, random, &mut triangles);
+            triangles
+        };
+        // The fronts look along x, away from the first viewcell and towards the second.
+        for (one_sided, x, seen) in [
+            (false, 0.0, [true, false]),
+            (true, 0.0, [false, true]),
+            (false, 9.0, [true, true]),
+            (true, 9.0, [true, true]),
+        ] {
+            let mut scene = Scene::new();
+            let wall = insert(&mut scene, square(4.0, 8.0, depth, &mut random), true);
+            let behind = insert(&mut scene, square(6.0, 1.0, 0, &mut random), true);
+            scene.set_one_sided(wall, one_sided).unwrap();
+            let mut visible = VisibleSet::new();
+            let cell = Viewcell::from_box(DVec3::new(x, -0.5, -0.5), DVec3::new(x + 1.0, 0.5, 0.5));
+            SamplingCuller::new().with_rays(20_000).cull(&scene, &cell, &mut visible);
+            let found = [wall, behind].map(|id| visible.contains(&scene, id));
+            assert_eq!(found, seen, "one-sided: {one_sided}, from x = {x}, {depth}");
+        }
+    }
+}

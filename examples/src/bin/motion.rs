@@ -15,7 +15,7 @@ use visibility_examples::built_in;
 use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{eprintln, println};
-use visibility_measure::ItemBuffer;
+use visibility_measure::{DrawnObject, ItemBuffer};
 
 /// Walk through built-in scenes with many movers, and count the updates that motion volumes save.
 #[derive(Parser)]
@@ -206,7 +206,8 @@ fn walk(
         if frame % arguments.judged.max(1) == 0 {
             boxes.clear();
             boxes.extend(moved.iter().map(|(_, exact)| triangles(exact)));
-            let movers = ids.iter().zip(&boxes).map(|(id, sides)| (id.index() as u32, &sides[..]));
+            let movers =
+                ids.iter().zip(&boxes).map(|(id, sides)| DrawnObject::from((id.index() as u32, &sides[..])));
             let truth = buffer.draw(view, world.origin(), world.items().chain(movers))?;
             let shown = truth.objects().iter().filter(|object| object.visible_triangles > 0);
             for object in shown.filter(|object| object.key as usize >= first) {

@@ -38,8 +38,10 @@ fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     source.print_notes();
     let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
     let triangles: Vec<LevelTriangle> = opaque
-        .flat_map(|object| &object.triangles)
-        .map(|&corners| LevelTriangle { corners, two_sided: true })
+        .flat_map(|object| {
+            let two_sided = !object.one_sided;
+            object.triangles.iter().map(move |&corners| LevelTriangle { corners, two_sided })
+        })
         .collect();
     let mut settings = LevelSettings::default().with_kept_area(arguments.keep);
     if let Some(flatness) = arguments.flatness {

@@ -113,13 +113,13 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut is_named = vec![false; arguments.hints.len()];
     source.objects.iter_mut().for_each(|object| object.take_all(&arguments.hints, &mut is_named));
     check_hints(&arguments.hints, &is_named)?;
-    let (objects, triangles) = (source.objects.len(), source.triangle_count());
+    let (objects, triangles, surfaces) = (source.objects.len(), source.triangle_count(), source.surfaces());
     let loaded = start.elapsed();
     let start = Instant::now();
     let mut world = World::new(source, arguments.size.into(), arguments.frames)?;
     world.makes_cells = true;
     println!(
-        "{}: {objects} objects, {triangles} triangles, {} walks, {} frames; made in {:.0} ms, hierarchy in {:.0} ms",
+        "{}: {objects} objects, {triangles} triangles ({surfaces}), {} walks, {} frames; made in {:.0} ms, hierarchy in {:.0} ms",
         world.source.name,
         world.source.walks.len(),
         world.views.len(),

@@ -141,7 +141,8 @@ struct Primitive {
     /// Vertices of the corners.
     order: Vec<u32>,
     corners: Corners,
-    opaque: bool,
+    see_through: bool,
+    one_sided: bool,
 }
 
 impl Collector<'_> {
@@ -223,8 +224,13 @@ impl Collector<'_> {
                     name += &format!("/{index}");
                 }
                 let triangles = self.place(node, primitive, instance)?;
-                let mut object =
-                    SourceObject { opaque: primitive.opaque, ..SourceObject::new(name, triangles) };
+                let Primitive { see_through, one_sided, .. } = *primitive;
+                let mut object = SourceObject {
+                    opaque: !see_through,
+                    see_through,
+                    one_sided,
+                    ..SourceObject::new(name, triangles)
+                };
                 if let Some(hint) = hint {
                     object.take(hint);
                 }
@@ -310,7 +316,8 @@ impl Collector<'_> {
                 shape: Shape::default(),
                 order: Vec::new(),
                 corners: corners(Mode::Points, 0),
-                opaque: false,
+                see_through: false,
+                one_sided: false,
             });
         };
         let is_draco = primitive.extension_value("KHR_draco_mesh_compression").is_some();
@@ -335,8 +342,9 @@ impl Collector<'_> {
             matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan);
         self.without_triangles += usize::from(!has_surface);
         let shape = Shape::read(node, primitive, positions, self.motion, self.buffers, (self.path, place))?;
-        let opaque = primitive.material().alpha_mode() == AlphaMode::Opaque;
-        Ok(Primitive { shape, order, corners, opaque })
+        let material = primitive.material();
+        let (see_through, one_sided) = (is_see_through(&material), !material.double_sided());
+        Ok(Primitive { shape, order, corners, see_through, one_sided })
     }
 
     /// Returns the triangles of a primitive, relative to the origin. `instance` maps the mesh's space to the
@@ -403,4 +411,17 @@ impl Corners {
             _ => [3 * t, 3 * t + 1, 3 * t + 2],
         }
     }
+}
+
+/// Returns whether a renderer draws what is behind a surface through it: its alpha mode blends or masks, or it
+/// transmits light. Extensions that transmit light have a factor of 0 by default, for none.
+fn is_see_through(material: &gltf::Material<'_>) -> bool {
+    const TRANSMITTING: [(&str, &str); 3] = [
+        ("KHR_materials_transmission", "transmissionFactor"),
+        ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor"),
+        ("KHR_materials_volume", "thicknessFactor"),
+    ];
+    let factor = |(extension, key): (&str, &str)| material.extension_value(extension)?.get(key)?.as_f64();
+    material.alpha_mode() != AlphaMode::Opaque
+        || TRANSMITTING.iter().any(|&of| factor(of).is_some_and(|factor| factor > 0.0))
 }

@@ -25,12 +25,12 @@ pub fn right_and_wrong(
 ) -> Result<Canvas, MeasureError> {
     let mut buffer = ItemBuffer::new(width, height)?;
     let seen = world.see(view, &mut buffer)?;
-    let items = seen.candidates.iter().map(|&i| (i, std::slice::from_ref(&world.triangles[i as usize])));
-    buffer.draw(view, DVec3::ZERO, items)?;
+    buffer.draw(view, DVec3::ZERO, seen.candidates.iter().map(|&i| world.item(i)))?;
     let mut canvas = Canvas::new(width, height, NOTHING);
     for row in 0..height {
         for column in 0..width {
-            let item = buffer.items()[(row * width + column) as usize];
+            let pane = buffer.see_through_item(column, row);
+            let item = if pane != NONE { pane } else { buffer.items()[(row * width + column) as usize] };
             if item != NONE {
                 let triangle = seen.candidates[item as usize];
                 let right = drawn.binary_search(&triangle).is_ok();

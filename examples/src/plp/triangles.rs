@@ -5,7 +5,7 @@ use glam::DVec3;
 use visibility_core::{
     Aabb, Object, ObjectId, Scene, View, geometry::Containment, scene::Triangle, view::Eye,
 };
-use visibility_measure::{ItemBuffer, MeasureError};
+use visibility_measure::{DrawnObject, ItemBuffer, MeasureError};
 
 /// World in which every triangle is an object, with the views of the world that it was made from.
 pub struct TriangleWorld {
@@ -13,6 +13,8 @@ pub struct TriangleWorld {
     pub name: String,
     /// Triangles in world space, in the order of the original world's objects.
     pub triangles: Vec<Triangle>,
+    /// For each triangle, whether what is behind it is drawn through it.
+    pub see_through: Vec<bool>,
     /// Scene with one object per triangle; triangle `i` has index `i`.
     pub scene: Scene,
     /// Object ids of the triangles, by triangle index.
@@ -36,12 +38,16 @@ impl TriangleWorld {
     pub fn new(world: &World) -> Self {
         let triangles: Vec<Triangle> =
             world.source.objects.iter().flat_map(|object| object.triangles.iter().copied()).collect();
+        let objects = world.source.objects.iter();
+        let see_through =
+            objects.flat_map(|object| object.triangles.iter().map(|_| object.see_through)).collect();
         let mut scene = Scene::new();
         let ids = scene.insert_batch(triangles.iter().map(|t| Object::new(Aabb::from_points(*t))));
         for (&id, triangle) in ids.iter().zip(&triangles) {
             scene.set_triangles(id, [*triangle]).expect("the object was just inserted");
         }
-        Self { name: world.source.name.clone(), triangles, scene, ids, views: world.views.clone() }
+        let (name, views) = (world.source.name.clone(), world.views.clone());
+        Self { name, triangles, see_through, scene, ids, views }
     }
 
     /// Computes the exact answer for a view when only triangles that face the eye are drawn. `buffer` is
@@ -62,13 +68,19 @@ impl TriangleWorld {
             faces(triangle, &eye) && in_view(triangle)
         };
         let candidates: Vec<u32> = (0..self.triangles.len() as u32).filter(is_candidate).collect();
-        let items = candidates.iter().map(|&i| (i, std::slice::from_ref(&self.triangles[i as usize])));
-        let seen = buffer.draw(view, DVec3::ZERO, items)?;
+        let seen = buffer.draw(view, DVec3::ZERO, candidates.iter().map(|&i| self.item(i)))?;
         // Each object is one triangle. A pixel in which triangles tie counts for the triangle that the
         // picture shows.
         let pixels = candidates.iter().copied().zip(seen.triangle_pixels().iter().copied());
         let visible = pixels.filter(|&(_, pixels)| pixels > 0).collect();
         Ok(Seen { visible, pixels: buffer.width() * buffer.height(), candidates })
+    }
+
+    /// Returns a triangle in the form that the item buffer takes. Its key is its index.
+    pub fn item(&self, index: u32) -> DrawnObject<'_> {
+        let triangle = std::slice::from_ref(&self.triangles[index as usize]);
+        let see_through = self.see_through[index as usize];
+        DrawnObject { see_through, ..DrawnObject::from((index, triangle)) }
     }
 
     /// Returns the triangles `candidates` sorted by the distance of their centroids from the eye, nearest

@@ -1,9 +1,9 @@
 //! Cells and portals of a scene: those that the scene brings, or cells made from its opaque triangles.
 
 use super::solids::boxes;
-use crate::SceneSource;
 use crate::source::SourceCells;
-use glam::DVec3;
+use crate::{SceneSource, SourceObject};
+use glam::{DVec3, Vec3};
 use visibility_core::{geometry::ConvexPolygon, pvs::Viewcells};
 use visibility_portals::from_geometry::{
     PolygonSettings, Solid, Subdivision, WallSettings, from_polygons, from_walls,
@@ -37,11 +37,18 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
             // Space that no camera of the walks can reach counts as solid.
             let eyes: Vec<DVec3> =
                 source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye).collect();
-            let settings = PolygonSettings { solid: Solid::Unreached(&eyes), ..PolygonSettings::default() };
-            from_polygons(&polygons(source), &settings)
+            let (polygons, one_sided) = polygons(source);
+            let solid = Solid::Unreached(&eyes);
+            let settings = PolygonSettings { solid, one_sided: &one_sided, ..PolygonSettings::default() };
+            from_polygons(&polygons, &settings)
         }
     };
     let Subdivision { graph, viewcells, outside } = made.map_err(|error| error.to_string())?;
+    if viewcells.is_empty() && source.surfaces().one_sided > 0 {
+        return Err("from all places where a camera can be, lines of sight pass walls through the backs of \
+                    one-sided faces; with --two-sided, backs are drawn and cells can be made"
+            .to_owned());
+    }
     let name = |i: usize| {
         let cell = visibility_core::cells::CellId(i as u32);
         format!("cell {i}{}", if outside.binary_search(&cell).is_ok() { ", outside" } else { "" })
@@ -50,9 +57,19 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
     Ok(SourceCells { graph, viewcells: Viewcells::new(viewcells), names, depth: 0.0, with_doorways: None })
 }
 
-/// Returns the opaque triangles of a scene in f64, without door leaves and without degenerate triangles.
-pub fn polygons(source: &SceneSource) -> Vec<ConvexPolygon> {
+/// Returns the opaque triangles of a scene in f64, without door leaves and without degenerate triangles, and
+/// for each whether it is drawn from its front alone.
+pub fn polygons(source: &SceneSource) -> (Vec<ConvexPolygon>, Vec<bool>) {
     let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
-    let triangles = opaque.flat_map(|object| &object.triangles);
-    triangles.filter_map(|triangle| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok()).collect()
+    let polygon = |triangle: &[Vec3; 3]| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok();
+    let of = |object: &SourceObject| {
+        let one_sided = object.one_sided;
+        object
+            .triangles
+            .iter()
+            .filter_map(polygon)
+            .map(move |polygon| (polygon, one_sided))
+            .collect::<Vec<_>>()
+    };
+    opaque.flat_map(of).unzip()
 }

@@ -9,13 +9,13 @@ const FACES: usize = 12;
 
 /// Returns the boxes among the triangles of a scene's opaque objects, without doors, as minimum and maximum
 /// corner in world space. Only twelve consecutive triangles of one object that make up the whole surface of a
-/// box are found.
+/// box are found; of a one-sided object, if all turn their fronts outwards.
 pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
     let mut found = Vec::new();
     for object in source.objects.iter().filter(|object| object.opaque && !object.door) {
         let mut rest = object.triangles.as_slice();
         while let Some(run) = rest.get(..FACES) {
-            let solid = as_box(run);
+            let solid = as_box(run).filter(|ends| !object.one_sided || faces_outwards(run, ends));
             rest = &rest[if solid.is_some() { FACES } else { 1 }..];
             found.extend(solid);
         }
@@ -62,6 +62,15 @@ fn as_box(triangles: &[[glam::Vec3; 3]]) -> Option<[DVec3; 2]> {
     (halves.len() == FACES && halves.chunks_exact(2).all(whole)).then_some([min, max])
 }
 
+/// Returns whether all triangles of a box turn their fronts away from its middle.
+fn faces_outwards(triangles: &[[glam::Vec3; 3]], [min, max]: &[DVec3; 2]) -> bool {
+    let middle = (*min + *max) * 0.5;
+    triangles.iter().all(|triangle| {
+        let [a, b, c] = triangle.map(|p| p.as_dvec3());
+        (b - a).cross(c - a).dot(a - middle) > 0.0
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -83,5 +92,11 @@ mod tests {
         assert!(as_box(&slab).is_some());
         slab[1] = slab[0];
         assert!(as_box(&slab).is_none());
+        // Of a one-sided object that turns its backs outwards, no box is made.
+        let mut source = SceneSource { objects: vec![source.objects[0].clone()], ..source };
+        source.objects[0].one_sided = true;
+        assert_eq!(super::boxes(&source).len(), 1);
+        source.objects[0].triangles.iter_mut().for_each(|triangle| triangle.swap(0, 1));
+        assert!(super::boxes(&source).is_empty());
     }
 }

@@ -9,7 +9,7 @@ use crate::walkthrough::World;
 use glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{RegionCuller, View, VisibleSet};
-use visibility_measure::{ItemBuffer, MeasureError};
+use visibility_measure::{DrawnObject, ItemBuffer, MeasureError};
 use visibility_region::SamplingCuller;
 
 /// Distance of the near plane from the eye, in metres.
@@ -63,19 +63,20 @@ impl<'a> Judge<'a> {
     }
 
     /// Draws the item buffers, and sets `seen` for the objects of which a pixel shows that no other object
-    /// ties for. Occluders alone are drawn, so other objects are left to the rays.
+    /// ties for. Objects that are no occluders hide nothing from a viewcell, and are drawn see-through.
     ///
     /// # Errors
     ///
     /// Returns [`MeasureError::TooMany`] if the scene has more triangles than an item buffer counts.
     pub fn cubes(&mut self, cell: &Viewcell, seen: &mut [bool]) -> Result<(), MeasureError> {
         let Self { world, effort, buffer, .. } = self;
-        let occluders: Vec<_> = (0..world.source.objects.len())
-            .filter_map(|index| {
-                let object = world.scene.object(world.scene.id_at(index)?).ok()?;
-                let bounds = object.bounds;
-                let corners = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + world.origin());
-                object.occluder.then_some((index as u32, corners))
+        let all: Vec<_> = world
+            .items()
+            .filter_map(|item| {
+                let object = world.scene.object(world.scene.id_at(item.key as usize)?).ok()?;
+                let ends = [object.bounds.min, object.bounds.max];
+                let corners = ends.map(|corner| corner.as_dvec3() + world.origin());
+                Some((DrawnObject { see_through: !object.occluder, ..item }, corners))
             })
             .collect();
         for eye in viewpoints(cell, effort.eyes) {
@@ -89,10 +90,7 @@ impl<'a> Judge<'a> {
                     let apart = depth < 0.0 || beside((axis + 1) % 3) || beside((axis + 2) % 3);
                     !apart
                 };
-                let drawn = occluders
-                    .iter()
-                    .filter(|(_, corners)| is_ahead(*corners))
-                    .map(|&(index, _)| (index, world.source.objects[index as usize].triangles.as_slice()));
+                let drawn = all.iter().filter(|(_, corners)| is_ahead(*corners)).map(|&(item, _)| item);
                 for object in buffer.draw(view, world.origin(), drawn)?.objects() {
                     seen[object.key as usize] |= object.pixels > 0;
                 }

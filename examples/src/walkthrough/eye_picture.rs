@@ -19,7 +19,7 @@ pub struct Shown<'a> {
 }
 
 /// Draws the objects that a view sees. Each object has its own color, and faces are shaded by their direction
-/// so that shapes are recognizable.
+/// so that shapes are recognizable. The nearest see-through object of a pixel tints what is behind it.
 ///
 /// # Errors
 ///
@@ -28,19 +28,26 @@ pub fn draw(world: &World, view: &View, shown: Shown<'_>) -> Result<Canvas, Meas
     let (width, height) = world.size;
     let mut buffer = ItemBuffer::new(width, height)?;
     let is_shown = |object: &u32| shown.only.is_none_or(|only| only.binary_search(object).is_ok());
-    let items = || world.items().filter(|(object, _)| is_shown(object));
+    let items = || world.items().filter(|item| is_shown(&item.key));
     buffer.draw(view, world.origin(), items())?;
     let triangles: Vec<_> =
-        items().flat_map(|(object, triangles)| triangles.iter().map(move |t| (object, t))).collect();
+        items().flat_map(|item| item.triangles.iter().map(move |t| (item.key, t))).collect();
     let mut canvas = Canvas::new(width, height, SKY);
     for row in 0..height {
         for column in 0..width {
-            let item = buffer.items()[row as usize * width as usize + column as usize];
-            if item != NONE {
+            let color_of = |item: u32| {
                 let (object, triangle) = triangles[item as usize];
                 let color = if shown.marked == Some(object) { MARK } else { own_color(object as usize) };
-                canvas.set(column.into(), row.into(), shade(color, triangle));
+                shade(color, triangle)
+            };
+            let item = buffer.items()[row as usize * width as usize + column as usize];
+            let mut color = if item == NONE { SKY } else { color_of(item) };
+            let pane = buffer.see_through_item(column, row);
+            if pane != NONE {
+                let tint = color_of(pane);
+                color = std::array::from_fn(|i| ((2 * u16::from(color[i]) + u16::from(tint[i])) / 3) as u8);
             }
+            canvas.set(column.into(), row.into(), color);
         }
     }
     Ok(canvas)

@@ -65,7 +65,7 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
 
 /// Explanation of the columns of [`table`], to be printed below it.
 pub const LEGEND: &str = "\
-reported: objects a frame by the culler; visible: in truth (an item buffer that draws every triangle)
+reported: objects a frame by the culler; visible: in truth (an item buffer: opaque triangles, and see-through ones before them)
 box limit: objects a frame that a culler must report which tests only boxes: before opaque triangles, a pixel is free for their box
 / limit: reported objects for each one of the box limit; 1 is the best that boxes allow
 us a frame, p99: median and 99th percentile of the time to cull one frame, one thread

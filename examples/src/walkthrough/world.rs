@@ -11,6 +11,7 @@ use std::time::Instant;
 use visibility_core::{
     ObjectId, Pose, Scene, View, cells::CellId, occlusion::Preparation, pvs::Viewcells, view::ViewError,
 };
+use visibility_measure::DrawnObject;
 
 /// Scene and views that cullers work on, with the source that they came from.
 pub struct World {
@@ -86,15 +87,20 @@ impl World {
         for (id, object) in ids.into_iter().zip(&source.objects) {
             scene.set_triangles(id, object.fixed_triangles()).expect("the object was just inserted");
         }
-        // Occluders are two-sided: scenes are drawn with both faces, and files may have any winding.
+        // Occluders are two-sided unless their objects are not: built-in scenes and VSCN files are drawn with
+        // both faces, and may have any winding.
         scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
         let (prepared, made_cells) = (Prepared::default(), OnceLock::new());
         Self { source, scene, views, poses, size, prepared, makes_cells: false, made_cells }
     }
 
-    /// Returns the objects in the form that the item buffer takes: index and triangles, by ascending index.
-    pub fn items(&self) -> impl Iterator<Item = (u32, &[[glam::Vec3; 3]])> + Clone {
-        (0..).zip(self.source.objects.iter().map(|object| object.triangles.as_slice()))
+    /// Returns the objects in the form that the item buffer takes, by ascending index, which is their key.
+    pub fn items(&self) -> impl Iterator<Item = DrawnObject<'_>> + Clone {
+        (0..).zip(&self.source.objects).map(|(key, object)| DrawnObject {
+            see_through: object.see_through,
+            one_sided: object.one_sided,
+            ..DrawnObject::from((key, object.triangles.as_slice()))
+        })
     }
 
     /// Returns the cells and portals of the scene, with the objects in each cell: those that the scene

@@ -77,7 +77,7 @@ impl vis_object_desc {
     fn object(&self) -> Result<Object, Error> {
         let (never_cull, occluder) = split_flags(self.flags)?;
         let (bounds, layers, cost) = (self.bounds.into(), self.layers, self.cost);
-        Ok(Object { bounds, layers, cost, never_cull, occluder })
+        Ok(Object { layers, cost, never_cull, occluder, ..Object::new(bounds) })
     }
 }
 

@@ -6,12 +6,15 @@ use crate::scene_tree::{SceneTree, StaleObjects};
 use crate::tree::{Fragment, Fragments, Subtree, TraversalStack, Walk};
 use alloc::vec::Vec;
 use core::borrow::Borrow;
-use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
+use visibility_core::geometry::Plane;
+use visibility_core::view::Eye;
+use visibility_core::{Accuracy, CullStats, Culler, Object, ObjectId, Scene, View, VisibleSet};
 
 /// Removes every object of which no triangle part is visible, so that exactly the visible objects remain,
 /// within the tolerance below.
 ///
-/// Triangles are seen from both sides. The triangles of objects flagged as occluders hide what lies behind
+/// Triangles are seen from both sides, those of [one-sided](visibility_core::Object::one_sided) objects from
+/// their front: from behind they are not seen, and hide nothing. The triangles of objects flagged as occluders hide what lies behind
 /// them; the triangles of other objects are visible but hide nothing. Triangles in one plane do not hide each
 /// other. An object counts as visible if it has no triangles, has a triangle that is not finite or has no
 /// area, or has changed since the last [`sync`](SceneTree::sync) of the tree.
@@ -81,13 +84,20 @@ enum ObjectState {
     /// The object is not in the incoming visible set, is on no layer of the view, or its triangles in the
     /// tree are missing or out of date. Its fragments are skipped.
     None,
-    /// No fragment has been surely seen so far. `occluder`: true if the object hides others, false if it
-    /// hides nothing. `glimpsed`: true if a fragment too narrow to be certain has reached uncovered image
-    /// area, false if none has.
-    Hidden { occluder: bool, glimpsed: bool },
-    /// A fragment has been seen. `occluder`: true if the object hides others, so its further fragments still
-    /// matter; false if they can be skipped.
-    Seen { occluder: bool },
+    /// No fragment has been surely seen so far. `glimpsed`: true if a fragment too narrow to be certain has
+    /// reached uncovered image area, false if none has.
+    Hidden { surface: Surface, glimpsed: bool },
+    /// A fragment has been seen. Further fragments matter only if the object is an occluder.
+    Seen { surface: Surface },
+}
+
+/// How an object is drawn.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Surface {
+    /// True if the object hides others, false if it hides nothing.
+    occluder: bool,
+    /// True if fragments that turn their back to the eye are not drawn.
+    one_sided: bool,
 }
 
 impl<S: Borrow<SceneTree>> NaylorCuller<S> {
@@ -138,8 +148,9 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         scratch.witnesses.resize(scene.index_limit(), None);
         scratch.beams.begin(projection.error());
         let stats = CullStats::default();
-        let mut frame = Frame { shared, scene, view, visible, stale, projection, scratch, stats };
-        shared.tree().walk(view.eye(scene.origin()), stack, &mut frame);
+        let eye = view.eye(scene.origin());
+        let mut frame = Frame { shared, scene, view, eye, visible, stale, projection, scratch, stats };
+        shared.tree().walk(eye, stack, &mut frame);
         let Frame { mut stats, projection, .. } = frame;
         let kept = visible.retain(scene, |id, bounds| match scratch.states[id.index()] {
             ObjectState::Seen { .. } => true,
@@ -159,6 +170,8 @@ struct Frame<'a> {
     shared: &'a SceneTree,
     scene: &'a Scene,
     view: &'a View,
+    /// Eye of the view, relative to the scene's origin.
+    eye: Eye,
     visible: &'a VisibleSet,
     stale: &'a StaleObjects,
     projection: ScreenProjection,
@@ -181,7 +194,8 @@ impl Frame<'_> {
                     && object.layers & self.view.layers() != 0
                     && self.visible.contains(self.scene, id) =>
             {
-                ObjectState::Hidden { occluder: object.occluder, glimpsed: false }
+                let Object { occluder, one_sided, .. } = object;
+                ObjectState::Hidden { surface: Surface { occluder, one_sided }, glimpsed: false }
             }
             _ => ObjectState::None,
         };
@@ -194,18 +208,21 @@ impl Frame<'_> {
     /// area. A fragment that can change neither the object's state nor the covered area is skipped.
     fn draw(&mut self, fragment: &Fragment<'_>, hides: bool) {
         let state = self.state(fragment.owner());
-        let occluder = match state {
+        let surface = match state {
             ObjectState::Unknown | ObjectState::None => return,
-            ObjectState::Seen { occluder: false } => return,
-            ObjectState::Seen { .. } if !hides => return,
-            ObjectState::Seen { occluder } | ObjectState::Hidden { occluder, .. } => occluder,
+            ObjectState::Seen { surface } if !(hides && surface.occluder) => return,
+            ObjectState::Seen { surface } | ObjectState::Hidden { surface, .. } => surface,
         };
+        // Where rounding decides the side, the fragment's image is far narrower than the tolerance.
+        if surface.one_sided && !is_front(&fragment.plane(), self.eye) {
+            return;
+        }
         let Scratch { beams, image, states, witnesses } = &mut *self.scratch;
         if !self.projection.draw(fragment.vertices(), image) {
             return;
         }
         self.stats.tests += 1;
-        let visibility = if hides && occluder {
+        let visibility = if hides && surface.occluder {
             beams.test_and_cover(&image.polygon, image.error)
         } else {
             beams.test(&image.polygon)
@@ -214,10 +231,18 @@ impl Frame<'_> {
         let owner = fragment.owner() as usize;
         states[owner] = if visibility == Visibility::Seen {
             witnesses[owner] = self.shared.object(owner as u32).map(|id| (id, beams.witness));
-            ObjectState::Seen { occluder }
+            ObjectState::Seen { surface }
         } else {
-            ObjectState::Hidden { occluder, glimpsed: glimpsed || visibility == Visibility::Glimpsed }
+            ObjectState::Hidden { surface, glimpsed: glimpsed || visibility == Visibility::Glimpsed }
         };
+    }
+}
+
+/// Tests whether the eye is before a plane, to which the plane's normal points.
+fn is_front(plane: &Plane, eye: Eye) -> bool {
+    match eye {
+        Eye::Point(eye) => plane.signed_distance(eye) > 0.0,
+        Eye::Direction(forward) => plane.normal.dot(forward) < 0.0,
     }
 }
 
@@ -228,7 +253,10 @@ impl Walk for Frame<'_> {
         }
         self.stats.nodes += 1;
         if let Some(owner) = subtree.owner()
-            && matches!(self.state(owner), ObjectState::None | ObjectState::Seen { occluder: false })
+            && matches!(
+                self.state(owner),
+                ObjectState::None | ObjectState::Seen { surface: Surface { occluder: false, .. } }
+            )
         {
             return None;
         }

@@ -20,7 +20,8 @@ pub struct Preparation {
     pub sliver: f32,
     /// Triangles with less than this fraction of the area of the largest triangle are dropped. Default 0.
     pub least_area: f32,
-    /// Whether back faces occlude too, for models whose triangles do not all face outwards. Default false.
+    /// Whether back faces occlude too, for models whose triangles do not all face outwards. Objects that are
+    /// drawn [one-sided](crate::Object::one_sided) get one-sided meshes nevertheless. Default false.
     pub two_sided: bool,
 }
 
@@ -65,10 +66,12 @@ impl Scene {
         let ids: Vec<_> = self.ids().collect();
         let mut made = 0;
         for id in ids {
-            if !self.object(id).is_ok_and(|object| object.occluder) || self.has_mesh(id) {
+            let Some(object) = self.object(id).ok().filter(|object| object.occluder) else { continue };
+            if self.has_mesh(id) {
                 continue;
             }
-            let mesh = self.triangles(id).ok().and_then(|triangles| prepare(triangles, preparation));
+            let sides = Preparation { two_sided: preparation.two_sided && !object.one_sided, ..*preparation };
+            let mesh = self.triangles(id).ok().and_then(|triangles| prepare(triangles, &sides));
             if let Some(mesh) = mesh {
                 let mesh = self.add_mesh(mesh);
                 made += usize::from(self.set_prepared_mesh(id, mesh).is_ok());

@@ -8,6 +8,7 @@ mod cursor;
 mod curve;
 mod detail;
 mod draw_range;
+mod index_bits;
 mod maintain;
 mod mesh_bounds;
 mod object;
@@ -35,6 +36,7 @@ use alloc::{boxed::Box, vec::Vec};
 use build::Entry;
 use changes::ChangeLog;
 use glam::DVec3;
+use index_bits::IndexBits;
 use placement::Placements;
 use queue::Queue;
 use tree::{Payload, Scratch};
@@ -72,8 +74,12 @@ pub struct Scene {
     queue: Queue,
     generations: Vec<u32>,
     costs: Vec<u32>,
-    /// One bit per object index: whether the object was flagged as never to be culled.
-    never_cull: Vec<u64>,
+    /// Objects that were flagged as never to be culled, by index.
+    never_cull: IndexBits,
+    /// Objects that what is behind is drawn through, by index.
+    see_through: IndexBits,
+    /// Objects whose triangles are drawn from their front alone, by index.
+    one_sided: IndexBits,
     /// Triangles of each object, in scene coordinates, indexed by object index. Shorter than the index
     /// range, and empty until an object first gets triangles.
     triangles: Vec<Box<[Triangle]>>,
@@ -109,6 +115,8 @@ impl Clone for Scene {
             generations: self.generations.clone(),
             costs: self.costs.clone(),
             never_cull: self.never_cull.clone(),
+            see_through: self.see_through.clone(),
+            one_sided: self.one_sided.clone(),
             triangles: self.triangles.clone(),
             meshes: self.meshes.clone(),
             placements: self.placements.clone(),
@@ -140,7 +148,9 @@ impl Scene {
             queue: Queue::default(),
             generations: Vec::new(),
             costs: Vec::new(),
-            never_cull: Vec::new(),
+            never_cull: IndexBits::default(),
+            see_through: IndexBits::default(),
+            one_sided: IndexBits::default(),
             triangles: Vec::new(),
             meshes: Vec::new(),
             placements: Placements::default(),
@@ -233,8 +243,10 @@ impl Scene {
             bounds: self.tree.bounds[slot.node()].get(slot.lane()),
             layers: payload.layers,
             cost: self.costs[id.index()],
-            never_cull: self.is_never_culled(id.index()),
+            never_cull: self.never_cull.contains(id.index()),
             occluder: payload.occluder,
+            see_through: self.see_through.contains(id.index()),
+            one_sided: self.one_sided.contains(id.index()),
         })
     }
 
@@ -247,15 +259,6 @@ impl Scene {
         Ok(self.tree.bounds[slot.node()].get(slot.lane()))
     }
 
-    fn is_never_culled(&self, index: usize) -> bool {
-        self.never_cull[index / 64] >> (index % 64) & 1 != 0
-    }
-
-    fn write_never_cull(&mut self, index: usize, value: bool) {
-        let word = &mut self.never_cull[index / 64];
-        *word = *word & !(1 << (index % 64)) | u64::from(value) << (index % 64);
-    }
-
     /// Assigns an id to a new object and stores its cost and flags. Returns the properties that the tree
     /// stores beside the bounds. The object has no slot in the tree yet.
     fn register(&mut self, object: &Object) -> Payload {
@@ -263,14 +266,13 @@ impl Scene {
             self.generations.push(self.first_generation);
             self.costs.push(0);
             self.tree.slots.push(Slot::NONE);
-            if self.never_cull.len() * 64 < self.generations.len() {
-                self.never_cull.push(0);
-            }
             self.generations.len() as u32 - 1
         });
         let id = ObjectId { index, generation: self.generations[index as usize] };
         self.costs[id.index()] = object.cost;
-        self.write_never_cull(id.index(), object.never_cull);
+        self.never_cull.set(id.index(), object.never_cull);
+        self.see_through.set(id.index(), object.see_through);
+        self.one_sided.set(id.index(), object.one_sided);
         self.layered += usize::from(object.layers != u32::MAX);
         self.occluders += usize::from(object.occluder);
         self.meshless += usize::from(object.occluder);
@@ -278,7 +280,7 @@ impl Scene {
     }
 
     fn insert_into_tree(&mut self, bounds: &Aabb, payload: Payload) {
-        let never = self.is_never_culled(payload.id.index());
+        let never = self.never_cull.contains(payload.id.index());
         if (Object { never_cull: never, ..Object::new(*bounds) }).is_unculled() {
             self.tree.insert_unculled(bounds, payload);
         } else {
@@ -396,7 +398,7 @@ impl Scene {
 
     fn move_object(&mut self, slot: Slot, id: ObjectId, bounds: &Aabb) {
         let (was, is) =
-            (self.tree.is_unculled(slot), !bounds.is_finite() || self.is_never_culled(id.index()));
+            (self.tree.is_unculled(slot), !bounds.is_finite() || self.never_cull.contains(id.index()));
         if was && is {
             self.tree.bounds[slot.node()].set(slot.lane(), bounds);
         } else if was != is || !self.tree.move_within(slot, bounds) {
@@ -533,8 +535,31 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_never_cull(&mut self, id: ObjectId, never_cull: bool) -> Result<(), SceneError> {
         let (slot, bounds) = (self.slot(id)?, self.bounds(id)?);
-        self.write_never_cull(id.index(), never_cull);
+        self.never_cull.set(id.index(), never_cull);
         self.move_object(slot, id, &bounds);
+        self.log.push(id, self.generations.len());
+        Ok(())
+    }
+
+    /// Sets whether what is behind an object is drawn through it: see [`Object::see_through`].
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    pub fn set_see_through(&mut self, id: ObjectId, see_through: bool) -> Result<(), SceneError> {
+        self.slot(id)?;
+        self.see_through.set(id.index(), see_through);
+        self.log.push(id, self.generations.len());
+        Ok(())
+    }
+
+    /// Sets whether an object's triangles are drawn from their front alone: see [`Object::one_sided`]. An
+    /// occluder mesh that the object has stays as it is.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene.
+    pub fn set_one_sided(&mut self, id: ObjectId, one_sided: bool) -> Result<(), SceneError> {
+        self.slot(id)?;
+        self.one_sided.set(id.index(), one_sided);
         self.log.push(id, self.generations.len());
         Ok(())
     }
@@ -583,7 +608,9 @@ impl Scene {
         self.tree.memory()
             + size_of_val(&self.generations[..])
             + size_of_val(&self.costs[..])
-            + size_of_val(&self.never_cull[..])
+            + self.never_cull.memory()
+            + self.see_through.memory()
+            + self.one_sided.memory()
             + size_of_val(&self.free[..])
             + self.queue.memory()
             + self.log.memory()

@@ -142,13 +142,30 @@ pub struct Object {
     /// Whether the object is opaque and may hide others. False by default, because a transparent object used
     /// as an occluder hides visible objects.
     pub occluder: bool,
+    /// Whether what is behind the object is drawn through it: glass, blended and alpha-tested surfaces. Such
+    /// an object must not be an occluder. Cullers ask [`occluder`](Self::occluder) alone; a judge that draws
+    /// the [triangles](crate::Scene::set_triangles) asks this too, since an opaque object that is no occluder
+    /// still covers pixels. False by default.
+    pub see_through: bool,
+    /// Whether the object's [triangles](crate::Scene::set_triangles) are drawn from their front alone, as
+    /// with backface culling: from behind they are neither seen nor in the way. False by default: triangles
+    /// of unknown orientation are drawn from both sides.
+    pub one_sided: bool,
 }
 
 impl Object {
-    /// Creates an object with the given bounds on all layers, with cost 1, that can be culled and is no
-    /// occluder.
+    /// Creates an object with the given bounds on all layers, with cost 1, that can be culled, is no occluder,
+    /// and is drawn opaque from both sides.
     pub const fn new(bounds: Aabb) -> Self {
-        Self { bounds, layers: u32::MAX, cost: 1, never_cull: false, occluder: false }
+        Self {
+            bounds,
+            layers: u32::MAX,
+            cost: 1,
+            never_cull: false,
+            occluder: false,
+            see_through: false,
+            one_sided: false,
+        }
     }
 
     /// Returns whether no culler may remove the object: because it is flagged as never culled, or because its

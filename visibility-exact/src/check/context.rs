@@ -21,6 +21,8 @@ pub(super) struct Check<'a> {
     pub(super) target_vertices: Vec<u32>,
     /// Nodes that were not checked yet.
     pub(super) steps: core::slice::Iter<'a, Step>,
+    /// Number of cuts of P on the way to the node at work.
+    pub(super) splits: u32,
 }
 
 impl Check<'_> {

@@ -140,7 +140,7 @@ impl World {
         let sight = all.next().unwrap();
         let target_vertices = self.triangles.vertices(0).to_vec();
         let (triangles, clearance, steps) = (&self.triangles, self.clearance, [].iter());
-        (Check { triangles, clearance, delta, target_vertices, steps }, sight)
+        (Check { triangles, clearance, delta, target_vertices, steps, splits: 0 }, sight)
     }
 
     fn piece(&self, number: u32) -> u32 {

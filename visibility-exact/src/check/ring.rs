@@ -15,7 +15,7 @@ impl Check<'_> {
         let Some(triangles) = self.triangles.piece_triangles(number) else { return false };
         let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| self.triangles.corners(t)).collect();
         let [first, ..] = corners.as_slice() else { return false };
-        if !triangles.iter().all(|&t| self.triangles.occludes(t)) {
+        if !triangles.iter().all(|&t| self.triangles.occludes(t) && self.faces(sight, t)) {
             return false;
         }
         let Some(normal) = unit_normal(first) else { return false };

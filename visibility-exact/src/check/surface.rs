@@ -1,7 +1,7 @@
 //! Surfaces of triangles that all segments of a node cross.
 
 use super::context::Check;
-use super::exact_side::quick_side;
+use super::exact_side::{cross, difference, norm, quick_side};
 use crate::polygon::Polygon;
 use crate::sight::Sight;
 use crate::triangles::unit_normal;
@@ -18,7 +18,7 @@ impl Check<'_> {
         line: [DVec3; 2],
     ) -> bool {
         let all = self.triangles;
-        let is_usable = |t: u32| (t as usize) < all.len() && all.occludes(t);
+        let is_usable = |t: u32| (t as usize) < all.len() && all.occludes(t) && self.faces(sight, t);
         if !surface.iter().all(|&t| is_usable(t))
             || !is_in(&sight.p, line[0], self.delta)
             || !is_in(&sight.q, line[1], self.delta)
@@ -83,6 +83,28 @@ impl Check<'_> {
             }
         }
         is_odd
+    }
+
+    /// Returns whether a triangle occludes for all points of P: it is two-sided, or P is before its front.
+    ///
+    /// The corners of a front run counter-clockwise as seen from before it. With a clearance positions are
+    /// what they are. Then a corner of P may also be on the plane of a triangle that is perpendicular to an
+    /// axis, where heights are differences of one coordinate: segments from there do not cross the plane.
+    pub(super) fn faces(&self, sight: &Sight, t: u32) -> bool {
+        if self.triangles.front(t).is_none() {
+            return true;
+        }
+        let [a, b, c] = self.triangles.corners(t);
+        let axis = (0..3).find(|&k| self.clearance > 0.0 && a[k] == b[k] && a[k] == c[k]);
+        // By how much twice the area times the height changes if each coordinate of x changes by delta.
+        let slack = match axis {
+            Some(_) => 0.0,
+            None => 2.0 * self.delta * norm(cross(difference(b, a), difference(c, a))),
+        };
+        sight.p.corners().iter().all(|&x| {
+            let (value, rounding) = quick_side(x, a, b, c, 0.0);
+            value < -(rounding + slack) || axis.is_some_and(|k| x[k] == a[k])
+        })
     }
 
     /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's

@@ -104,7 +104,7 @@ fn proofs_with_a_changed_step_are_refused() {
                 let less = weights.iter().map(|w| -w).collect();
                 assert!(is_refused(with(Step::Empty { weights: less })), "negative weights");
             }
-            Step::Halves { .. } | Step::Corner { .. } => {}
+            Step::Halves { .. } | Step::Split { .. } | Step::Corner { .. } => {}
         }
     }
     assert!(kinds[0] > 0 && kinds[1] > 0, "{kinds:?}");
@@ -129,6 +129,7 @@ fn edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them() {
         delta: 1e-12,
         target_vertices: vec![],
         steps: steps.iter(),
+        splits: 0,
     };
     for sight in [from_floor, from_wall] {
         for (x, is_divided) in [(2.0, true), (6.0, false)] {
@@ -160,7 +161,8 @@ fn edges_near_the_plane_of_a_face_are_in_it() {
         let before_q = Half { normal: at(0.0, 0.0, 1.0), offset: 0.0 };
         let sight = Sight { p: wall, q: floor, before_p, before_q, near: Some(1e-13) };
         let (target_vertices, steps) = (vec![], [].iter());
-        let check = Check { triangles: &triangles, clearance: 1e-4, delta: 8e-13, target_vertices, steps };
+        let check =
+            Check { triangles: &triangles, clearance: 1e-4, delta: 8e-13, target_vertices, steps, splits: 0 };
         for (x, height, is_divided) in
             [(2.0, 0.0, true), (6.0, 0.0, false), (6.0, -1e-9, false), (6.0, 1e-9, true), (6.0, 1e-11, true)]
         {
@@ -278,8 +280,14 @@ fn what_touches_by_less_than_the_error_is_not_apart() {
     let (triangles, proof) = hidden();
     let mut random = Random(9);
     let delta = 1e-9;
-    let check =
-        Check { triangles: &triangles, clearance: 0.0, delta, target_vertices: vec![], steps: [].iter() };
+    let check = Check {
+        triangles: &triangles,
+        clearance: 0.0,
+        delta,
+        target_vertices: vec![],
+        steps: [].iter(),
+        splits: 0,
+    };
     for round in 0..4000 {
         let mut int = |r: i32| DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-r, r))));
         let (a, b) = (int(40), int(40) + DVec3::X * 100.0);

@@ -6,7 +6,7 @@
 //! opaque polygons, is a portal.
 
 use super::merge_pieces::merge_pieces;
-use super::subtract_polygons::{Lengths, bounds, subtract, widened_sides, width};
+use super::subtract_polygons::{Lengths, area, bounds, subtract, widened_sides, width};
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
@@ -32,9 +32,19 @@ pub(super) struct Node {
     pub(super) parent: Option<(u32, bool)>,
     pub(super) front: Child,
     pub(super) back: Child,
-    /// Opaque polygons in the node's plane (world-space vertices), each with `true` if it faces the front of
-    /// the plane, `false` if it faces the back.
-    pub(super) covers: Vec<(Vec<DVec3>, bool)>,
+    /// Opaque polygons in the node's plane.
+    pub(super) covers: Vec<NodeCover>,
+}
+
+/// An opaque polygon in the plane of a node.
+#[derive(Clone, Debug)]
+pub(super) struct NodeCover {
+    /// Vertices in world space.
+    pub(super) vertices: Vec<DVec3>,
+    /// True if the polygon faces the front of the plane, false if it faces the back.
+    pub(super) faces_front: bool,
+    /// True if lines from behind pass the polygon.
+    pub(super) one_sided: bool,
 }
 
 /// An opaque polygon in world space, prepared for subtraction from a portal in the same plane. It is widened,
@@ -45,16 +55,23 @@ struct Cover {
     min: DVec3,
     max: DVec3,
     faces_front: bool,
+    one_sided: bool,
 }
 
 impl Cover {
-    fn new(polygon: &[DVec3], faces_front: bool, node: &Node, lengths: &Lengths) -> Self {
+    fn new(cover: &NodeCover, node: &Node, lengths: &Lengths) -> Self {
+        let NodeCover { ref vertices, faces_front, one_sided } = *cover;
         let mut planes = Vec::new();
-        widened_sides(polygon, node.plane.normal, lengths.widen, &mut planes);
-        let (min, max) = bounds(polygon);
+        widened_sides(vertices, node.plane.normal, lengths.widen, &mut planes);
+        let (min, max) = bounds(vertices);
         // Covers the widening and the distance off the plane.
         let slack = 2.0 * (lengths.widen + lengths.plane);
-        Self { planes, min: min - slack, max: max + slack, faces_front }
+        Self { planes, min: min - slack, max: max + slack, faces_front, one_sided }
+    }
+
+    /// Returns whether lines from one side of the plane do not pass the polygon.
+    fn blocks_from(&self, is_front: bool) -> bool {
+        !self.one_sided || self.faces_front == is_front
     }
 }
 
@@ -99,6 +116,24 @@ fn subtract_covers(
     open.append(&mut parts);
 }
 
+/// Returns whether lines from one side of a piece of a plane pass more of it than its open parts: through backs
+/// of one-sided covers, in a strip wider than the tolerance.
+fn leaks(
+    piece: &[DVec3],
+    covers: &[Cover],
+    is_front: bool,
+    normal: DVec3,
+    open: &[Vec<DVec3>],
+    lengths: &Lengths,
+) -> bool {
+    let blocking: Vec<&Cover> = covers.iter().filter(|cover| cover.blocks_from(is_front)).collect();
+    let mut passed = Vec::new();
+    subtract_covers(piece.to_vec(), &blocking, normal, lengths, 0, &mut passed, &mut [0.0; 2]);
+    let sum = |parts: &[Vec<DVec3>]| parts.iter().map(|part| area(part, normal)).sum::<f64>();
+    let (min, max) = bounds(piece);
+    sum(&passed) > sum(open) + 4.0 * lengths.sliver * (max - min).max_element()
+}
+
 /// A BSP tree that divides the box from `min` to `max`, in world space.
 #[derive(Clone, Debug)]
 pub(super) struct Bsp {
@@ -119,6 +154,8 @@ pub(super) struct Leaf {
     pub(super) fronts: f64,
     /// Area, in square world units, of the opaque polygons on the leaf's boundary whose back faces the leaf.
     pub(super) backs: f64,
+    /// Whether lines leave the leaf through the backs of one-sided polygons, where no portal is.
+    pub(super) leaks: bool,
 }
 
 /// A portal between two leaves, by leaf index. The polygon's normal points into the second leaf.
@@ -171,7 +208,7 @@ impl Bsp {
     /// Returns the leaves of the tree, by leaf index, and the portals between leaves.
     pub(super) fn portals(&self, lengths: &Lengths) -> (Vec<Leaf>, Vec<LeafPortal>) {
         let empty = Viewcell { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, planes: Vec::new() };
-        let leaf = Leaf { body: empty, outside: false, fronts: 0.0, backs: 0.0 };
+        let leaf = Leaf { body: empty, outside: false, fronts: 0.0, backs: 0.0, leaks: false };
         let mut leaves = alloc::vec![leaf; self.leaves];
         let root = if self.nodes.is_empty() { Child::Leaf(0) } else { Child::Node(0) };
         let (mut ahead, mut behind) = (Vec::new(), Vec::new());
@@ -192,7 +229,8 @@ impl Bsp {
                 continue;
             }
             let covers: Vec<Cover> =
-                node.covers.iter().map(|(cover, front)| Cover::new(cover, *front, node, lengths)).collect();
+                node.covers.iter().map(|cover| Cover::new(cover, node, lengths)).collect();
+            let has_backs = covers.iter().any(|cover| cover.one_sided);
             self.split_among_leaves(section, node.front, lengths, &mut ahead);
             for (front, piece) in ahead.drain(..) {
                 self.split_among_leaves(piece, node.back, lengths, &mut behind);
@@ -201,7 +239,12 @@ impl Bsp {
                     leaves[back as usize].bound(&piece, Some(node.plane.flipped()));
                     let (mut open, mut covered) = (Vec::new(), [0.0; 2]);
                     let all: Vec<&Cover> = covers.iter().collect();
-                    subtract_covers(piece, &all, node.plane.normal, lengths, 0, &mut open, &mut covered);
+                    let normal = node.plane.normal;
+                    subtract_covers(piece.clone(), &all, normal, lengths, 0, &mut open, &mut covered);
+                    for (leaf, is_front) in [(front, true), (back, false)].into_iter().filter(|_| has_backs) {
+                        leaves[leaf as usize].leaks |=
+                            leaks(&piece, &covers, is_front, normal, &open, lengths);
+                    }
                     for ([sees_front, sees_back], area) in
                         [[front, back], [back, front]].into_iter().zip(covered)
                     {

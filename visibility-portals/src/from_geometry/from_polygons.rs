@@ -6,7 +6,7 @@
 //! which polygons cover no plane sufficiently is not split. Polygons left inside such a region occlude
 //! nothing.
 
-use super::bsp_portals::{Bsp, Child, Node, renumber_leaves};
+use super::bsp_portals::{Bsp, Child, Node, NodeCover, renumber_leaves};
 use super::subdivision::{GeometryError, Subdivision, checked};
 use super::subtract_polygons::{Lengths, area, width};
 use crate::clip_polygon::clip_into;
@@ -54,6 +54,11 @@ pub struct PolygonSettings<'a> {
     pub most_cells: usize,
     /// Rule that decides which regions are solid. Default [`Solid::Nothing`].
     pub solid: Solid<'a>,
+    /// For each polygon, whether it is drawn from its front alone, so that lines from behind pass it. Polygons
+    /// beyond the end block from both sides. Portals have no direction, so that regions from which lines pass
+    /// polygons from behind, and all regions that portals join to these, do not become cells: from there
+    /// everything is visible. The inside of a wall is such a region. Default empty.
+    pub one_sided: &'a [bool],
 }
 
 impl Default for PolygonSettings<'_> {
@@ -65,6 +70,7 @@ impl Default for PolygonSettings<'_> {
             margin: 1.0,
             most_cells: 1 << 14,
             solid: Solid::Nothing,
+            one_sided: &[],
         }
     }
 }
@@ -80,6 +86,8 @@ struct Fragment {
     /// Index of the fragment's plane in the list of distinct planes that [`fragments`] returns.
     plane: u32,
     area: f64,
+    /// Whether lines from behind pass the polygon.
+    one_sided: bool,
 }
 
 /// Divides space along opaque polygons in world space. Gaps, duplicates, T-junctions and polygons that
@@ -141,7 +149,7 @@ pub fn from_polygons(
         large: side * side / 512.0,
         leaves: settings.most_cells.clamp(1, CellGraph::LIMIT),
     };
-    let (fragments, planes) = fragments(polygons, &limits.lengths);
+    let (fragments, planes) = fragments(polygons, settings.one_sided, &limits.lengths);
     let bsp = build(fragments, &planes, min, max, &limits);
     let (leaves, portals) = bsp.portals(&limits.lengths);
 
@@ -151,14 +159,19 @@ pub fn from_polygons(
         Solid::Unreached(points) => {
             let bodies = Viewcells::new(leaves.iter().map(|leaf| leaf.body.clone()));
             let starts = points.iter().filter_map(|&p| bodies.locate(p)).map(|cell| cell.0);
-            unreached(leaves.len(), &portals, starts)
+            // Without a start in any region, no region is solid.
+            let reached = reached(leaves.len(), &portals, starts);
+            let any = reached.contains(&true);
+            reached.into_iter().map(|reached| any && !reached).collect()
         }
     };
+    let leaking = (0..leaves.len() as u32).filter(|&leaf| leaves[leaf as usize].leaks);
+    let leaking = reached(leaves.len(), &portals, leaking);
     // A leaf that no polygon piece bounds is thinner than the rounding, and is no cell.
     let keep: Vec<bool> = leaves
         .iter()
-        .zip(&solid)
-        .map(|(leaf, &solid)| !solid && leaf.body.min.cmple(leaf.body.max).all())
+        .zip(solid.iter().zip(&leaking))
+        .map(|(leaf, (&solid, &leaking))| !solid && !leaking && leaf.body.min.cmple(leaf.body.max).all())
         .collect();
     let (count, portals) = renumber_leaves(portals, &keep);
     let graph = CellGraph::new(count, portals)?;
@@ -179,7 +192,11 @@ struct Limits {
 
 /// Returns the input polygons wider than `lengths.sliver`, largest first, and the distinct planes that
 /// `Fragment::plane` indexes. Nearly equal planes become one, and so do planes of opposite orientation.
-fn fragments(polygons: &[ConvexPolygon], lengths: &Lengths) -> (Vec<Fragment>, Vec<Plane>) {
+fn fragments(
+    polygons: &[ConvexPolygon],
+    one_sided: &[bool],
+    lengths: &Lengths,
+) -> (Vec<Fragment>, Vec<Plane>) {
     let mut order: Vec<(f64, usize)> = polygons.iter().map(ConvexPolygon::area).zip(0..).collect();
     // Largest first, since the planes of large polygons are the most accurate.
     order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -212,7 +229,8 @@ fn fragments(polygons: &[ConvexPolygon], lengths: &Lengths) -> (Vec<Fragment>, V
                 planes.len() as u32 - 1
             }
         };
-        fragments.push(Fragment { vertices: vertices.to_vec(), plane, area });
+        let one_sided = one_sided.get(index).copied().unwrap_or(false);
+        fragments.push(Fragment { vertices: vertices.to_vec(), plane, area, one_sided });
     }
     (fragments, planes)
 }
@@ -290,15 +308,13 @@ fn best_plane(
     best.map(|(_, plane)| plane)
 }
 
-/// Distributes the fragments of a region to its two children. Returns the polygons in `plane` (world-space
-/// vertices, each with `true` if it faces the plane's front, `false` if the back), the fragments in front of
-/// `plane`, and the fragments behind. Fragments that cross the plane are cut.
-#[allow(clippy::type_complexity)]
+/// Distributes the fragments of a region to its two children. Returns the polygons in `plane`, the fragments
+/// in front of `plane`, and the fragments behind. Fragments that cross the plane are cut.
 fn divide_fragments(
     fragments: Vec<Fragment>,
     plane: &Plane,
     lengths: &Lengths,
-) -> (Vec<(Vec<DVec3>, bool)>, Vec<Fragment>, Vec<Fragment>) {
+) -> (Vec<NodeCover>, Vec<Fragment>, Vec<Fragment>) {
     let (mut covers, mut front, mut back) = (Vec::new(), Vec::new(), Vec::new());
     for fragment in fragments {
         let distances = || fragment.vertices.iter().map(|&v| plane.signed_distance(v));
@@ -306,8 +322,9 @@ fn divide_fragments(
         let is_behind = distances().any(|d| d < -lengths.plane);
         match (is_ahead, is_behind) {
             (false, false) => {
-                let normal = fragment.normal();
-                covers.push((fragment.vertices, normal.dot(plane.normal) >= 0.0));
+                let faces_front = fragment.normal().dot(plane.normal) >= 0.0;
+                let Fragment { vertices, one_sided, .. } = fragment;
+                covers.push(NodeCover { vertices, faces_front, one_sided });
             }
             (true, false) => front.push(fragment),
             (false, true) => back.push(fragment),
@@ -336,17 +353,16 @@ impl Fragment {
     }
 }
 
-/// Returns, by leaf index, `true` if no chain of portals joins the leaf to one of the leaves `starts`. All
-/// `false` if `starts` is empty.
-fn unreached(
+/// Returns, by leaf index, `true` if the leaf is one of `starts`, or a chain of portals joins it to one.
+fn reached(
     leaves: usize,
     portals: &[super::bsp_portals::LeafPortal],
     starts: impl Iterator<Item = u32>,
 ) -> Vec<bool> {
-    let mut unreached = alloc::vec![true; leaves];
+    let mut reached = alloc::vec![false; leaves];
     let mut queue: Vec<u32> = starts.collect();
     if queue.is_empty() {
-        return alloc::vec![false; leaves];
+        return reached;
     }
     let mut next = alloc::vec![Vec::new(); leaves];
     for &(_, [a, b]) in portals {
@@ -354,9 +370,9 @@ fn unreached(
         next[b as usize].push(a);
     }
     while let Some(leaf) = queue.pop() {
-        if core::mem::replace(&mut unreached[leaf as usize], false) {
+        if !core::mem::replace(&mut reached[leaf as usize], true) {
             queue.extend(&next[leaf as usize]);
         }
     }
-    unreached
+    reached
 }

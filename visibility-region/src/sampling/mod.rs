@@ -65,8 +65,9 @@ pub struct SightLine {
 /// Keeps the objects that a fixed number of rays from the viewcell finds: an aggressive culler, and so a
 /// lower bound for judging conservative ones.
 ///
-/// An object is met where its [triangles](Scene::set_triangles) are, front or back, otherwise where its
-/// occluder mesh is, otherwise in its bounds. Objects flagged as occluders block rays with their triangles or
+/// An object is met where its [triangles](Scene::set_triangles) are, front or back unless it is
+/// [one-sided](visibility_core::Object::one_sided), otherwise where its occluder mesh is, otherwise in its
+/// bounds. Objects flagged as occluders block rays with their triangles or
 /// mesh, on whichever layers they are. All others, such as glass and doors, are seen and seen through. There
 /// is no near plane. A ray counts only if it meets the object for certain, and passes all blockers for
 /// certain: at an edge that two objects share, at faces that coincide, nothing is seen.

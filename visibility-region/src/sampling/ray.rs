@@ -79,7 +79,7 @@ impl Ray {
     }
 
     /// Tests a triangle whose corners are known up to `slack` metres on each axis. `None` if the ray
-    /// certainly misses the triangle.
+    /// certainly misses the triangle, or certainly meets the back of one that is one-sided.
     ///
     /// # Rounding
     /// With the corners `p` relative to the ray's origin and `d` the direction, the ray passes the edge from
@@ -94,7 +94,7 @@ impl Ray {
     /// Weights that err by the sum `m` of the margins move the point, within the triangle, by less than
     /// `4 m / sum` of the difference of the corners' parameters. A corner's parameter is a dot product of
     /// three terms over the squared length and errs by less than 32u P, and by 2 slack.
-    pub(super) fn meet(&self, corners: &[Vec3; 3], slack: f64) -> Option<Meeting> {
+    pub(super) fn meet(&self, corners: &[Vec3; 3], slack: f64, is_one_sided: bool) -> Option<Meeting> {
         let p = corners.map(|corner| corner.as_dvec3() - self.origin);
         let size = p.map(|p| p.abs().max_element());
         let (mut sides, mut margins) = ([0.0; 3], [0.0; 3]);
@@ -107,6 +107,10 @@ impl Ray {
         }
         let every = |test: &dyn Fn(usize) -> bool| (0..3).all(test);
         if !(every(&|i| sides[i] >= -margins[i]) || every(&|i| sides[i] <= margins[i])) {
+            return None;
+        }
+        // From behind, the corners run clockwise around the ray.
+        if is_one_sided && every(&|i| sides[i] > margins[i]) {
             return None;
         }
         let t = p.map(|p| p.dot(self.along) / self.length_squared);
@@ -164,7 +168,7 @@ mod tests {
                 core::array::from_fn(|i| exact_side(&ray, corners[(i + 1) % 3], corners[(i + 2) % 3]));
             let is_hit = sides.iter().all(|&side| side > 0) || sides.iter().all(|&side| side < 0);
             let is_missed = sides.contains(&1) && sides.contains(&-1);
-            match ray.meet(&corners, 0.0) {
+            match ray.meet(&corners, 0.0, false) {
                 None => {
                     assert!(is_missed, "{ray:?} {corners:?}: {sides:?}");
                     counts[0] += 1;
@@ -180,7 +184,7 @@ mod tests {
             let middle = p.lerp(q, 0.5);
             let is_certain = |target: DVec3| {
                 let ray = Ray::through(origin, target).unwrap();
-                ray.meet(&corners, 0.0).is_none_or(|meeting| meeting.is_certain())
+                ray.meet(&corners, 0.0, false).is_none_or(|meeting| meeting.is_certain())
             };
             counts[0] += usize::from(is_certain(middle + aside)) + usize::from(is_certain(middle - aside));
         }

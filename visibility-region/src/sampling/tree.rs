@@ -38,6 +38,8 @@ struct Owner {
     slack: f32,
     /// Whether the object blocks rays.
     blocks: bool,
+    /// Whether rays from behind pass the object's triangles without seeing them.
+    one_sided: bool,
 }
 
 /// The triangles of all objects of one scene, with their hierarchy.
@@ -106,7 +108,8 @@ impl TriangleTree {
         for id in scene.ids() {
             let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
             let start = self.corners.len() as u32;
-            let mut owner = Owner { blocks: object.occluder, ..Owner::default() };
+            let (blocks, one_sided) = (object.occluder, object.one_sided);
+            let mut owner = Owner { blocks, one_sided, ..Owner::default() };
             if !triangles.is_empty() {
                 self.corners.extend(triangles.iter().filter(|t| t.iter().all(|p| p.is_finite())));
             } else if let Some((mesh, transform)) = scene.occluder(id) {
@@ -124,7 +127,7 @@ impl TriangleTree {
                 }
             } else if object.bounds.is_finite() {
                 let corners = object.bounds.corners();
-                owner.blocks = false;
+                (owner.blocks, owner.one_sided) = (false, false);
                 self.corners.extend(OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize])));
             }
             (owner.start, owner.end) = (start, self.corners.len() as u32);
@@ -225,8 +228,9 @@ impl TriangleTree {
             }
             for &triangle in &self.order[start as usize..(start + count) as usize] {
                 let object = self.owners[triangle as usize];
-                let Owner { slack, blocks, .. } = self.objects[object as usize];
-                let Some(met) = ray.meet(&self.corners[triangle as usize], slack.into()) else { continue };
+                let Owner { slack, blocks, one_sided, .. } = self.objects[object as usize];
+                let met = ray.meet(&self.corners[triangle as usize], slack.into(), one_sided);
+                let Some(met) = met else { continue };
                 if met.least > limit {
                     continue;
                 }

@@ -267,6 +267,9 @@ pub fn random_world(rng: &mut Random, scale: f64) -> (World, Viewcell) {
                 })
                 .collect(),
         };
+        // Some turn their backs outwards.
+        let triangles: Vec<Triangle> =
+            if rng.one_in(4) { triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect() } else { triangles };
         if rng.one_in(2) {
             // In scene coordinates: such surfaces are joined with each other.
             let triangles: Vec<Triangle> =

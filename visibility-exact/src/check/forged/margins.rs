@@ -96,7 +96,14 @@ fn node(p: &[DVec3], q: &[DVec3], near: Option<f64>) -> Sight {
 fn corners_with_lines_are_refused() {
     let world = World::new(TARGET, &[]);
     let (steps, target_vertices) = ([].iter(), vec![]);
-    let check = Check { triangles: &world.triangles, clearance: 0.0, delta: 1e-13, target_vertices, steps };
+    let check = Check {
+        triangles: &world.triangles,
+        clearance: 0.0,
+        delta: 1e-13,
+        target_vertices,
+        steps,
+        splits: 0,
+    };
     let mut random = Random(5);
     let (mut tried, mut excluded) = (0, 0);
     for round in 0..90_000 {
@@ -137,7 +144,8 @@ fn sign(x: f64) -> f64 {
 fn corners_on_a_line_are_refused() {
     let world = World::new(TARGET, &[]);
     let (steps, target_vertices) = ([].iter(), vec![]);
-    let check = Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps };
+    let check =
+        Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps, splits: 0 };
     let mut random = Random(6);
     for round in 0..5000 {
         let bits = [30, 46][round % 2];
@@ -163,7 +171,8 @@ fn corners_on_a_line_are_refused() {
 fn weights_that_cancel_are_refused() {
     let world = World::new(TARGET, &[]);
     let (steps, target_vertices) = ([].iter(), vec![]);
-    let check = Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps };
+    let check =
+        Check { triangles: &world.triangles, clearance: 1e-4, delta: 0.0, target_vertices, steps, splits: 0 };
     let mut random = Random(7);
     for round in 0..3000 {
         let mut int = || DVec3::from_array(core::array::from_fn(|_| f64::from(random.between(-900, 900))));

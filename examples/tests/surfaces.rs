@@ -1,0 +1,236 @@
+//! Surfaces of glTF files as a renderer draws them: what is seen through glass is seen, and what is behind the
+//! back of a one-sided face too. Every culler and every method from a region follows, and so does the judge.
+
+use clap::Parser;
+use serde_json::{Value, json};
+use std::path::Path;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Accuracy, VisibleSet};
+use visibility_examples::gltf_file::parse;
+use visibility_examples::reading::Reading;
+use visibility_examples::region::judge::{Effort, Judge};
+use visibility_examples::region::{methods, world};
+use visibility_examples::walk::{CameraKey, Walk};
+use visibility_examples::walkthrough::{World, cullers, judge, run};
+use visibility_examples::{Hint, SceneSource, load_as, pvs};
+
+/// Returns a document with a wall of `material` before a box, from z = 2 on. The wall turns its front to the
+/// camera at z = 2 + 3, or its back.
+fn document(material: Value, is_turned: bool) -> Value {
+    let wall = [[-2.0, -2.0, 2.0], [2.0, -2.0, 2.0], [2.0, 2.0, 2.0], [-2.0, 2.0, 2.0f32]];
+    let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32 - 0.5);
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let mut indices: Vec<u16> = vec![0, 1, 2, 0, 2, 3];
+    if is_turned {
+        indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
+    }
+    indices.extend(faces.iter().flat_map(|&[a, b, c, d]| [a, b, c, a, c, d]));
+    let points = wall.into_iter().chain((0..8).map(corner));
+    let mut bytes: Vec<u8> = points.flatten().flat_map(f32::to_le_bytes).collect();
+    bytes.extend(indices.iter().flat_map(|i| i.to_le_bytes()));
+    let digits = |triple: &[u8]| {
+        let n = triple.iter().chain(&[0; 3]).take(3).fold(0u32, |n, &byte| n << 8 | u32::from(byte));
+        [18, 12, 6, 0].map(|shift| {
+            b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"[(n >> shift & 63) as usize]
+                as char
+        })
+    };
+    bytes.resize(bytes.len().next_multiple_of(3), 0);
+    let text: String = bytes.chunks(3).flat_map(digits).collect();
+    let view =
+        |offset: usize, length: usize| json!({"buffer": 0, "byteOffset": offset, "byteLength": length});
+    json!({
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"mesh": 0, "name": "wall"}, {"mesh": 1, "name": "box"}],
+        "meshes": [
+            {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]},
+            {"primitives": [{"attributes": {"POSITION": 2}, "indices": 3}]}
+        ],
+        "materials": [material],
+        "buffers": [{"byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{text}")}],
+        "bufferViews": [view(0, 48), view(144, 12), view(48, 96), view(156, 72)],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-2, -2, 2], "max": [2, 2, 2]},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+            {"bufferView": 2, "componentType": 5126, "count": 8, "type": "VEC3",
+                "min": [-0.5, -0.5, -0.5], "max": [0.5, 0.5, 0.5]},
+            {"bufferView": 3, "componentType": 5123, "count": 36, "type": "SCALAR"}
+        ]
+    })
+}
+
+fn read(material: Value, is_turned: bool) -> SceneSource {
+    let bytes = document(material, is_turned).to_string();
+    let mut source = parse(bytes.as_bytes(), Path::new("wall.gltf")).expect("a good file");
+    let key = |x: f64| CameraKey { eye: DVec3::new(x, 0.01, 5.0), target: DVec3::new(0.0, 0.02, 0.0) };
+    source.walks = vec![Walk {
+        name: "ahead".into(),
+        fov_y_degrees: 60.0,
+        up: visibility_core::glam::Vec3::Y,
+        keys: vec![key(0.013), key(0.107)],
+    }];
+    source.near = 0.1;
+    source
+}
+
+fn glass(extension: &str, key: &str, factor: f64) -> Value {
+    json!({"doubleSided": true, "extensions": {extension: {key: factor}}})
+}
+
+/// What is see-through, with its material.
+fn all_glass() -> [(&'static str, Value); 5] {
+    [
+        ("transmission", glass("KHR_materials_transmission", "transmissionFactor", 0.9)),
+        ("diffuse", glass("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor", 0.2)),
+        ("volume", glass("KHR_materials_volume", "thicknessFactor", 0.1)),
+        ("blend", json!({"doubleSided": true, "alphaMode": "BLEND"})),
+        ("mask", json!({"doubleSided": true, "alphaMode": "MASK"})),
+    ]
+}
+
+#[test]
+fn materials_say_what_is_see_through_and_what_is_one_sided() {
+    let of = |material: Value| {
+        let wall = read(material, false).objects.swap_remove(0);
+        (wall.opaque, wall.see_through, wall.one_sided)
+    };
+    for (name, material) in all_glass() {
+        assert_eq!(of(material), (false, true, false), "{name}");
+    }
+    for opaque in [
+        json!({"doubleSided": true}),
+        json!({"doubleSided": true, "alphaMode": "OPAQUE", "alphaCutoff": 0.5}),
+        glass("KHR_materials_transmission", "transmissionFactor", 0.0),
+        glass("KHR_materials_transmission", "otherFactor", 1.0),
+        glass("KHR_materials_volume", "attenuationDistance", 1.0),
+        glass("KHR_materials_clearcoat", "transmissionFactor", 1.0),
+    ] {
+        assert_eq!(of(opaque.clone()), (true, false, false), "{opaque}");
+    }
+    assert_eq!(of(json!({})), (true, false, true));
+    assert_eq!(of(json!({"doubleSided": false, "alphaMode": "BLEND"})), (false, true, true));
+    // Without a material, the default material is one-sided.
+    let source = read(json!({"alphaMode": "MASK"}), false);
+    assert!(source.objects[1].one_sided && source.objects[1].opaque);
+    let surfaces = source.surfaces();
+    assert_eq!((surfaces.opaque, surfaces.see_through, surfaces.one_sided), (12, 2, 14));
+    assert_eq!(surfaces.to_string(), "12 opaque, 2 see-through, 14 one-sided");
+    // A hint that it occludes means that it is opaque; one that it is a detail does not mean that it is not.
+    let mut hinted = source;
+    hinted.objects[0].take(Hint::Occluder);
+    hinted.objects[1].take(Hint::Detail);
+    let of = |at: usize| (hinted.objects[at].opaque, hinted.objects[at].see_through);
+    assert_eq!((of(0), of(1)), ((true, false), (false, false)));
+}
+
+#[test]
+fn all_programs_can_be_told_that_both_sides_are_drawn() {
+    #[derive(Parser)]
+    struct Only {
+        #[command(flatten)]
+        reading: Reading,
+    }
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("one_sided.gltf");
+    std::fs::write(&path, document(json!({}), true).to_string()).expect("a test file");
+    let one_sided = |arguments: &[&str]| {
+        let Only { reading } = Only::parse_from([&[""], arguments].concat());
+        load_as(&path, &reading).expect("a good file").surfaces().one_sided
+    };
+    assert_eq!((one_sided(&[]), one_sided(&["--two-sided"])), (14, 0));
+}
+
+/// Culls the scene with all cullers and asserts that those that promise so hide nothing visible. Returns for
+/// `hzb` the objects reported in both frames, and the objects visible in both frames.
+fn walk(source: SceneSource, what: &str) -> (Vec<u32>, Vec<u32>) {
+    let mut world = World::new(source, (160, 90), None).unwrap();
+    world.makes_cells = true;
+    let mut trials = Vec::new();
+    for entry in cullers::quick_entries(&world) {
+        let Ok(mut made) = cullers::parse(&entry, &world) else { continue };
+        let (name, pipeline) = made.remove(0);
+        trials.push(run(name, pipeline, &world));
+    }
+    let judgement = judge(&world, &trials, || ()).unwrap();
+    for (trial, verdict) in trials.iter().zip(&judgement.verdicts) {
+        let promises = matches!(trial.accuracy, Accuracy::Exact | Accuracy::Conservative);
+        assert!(!promises || verdict.false_hidden == 0, "{what}: {}", trial.name);
+    }
+    assert!(trials.iter().any(|trial| trial.name == "naylor"));
+    let hzb = trials.iter().find(|trial| trial.name == "hzb:512x288").unwrap();
+    assert!(hzb.reported[0] == hzb.reported[1] && judgement.exact[0] == judgement.exact[1]);
+    (hzb.reported[0].clone(), judgement.exact[0].clone())
+}
+
+#[test]
+fn what_is_seen_through_glass_is_seen_and_the_glass_too() {
+    for (name, material) in all_glass() {
+        assert_eq!(walk(read(material, false), name), (vec![0, 1], vec![0, 1]), "{name}");
+    }
+    assert_eq!(walk(read(json!({"doubleSided": true}), false), "opaque"), (vec![0], vec![0]));
+    // What hides the box behind glass is charged with it.
+    let source = read(json!({"alphaMode": "BLEND"}), false);
+    let world = World::new(source, (160, 90), None).unwrap();
+    let (name, pipeline) = cullers::parse("plp:15%", &world).unwrap().remove(0);
+    let trials = [run(name, pipeline, &world)];
+    let judgement = judge(&world, &trials, || ()).unwrap();
+    assert_eq!(judgement.verdicts[0].hidden, [[1], [1]]);
+}
+
+#[test]
+fn backs_of_one_sided_faces_hide_nothing_and_are_not_seen() {
+    let (front, back) = (false, true);
+    assert_eq!(walk(read(json!({}), front), "front"), (vec![0], vec![0]));
+    assert_eq!(walk(read(json!({}), back), "back"), (vec![0, 1], vec![1]));
+    assert_eq!(walk(read(json!({"doubleSided": true}), back), "both"), (vec![0], vec![0]));
+}
+
+#[test]
+fn methods_from_a_region_look_through_glass_and_backs() {
+    let cell = Viewcell::from_box(DVec3::new(-0.25, -0.25, 4.0), DVec3::new(0.25, 0.25, 5.0));
+    let cases = all_glass().map(|(_, material)| (material, false, [true, true]));
+    let walls = [
+        (json!({}), false, [true, false]),
+        (json!({}), true, [false, true]),
+        (json!({"doubleSided": true}), true, [true, false]),
+    ];
+    for (material, is_turned, seen) in cases.into_iter().chain(walls) {
+        let world = world(read(material.clone(), is_turned));
+        let effort = Effort { eyes: 9, side: 64, rays: 20_000 };
+        assert_eq!(Judge::new(&world, effort).unwrap().sample(&cell).unwrap().0, seen, "{material}");
+        for entry in methods::METHODS {
+            let Ok(mut method) = (entry.make)(None, &world) else { continue };
+            let mut visible = VisibleSet::new();
+            method.cull(&world.scene, &cell, &mut visible);
+            let kept: Vec<bool> = world.scene.ids().map(|id| visible.contains(&world.scene, id)).collect();
+            let name = entry.name;
+            let promises = !matches!(method.accuracy(), Accuracy::Aggressive | Accuracy::Approximate);
+            assert!(
+                !promises || kept.iter().zip(seen).all(|(kept, seen)| *kept || !seen),
+                "{name}: {material}"
+            );
+            if ["exact", "rays"].contains(&name) {
+                assert_eq!(kept, seen, "{name}: {material}");
+            }
+        }
+    }
+}
+
+#[test]
+fn cells_are_not_walled_by_backs() {
+    // The space around a box, from which lines of sight pass the box if it is inside out.
+    for is_inside_out in [false, true] {
+        let mut source = read(json!({}), false);
+        source.objects.remove(0);
+        if is_inside_out {
+            source.objects[0].triangles.iter_mut().for_each(|triangle| triangle.swap(0, 1));
+        }
+        for origin in [pvs::built::Origin::Polygons, pvs::built::Origin::Walls] {
+            let cells = pvs::built::cells(&source, origin);
+            let hides = cells.as_ref().is_ok_and(|cells| cells.graph.cell_count() > 1);
+            assert_eq!(hides, !is_inside_out, "{origin:?}, {:?}", cells.err());
+        }
+    }
+}
