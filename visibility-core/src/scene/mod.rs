@@ -27,7 +27,7 @@ pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub use skinned_bounds::{SkinError, SkinnedBounds};
-pub(crate) use tree::{DetailBounds, NONE, Slot, Tree, diagonal_squared};
+pub(crate) use tree::{DetailBounds, NONE, Slot, Token, Tree, diagonal_squared};
 
 use crate::serial::{next_generation, next_range};
 use crate::{Aabb, OccluderMesh, stamp::Stamp};
