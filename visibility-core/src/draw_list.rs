@@ -109,11 +109,7 @@ impl DrawList {
     ///
     /// Takes a few nanoseconds per object if the greatest key is less than about four times the number of
     /// objects; otherwise the objects are sorted by comparison.
-    pub fn group(
-        &mut self,
-        ids: impl IntoIterator<Item = ObjectId>,
-        mut key: impl FnMut(ObjectId) -> u32,
-    ) {
+    pub fn group(&mut self, ids: impl IntoIterator<Item = ObjectId>, mut key: impl FnMut(ObjectId) -> u32) {
         let Self { groups, instances, keyed, places } = self;
         groups.clear();
         instances.clear();

@@ -526,16 +526,9 @@ impl VisibleSet {
 
     /// Begins a traversal of the leaves that a finished set reached at the layout of its masks. `token` and
     /// `root` are those of its [listing](Listing::Unlisted).
-    fn leaves_of_result<'a>(
-        &'a self,
-        scene: &'a Scene,
-        token: Option<&'a Token>,
-        root: u32,
-    ) -> LeafWalk<'a> {
+    fn leaves_of_result<'a>(&'a self, scene: &'a Scene, token: Option<&'a Token>, root: u32) -> LeafWalk<'a> {
         match token {
-            Some(token) if !self.is_of_layout(scene) => {
-                LeafWalk::of_state(&self.words, scene, root, token)
-            }
+            Some(token) if !self.is_of_layout(scene) => LeafWalk::of_state(&self.words, scene, root, token),
             _ => self.leaves(scene),
         }
     }

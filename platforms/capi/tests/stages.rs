@@ -60,9 +60,9 @@ fn visible_ids(
     unsafe {
         assert_eq!(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()), VIS_OK);
         assert_eq!(vis_visible_sort_by_index(visible, scene), VIS_OK);
-        assert_eq!(vis_visible_count(visible, &raw mut count), VIS_OK);
+        assert_eq!(vis_visible_count(visible, scene, &raw mut count), VIS_OK);
         let mut ids = vec![0; count];
-        assert_eq!(vis_visible_ids(visible, ids.as_mut_ptr(), count, &raw mut count), VIS_OK);
+        assert_eq!(vis_visible_ids(visible, scene, ids.as_mut_ptr(), count, &raw mut count), VIS_OK);
         ids
     }
 }

@@ -93,7 +93,7 @@ impl Method {
             culler.draw(&viewer.gpu, &viewer.target, &viewer.meshes, &viewer.painter, visible)?;
             return Ok(cull_ms);
         }
-        viewer.draw(view, visible.ids());
+        viewer.draw(view, visible.ids(&viewer.world.scene));
         if let Culling::Queries(culler) = &mut self.culling {
             culler.map_mut().device_mut().submit(&viewer.target);
         }

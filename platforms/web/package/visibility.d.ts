@@ -303,7 +303,7 @@ export interface Pipeline extends Handle {
   lacks(scene: Scene): string;
 }
 
-/** The objects that a view sees. */
+/** The objects that a view sees, without those that were removed from the scene since. */
 export interface Visible extends Handle {
   readonly count: number;
   /**

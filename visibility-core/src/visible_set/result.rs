@@ -76,7 +76,8 @@ impl VisibleSet {
         self.index_limit = scene.index_limit();
         let token = tree.token();
         let survives = token.is_some();
-        self.listing = if is_ordered { Listing::Finished } else { Listing::Unlisted { token, root: tree.root } };
+        self.listing =
+            if is_ordered { Listing::Finished } else { Listing::Unlisted { token, root: tree.root } };
         if !survives {
             self.list_result(scene);
         }
@@ -288,7 +289,7 @@ impl VisibleSet {
     /// let ids = scene.insert_batch((0..3).map(|i| Aabb::from_arrays([-i as f32; 3], [1.0; 3])));
     /// let mut visible = VisibleSet::new();
     /// visible.sort_by_index(&scene);
-    /// assert_eq!(visible.ids(), ids);
+    /// assert_eq!(visible.ids(&scene), ids);
     /// ```
     pub fn sort_by_index(&mut self, scene: &Scene) {
         self.list(scene);
