@@ -136,7 +136,10 @@ fn removed_ids_are_unknown_and_batches_do_all_or_nothing() {
         assert_eq!(vis_scene_set_layers(stranger, ids[0], 1), VIS_ERROR_UNKNOWN_ID);
         assert_eq!(vis_scene_add_box_mesh(stranger, &raw const BOX, &raw mut mesh), VIS_OK);
         assert_eq!(vis_scene_set_mesh(scene, ids[0], mesh, null()), VIS_ERROR_UNKNOWN_ID);
-        assert_eq!(message(), "mesh 0 is not in the scene");
+        assert_eq!(message(), "mesh 0 is not, or no longer, in the scene");
+        assert_eq!(vis_scene_remove_mesh(scene, mesh), VIS_ERROR_UNKNOWN_ID);
+        assert_eq!(vis_scene_remove_mesh(stranger, mesh), VIS_OK);
+        assert_eq!(vis_scene_remove_mesh(stranger, mesh), VIS_ERROR_UNKNOWN_ID);
     }
 }
 
@@ -244,7 +247,8 @@ fn sets_need_no_scene_once_they_are_listed() {
     // SAFETY: handles are live, and the array is as long as said.
     unsafe {
         assert_eq!(vis_visible_list(visible, scene), VIS_ERROR_STATE);
-        for list in [vis_visible_list, |set, scene| vis_visible_sort_by_index(set, scene)] {
+        for sorts in [false, true] {
+            let list = if sorts { vis_visible_sort_by_index } else { vis_visible_list };
             assert_eq!(setting.cull(), VIS_OK);
             assert_eq!(vis_visible_count(visible, null(), &raw mut count), VIS_ERROR_STATE);
             assert_eq!(message(), "the set of visible objects is not listed: pass the scene");

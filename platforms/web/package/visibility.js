@@ -554,6 +554,14 @@ class Scene extends Handle {
     });
   }
 
+  removeMesh(mesh) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_remove_mesh", this.pointer, mesh));
+  }
+
+  get meshCount() {
+    return this.wasm.number("vis_scene_mesh_count", this.pointer);
+  }
+
   setMesh(id, mesh, transform) {
     this.wasm.call((wasm) => {
       const matrix = transform ? wasm.put(Float32Array, sameLength(transform, 16, "transform")) : 0;
