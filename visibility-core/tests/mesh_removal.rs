@@ -30,11 +30,11 @@ fn load(scene: &mut Scene, number: u32) -> Sector {
     let shared = add(Aabb::new(Vec3::ZERO, wall(0).max - wall(0).min));
     let mut meshes = vec![shared];
     meshes.extend((4..7).map(|i| add(wall(i))));
-    for i in 0..4 {
-        scene.set_mesh(objects[i], shared, Affine3A::from_translation(wall(i as u32).min)).unwrap();
+    for (&id, i) in objects[..4].iter().zip(0..) {
+        scene.set_mesh(id, shared, Affine3A::from_translation(wall(i).min)).unwrap();
     }
-    for i in 4..7 {
-        scene.set_mesh(objects[i], meshes[i - 3], Affine3A::IDENTITY).unwrap();
+    for (&id, &own) in objects[4..7].iter().zip(&meshes[1..]) {
+        scene.set_mesh(id, own, Affine3A::IDENTITY).unwrap();
     }
     scene.set_mesh(objects[4], shared, Affine3A::from_translation(wall(4).min)).unwrap();
     let corners = wall(7).corners();

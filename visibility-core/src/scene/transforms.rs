@@ -7,6 +7,7 @@
 //! is taken from the object. Triangles are in scene coordinates and never move, so each change takes them
 //! away.
 
+use super::boxes64::lanes;
 use super::mesh_bounds::{is_any_outside, is_within};
 use super::placement::PlacedMesh;
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, Slot, ToAffine, Triangle};
@@ -379,13 +380,31 @@ impl Scene {
     /// [out of the object's bounds](Self::occluders_outside_bounds).
     pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
         let slot = self.slot(id).ok()?;
-        if !self.tree.payload(slot).occluder {
+        if self.tree.occluders[slot.node()] >> slot.lane() & 1 == 0 {
             return None;
         }
+        self.flagged_occluder(id)
+    }
+
+    /// Returns what [`occluder`](Self::occluder) does, for an object that is in the scene and flagged as an
+    /// occluder.
+    pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
         let placement = self.placements.get(id.index)?;
         let mesh = placement.mesh.filter(|mesh| mesh.is_inside)?;
         let transform = if mesh.is_prepared { &Affine3A::IDENTITY } else { &placement.transform };
         Some((self.meshes.of_object(mesh.id)?, transform))
+    }
+
+    /// Loads into the cache what is asked of the occluders of a leaf. The processor waits for many cache
+    /// misses at once, whereas asking one occluder after the other would wait for each.
+    pub(crate) fn fetch_occluders(&self, ids: &[ObjectId; 64], mask: u64) {
+        let mut sum = 0;
+        for lane in lanes(mask) {
+            if let Some((mesh, transform)) = self.flagged_occluder(ids[lane]) {
+                sum ^= transform.translation.x.to_bits() ^ mesh.fetched();
+            }
+        }
+        core::hint::black_box(sum);
     }
 
     /// Returns the number of objects that are flagged as [occluders](Self::set_occluder), with a mesh or
