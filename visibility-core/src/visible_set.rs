@@ -26,10 +26,10 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 /// scene changes.
 ///
 /// The masks belong to the [layout](Scene::layout) of the scene at the time of culling. As long as a finished
-/// set has no list, the scene keeps a copy of each node that it changes, 8 bytes per object of the node, until
-/// the set is listed, filled again or dropped. A set that was not finished, because its
-/// cullers were called without a pipeline, counts as holding every object on its layers once the layout has
-/// changed. Any set counts as that for another scene than the one it was culled for, a clone included.
+/// set has no list, the scene keeps a copy of each node that it changes, 8 bytes per object of the node,
+/// until the set is listed, filled again or dropped. A set that was not finished, because its cullers were
+/// called without a pipeline, counts as holding every object on its layers once the layout has changed. Any
+/// set counts as that for another scene than the one it was culled for, a clone included.
 ///
 /// Objects that are never culled are always in the set if they are on the view's layers. Layers are 32 bits
 /// per object and view, because each bit more would be read for every block that a frame comes to. Finer

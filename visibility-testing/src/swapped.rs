@@ -153,8 +153,8 @@ fn random_wall(rng: &mut Random) -> Aabb {
     Aabb::new(at - half, at + half)
 }
 
-/// Gives an object a box-shaped occluder mesh with the object's bounds. The mesh goes with the object, so that
-/// later meshes reuse its index under live cullers.
+/// Gives an object a box-shaped occluder mesh with the object's bounds. The mesh goes with the object, so
+/// that later meshes reuse its index under live cullers.
 fn give_mesh(scene: &mut Scene, id: ObjectId, bounds: &Aabb) {
     let mesh = scene.add_mesh(OccluderMesh::cuboid(bounds).unwrap());
     scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();

@@ -20,6 +20,7 @@ mod scratch;
 mod slot;
 
 pub(crate) use detail_bounds::{DetailBounds, diagonal_squared};
+use history::History;
 pub(crate) use history::Token;
 pub(super) use scratch::Scratch;
 pub(crate) use slot::{NONE, Slot};
@@ -76,7 +77,7 @@ pub(crate) struct Tree {
     /// Draw range and HLOD parent of each object, indexed by object index. Shorter than the index range, and
     /// empty until an object first gets either.
     pub(crate) details: Vec<Detail>,
-    history: history::History,
+    history: History,
     pub(super) scratch: Scratch,
 }
 
@@ -97,7 +98,7 @@ impl Tree {
             detail_bounds: Vec::new(),
             detailed: Vec::new(),
             details: Vec::new(),
-            history: history::History::default(),
+            history: History::default(),
             scratch: Scratch::EMPTY,
         }
     }
@@ -307,6 +308,26 @@ impl Tree {
     /// Returns whether a leaf is outside the tree, so that its objects are never culled.
     pub(crate) fn is_unculled_leaf(&self, leaf: usize) -> bool {
         self.levels[leaf] == UNCULLED
+    }
+
+    /// Returns a token by which a result of the present state is read after the tree has changed, as long as
+    /// the token lives. `None` on processors without atomic counts.
+    pub(crate) fn token(&self) -> Option<Token> {
+        self.history.token()
+    }
+
+    /// Returns the level and the ids of a node, as they were at the state of `token`; without a token as they
+    /// are.
+    pub(crate) fn contents_at(&self, node: usize, token: Option<&Token>) -> (u8, &[ObjectId; 64]) {
+        self.history.at(node, token).unwrap_or_else(|| (self.levels[node], &self.ids[node]))
+    }
+
+    /// Keeps the ids of a node before they are changed, if a result may still read them.
+    #[inline]
+    pub(super) fn before_change(&mut self, node: usize) {
+        if self.history.is_needed() {
+            self.history.copy(node, self.occupied.len(), self.levels[node], &self.ids[node]);
+        }
     }
 
     /// Iterates over the pairs of node and lane from `(node, lane)` up to the root, beginning with that pair.

@@ -4,7 +4,6 @@
 //! at. A node is copied before its first change after such a layout: an undo log. Each result holds a clone
 //! of its layout's token, so that the log keeps a copy only as long as some result may read it.
 
-use super::Tree;
 use crate::ObjectId;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -58,7 +57,7 @@ impl Clone for History {
 
 impl History {
     /// Returns the copy with a number of `newest`. `None` if there is none or it was dropped.
-    fn copy(&self, number: u64) -> Option<&Copied> {
+    fn numbered(&self, number: u64) -> Option<&Copied> {
         self.copies.get(usize::try_from(number.checked_sub(self.dropped + 1)?).ok()?)
     }
 
@@ -73,64 +72,58 @@ impl History {
 }
 
 #[cfg(target_has_atomic = "ptr")]
-impl Tree {
-    /// Returns a token for a result of the present state, which [`contents_at`](Self::contents_at) can read
-    /// as long as the token lives. `None` on processors without atomic counts.
-    pub(crate) fn token(&self) -> Option<Token> {
-        Some(self.history.present.clone())
+impl History {
+    /// Returns a token for a result of the present state, which [`at`](Self::at) can read as long as the
+    /// token lives. `None` on processors without atomic counts.
+    pub(super) fn token(&self) -> Option<Token> {
+        Some(self.present.clone())
     }
 
-    /// Copies the content of a node before it is changed, if a result may still read it.
+    /// Returns whether a node must be [copied](Self::copy) before it is changed: if a result may read it.
     #[inline]
-    pub(super) fn before_change(&mut self, node: usize) {
-        if !self.history.earlier.is_empty() || Token::strong_count(&self.history.present) > 1 {
-            self.copy(node);
-        }
+    pub(super) fn is_needed(&self) -> bool {
+        !self.earlier.is_empty() || Token::strong_count(&self.present) > 1
     }
 
+    /// Copies the content of a node before it is changed, unless a copy of that content is there or no result
+    /// is left. `nodes` is the number of nodes of the tree.
     #[cold]
-    fn copy(&mut self, node: usize) {
-        let history = &mut self.history;
-        if Token::strong_count(&history.present) > 1 {
-            history.begin_state();
+    pub(super) fn copy(&mut self, node: usize, nodes: usize, level: u8, ids: &[ObjectId; 64]) {
+        if Token::strong_count(&self.present) > 1 {
+            self.begin_state();
         }
-        let Some(state) = history.earlier.last().map(|token| **token) else { return };
-        let older = history.newest(node);
-        if history.copy(older).is_some_and(|copy| copy.state == state) {
+        let Some(state) = self.earlier.last().map(|token| **token) else { return };
+        let older = self.newest(node);
+        if self.numbered(older).is_some_and(|copy| copy.state == state) {
             return;
         }
-        if history.earlier.iter().all(|token| Token::strong_count(token) == 1) {
-            return history.forget();
+        if self.earlier.iter().all(|token| Token::strong_count(token) == 1) {
+            return self.forget();
         }
-        if history.newest.len() < self.occupied.len() {
-            history.newest.resize(self.occupied.len(), 0);
+        if self.newest.len() < nodes {
+            self.newest.resize(nodes, 0);
         }
-        if history.copies.capacity() == 0 {
+        if self.copies.capacity() == 0 {
             // Reserves what most frames need. Growing step by step, a scene in which little changes would
             // allocate now and then for many frames.
-            history.copies.reserve(64.max(self.occupied.len() / 8));
+            self.copies.reserve(64.max(nodes / 8));
         }
-        history.copies.push_back(Copied { state, older, level: self.levels[node], ids: self.ids[node] });
-        history.newest[node] = history.dropped + history.copies.len() as u64;
+        self.copies.push_back(Copied { state, older, level, ids: *ids });
+        self.newest[node] = self.dropped + self.copies.len() as u64;
     }
 
-    /// Returns the level and the ids of a node, as they were at the state of `token`.
-    pub(crate) fn contents_at(&self, node: usize, token: Option<&Token>) -> (u8, &[ObjectId; 64]) {
-        let mut content = (self.levels.get(node), self.ids.get(node));
-        if let Some(state) = token.map(|token| **token) {
-            let mut number = self.history.newest(node);
-            while let Some(copy) = self.history.copy(number).filter(|copy| copy.state >= state) {
-                content = (Some(&copy.level), Some(&copy.ids));
-                number = copy.older;
-            }
+    /// Returns the level and the ids of a node as they were at the state of a token. `None` if they have not
+    /// changed since, or without a token.
+    pub(super) fn at(&self, node: usize, token: Option<&Token>) -> Option<(u8, &[ObjectId; 64])> {
+        let state = **token?;
+        let (mut number, mut content) = (self.newest(node), None);
+        while let Some(copy) = self.numbered(number).filter(|copy| copy.state >= state) {
+            content = Some((copy.level, &copy.ids));
+            number = copy.older;
         }
-        // A node that was removed since has a copy.
-        (*content.0.unwrap_or(&0), content.1.unwrap_or(&[ObjectId::PLACEHOLDER; 64]))
+        content
     }
-}
 
-#[cfg(target_has_atomic = "ptr")]
-impl History {
     /// Begins the next state, since the present one has results. Drops the copies that no result can read.
     fn begin_state(&mut self) {
         let Self { earlier, spare, copies, .. } = self;
@@ -170,14 +163,18 @@ impl History {
 }
 
 #[cfg(not(target_has_atomic = "ptr"))]
-impl Tree {
-    pub(crate) fn token(&self) -> Option<Token> {
+impl History {
+    pub(super) fn token(&self) -> Option<Token> {
         None
     }
 
-    pub(super) fn before_change(&mut self, _node: usize) {}
+    pub(super) fn is_needed(&self) -> bool {
+        false
+    }
 
-    pub(crate) fn contents_at(&self, node: usize, _token: Option<&Token>) -> (u8, &[ObjectId; 64]) {
-        (self.levels[node], &self.ids[node])
+    pub(super) fn copy(&mut self, _node: usize, _nodes: usize, _level: u8, _ids: &[ObjectId; 64]) {}
+
+    pub(super) fn at(&self, _node: usize, _token: Option<&Token>) -> Option<(u8, &[ObjectId; 64])> {
+        None
     }
 }
