@@ -225,8 +225,8 @@ fn two_phases_draw_all_that_the_card_shows() {
                 culler.reset(&gpu);
             }
             frustum.cull(&viewer.world.scene, &view, &mut visible);
-            let Viewer { meshes, painter, target, .. } = &viewer;
-            culler.draw(&gpu, target, meshes, painter, &visible).unwrap();
+            let Viewer { world, meshes, painter, target, .. } = &viewer;
+            culler.draw(&gpu, target, meshes, painter, &world.scene, &visible).unwrap();
             let states = culler.states(&gpu).unwrap();
             for &object in &shown {
                 assert!(states[object].0, "{scene}, frame {frame}: object {object} is hidden");
@@ -266,7 +266,7 @@ fn pictures_of_any_size_are_read_back_whole() {
         let mut visible = VisibleSet::new();
         Pipeline::new().with(FrustumCuller::new()).cull(&world.scene, &view, &mut visible);
         for _ in 0..2 {
-            culler.draw(&gpu, target, meshes, painter, &visible).unwrap();
+            culler.draw(&gpu, target, meshes, painter, &world.scene, &visible).unwrap();
             assert_eq!(target.visible(&gpu).unwrap(), shown);
         }
     }
@@ -334,7 +334,7 @@ fn a_poster_on_a_wall_is_not_hidden() {
             visible.fill(&scene, &view);
             visible.retain(&scene, |id, _| !only_the_wall || id.index() == 60);
             visible.finish(&scene);
-            culler.draw(&gpu, &target, &meshes, &painter, &visible).unwrap();
+            culler.draw(&gpu, &target, &meshes, &painter, &scene, &visible).unwrap();
         }
         let states = culler.states(&gpu).unwrap();
         for object in shown {
