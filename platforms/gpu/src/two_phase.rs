@@ -75,8 +75,8 @@ impl TwoPhaseCuller {
         gpu.submit(|encoder| encoder.clear_buffer(&self.states, 0, None));
     }
 
-    /// Culls the objects of a set of a scene, such as those in the frustum, and draws what is left into an empty target:
-    /// the one that the culler was made for. The painter's camera must be set.
+    /// Culls the objects of a set of a scene, such as those in the frustum, and draws what is left into an
+    /// empty target: the one that the culler was made for. The painter's camera must be set.
     ///
     /// # Errors
     /// A set of a larger scene than the one that the culler was made for.
