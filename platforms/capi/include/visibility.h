@@ -682,8 +682,8 @@ enum vis_status vis_visible_indices(const struct vis_visible *visible,
                                     size_t *count);
 
 // Writes one bit per object index, `index % 32` of word `index / 32`, set for visible objects that are still
-// in the scene, and the number of words to `count`. Null and too short as for `vis_visible_ids`; the number of words follows from
-// `vis_scene_index_limit`.
+// in the scene, and the number of words to `count`. Null and too short as for `vis_visible_ids`; the number
+// of words follows from `vis_scene_index_limit`.
 enum vis_status vis_visible_write_bits(const struct vis_visible *visible,
                                        const struct vis_scene *scene,
                                        uint32_t *words,

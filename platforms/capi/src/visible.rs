@@ -187,8 +187,8 @@ pub unsafe extern "C" fn vis_visible_indices(
 }
 
 /// Writes one bit per object index, `index % 32` of word `index / 32`, set for visible objects that are still
-/// in the scene, and the number of words to `count`. Null and too short as for `vis_visible_ids`; the number of
-/// words follows from `vis_scene_index_limit`.
+/// in the scene, and the number of words to `count`. Null and too short as for `vis_visible_ids`; the number
+/// of words follows from `vis_scene_index_limit`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_write_bits(
     visible: *const vis_visible,
