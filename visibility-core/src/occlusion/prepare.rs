@@ -73,7 +73,6 @@ impl Scene {
             let sides = Preparation { two_sided: preparation.two_sided && !object.one_sided, ..*preparation };
             let mesh = self.triangles(id).ok().and_then(|triangles| prepare(triangles, &sides));
             if let Some(mesh) = mesh {
-                let mesh = self.add_mesh(mesh);
                 made += usize::from(self.set_prepared_mesh(id, mesh).is_ok());
             }
         }

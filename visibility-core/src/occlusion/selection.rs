@@ -203,6 +203,9 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
                 0
             };
             let (objects, found) = (block.objects(candidates), candidates & !hidden);
+            if let Some((_, ids)) = block.leaf() {
+                walk.scene().fetch_occluders(ids, found & block.occluders());
+            }
             for (mask, is_node) in [(candidates & !objects, true), (objects, false)] {
                 let count = |mask: u64| mask.count_ones() as f32 * objects_of(is_node);
                 self.credit += self.price * count(mask & hidden);
@@ -221,7 +224,9 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     /// Adds the occluder of an object that is not hidden, if the object has one and it is worth its cost.
     fn consider<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, id: ObjectId) {
         self.credit -= 1.0;
-        let Some((mesh, transform)) = walk.scene().occluder(id) else { return };
+        let occluder =
+            if H::IS_OF_SCENE { walk.scene().flagged_occluder(id) } else { walk.scene().occluder(id) };
+        let Some((mesh, transform)) = occluder else { return };
         let cost = self.map.cost(mesh) as f32;
         let worth = self.price * self.undecided.max(LEAST_BEHIND);
         let pays = |angle: f32| {
