@@ -21,7 +21,8 @@ fn quad([a, b, c, d]: [Vec3; 4]) -> [[Vec3; 3]; 2] {
 /// Returns the triangles of a box, or of a room if `inwards`: with their fronts inside.
 fn cuboid(bounds: &Aabb, inwards: bool) -> Vec<[Vec3; 3]> {
     let mesh = OccluderMesh::cuboid(bounds).unwrap();
-    let mut triangles: Vec<_> = mesh.triangles().iter().map(|t| t.map(|i| mesh.positions()[i as usize])).collect();
+    let mut triangles: Vec<_> =
+        mesh.triangles().iter().map(|t| t.map(|i| mesh.positions()[i as usize])).collect();
     if inwards {
         triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
@@ -75,7 +76,10 @@ fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
             1 => of(room(random)),
             2 => {
                 let middle = random.vec3(-3.0, 3.0);
-                cuboid(&Aabb::new(middle - random.vec3(0.5, 12.0), middle + random.vec3(0.5, 12.0)), random.one_in(2))
+                cuboid(
+                    &Aabb::new(middle - random.vec3(0.5, 12.0), middle + random.vec3(0.5, 12.0)),
+                    random.one_in(2),
+                )
             }
             3 => {
                 let (cells, size) = (random.below(6) + 1, random.fine_range(2.0, 60.0) as f32);
@@ -104,7 +108,8 @@ fn view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
     let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
     let beside = random.fine_range(-2.0, 2.0) * [1.0, 1e-2, 1e-4][random.below(3)];
     let eye = a + (b - a) * random.fine_unit() + (c - a) * 0.5 * random.fine_unit() + normal * beside;
-    let towards = if random.one_in(2) { random.direction() } else { b - a + normal * 0.1 * random.fine_unit() };
+    let towards =
+        if random.one_in(2) { random.direction() } else { b - a + normal * 0.1 * random.fine_unit() };
     let pose = Pose::look_at(eye, eye + towards.normalize_or(DVec3::X), random.direction());
     let near = [1e-3, 0.02, 0.3][random.below(3)];
     if random.one_in(5) {
@@ -134,7 +139,8 @@ fn cast(seed: u64, samples: u64) {
         let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_level(level, shift);
         let faces = as_faces(&triangles);
         for _ in 0..4 {
-            let view = if random.one_in(3) { view(&mut random) } else { view_within(&mut random, &triangles) };
+            let view =
+                if random.one_in(3) { view(&mut random) } else { view_within(&mut random, &triangles) };
             hzb.begin(&view.relative_to(view.origin() + shift).unwrap(), shift);
             hzb.flush();
             let [s, p] = check(&faces, &view, &hzb, &mut random, &format!("seed {seed}, round {rounds}"));

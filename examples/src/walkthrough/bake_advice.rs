@@ -3,6 +3,7 @@
 use super::{World, cullers};
 use crate::Hint;
 use crate::bake::viewcells::{Places, Solids, make};
+use crate::reading::Reading;
 use crate::region::open_doors;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -129,7 +130,8 @@ pub fn estimate(world: &World, views: &[View], advised: &str) -> Result<BakeEsti
     open_doors(&world.source, &mut scene);
     *PLACE_END.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now().checked_add(PLACE_TIME);
     let (bounds, solids) = (world.source.bounds(), Solids::Scene(&scene));
-    let places = make(&Places::default(), &world.source, bounds, &solids, is_too_late_to_place);
+    let places =
+        make(&Places::default(), &Reading::default(), &world.source, bounds, &solids, is_too_late_to_place);
     let places = Viewcells::new(places.map_err(|error| error.to_string())?);
     let place = |view: &View| match view.eye(DVec3::ZERO) {
         Eye::Point(eye) => places.locate(eye),

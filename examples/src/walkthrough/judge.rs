@@ -92,7 +92,7 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
     let is_opaque = |index: u32| {
         scene.id_at(index as usize).is_some_and(|id| scene.object(id).is_ok_and(|object| object.occluder))
     };
-    let all_opaque = world.items().all(|(index, _)| is_opaque(index));
+    let all_opaque = world.items().all(|object| is_opaque(object.key));
     let worker = || -> Result<Vec<Judged>, MeasureError> {
         let mut buffer = ItemBuffer::new(world.size.0, world.size.1)?;
         let mut surfaces = ItemBuffer::new(world.size.0, world.size.1)?;
@@ -107,7 +107,7 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
             let shown = seen.objects().iter().filter(|object| object.visible_triangles > 0);
             let exact: Vec<u32> = shown.map(|object| object.key).collect();
             if !all_opaque {
-                let opaque = world.items().filter(|&(index, _)| is_opaque(index));
+                let opaque = world.items().filter(|object| is_opaque(object.key));
                 surfaces.draw(view, world.origin(), opaque)?;
             }
             let surfaces = if all_opaque { &buffer } else { &surfaces };

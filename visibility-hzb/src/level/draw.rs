@@ -7,13 +7,13 @@ use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame};
 use super::prepared::{Boxes, NO_POLYGON, Polygons, PreparedLevel};
 use super::union::UnionTiles;
 use super::vertices::{MAX_ERROR_PX, Vertices};
+use crate::buffer::tile_layout::{Rectangle, SIDE};
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::lanes::{WIDTH, bits, greatest, least};
 use crate::query::box_projection::project;
 use crate::query::occluder_query::rectangle_may_be_seen;
 use crate::rounding::down;
-use crate::buffer::tile_layout::{Rectangle, SIDE};
 use crate::setup::depth_plane::plane;
 use crate::setup::screen_projection::U;
 use crate::setup::screen_shape::tile_minimum_plane;
@@ -324,11 +324,8 @@ fn draw_polygon(
     }
     edges.finish();
     let thickness = polygon.extent[1] - polygon.extent[0];
-    let bend = if plain && polygon.two_sided {
-        0.0
-    } else {
-        1.25 * thickness * frame.pixels_per_metre / least_w
-    };
+    let bend =
+        if plain && polygon.two_sided { 0.0 } else { 1.25 * thickness * frame.pixels_per_metre / least_w };
     if !(bend <= MAX_BEND_PX && error <= f64::from(MAX_ERROR_PX)) {
         return None;
     }

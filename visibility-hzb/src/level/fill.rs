@@ -1,13 +1,13 @@
 //! Fills an outline into tiles: the pixels that it winds round an odd number of times and does not come near.
 
 use super::edges::{Edges, Edges16};
+use super::union::UnionTiles;
 use crate::buffer::depth_planes::DepthPlanes;
 use crate::buffer::row_spans::STEPS;
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::lanes::{WHOLE, WIDTH, bits, greatest, least};
-use super::union::UnionTiles;
 use alloc::vec::Vec;
 
 /// Width in pixels of the part of a row of tiles that is filled at once: one bit of a word for each column.
@@ -79,7 +79,6 @@ impl Window {
             self.odd[row] ^= from(step[row]);
         }
     }
-
 }
 
 /// Returns the mask of the pixels of each of the eight tiles of a window: bit `8 * y + x` for the pixel at

@@ -1,7 +1,7 @@
 //! The view of a frame, as the raster of a level's occluders needs it.
 
-use super::prepared::PreparedLevel;
 use super::draw::MAX_BEND_PX;
+use super::prepared::PreparedLevel;
 use super::vertices::MAX_ERROR_PX;
 use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;

@@ -107,7 +107,18 @@ impl PreparedLevel {
         }
         first_polygons.push(polygons.len() as u32);
         let reach = reach + thickness;
-        Self { level, origin, reach, thickness, clusters, largest, groups, polygons, first_polygons, neighbours }
+        Self {
+            level,
+            origin,
+            reach,
+            thickness,
+            clusters,
+            largest,
+            groups,
+            polygons,
+            first_polygons,
+            neighbours,
+        }
     }
 }
 

@@ -171,8 +171,12 @@ pub(crate) fn draw_mesh(
                 let (p, q) = (&corners[i], &corners[j]);
                 match (p[4] > near_limit, q[4] > near_limit) {
                     (true, true) => {}
-                    (true, false) => b = on_screen(&cut_edge(p, q, NEAR, near_limit), object, &mut vertex_bounds),
-                    (false, true) => a = on_screen(&cut_edge(p, q, NEAR, near_limit), object, &mut vertex_bounds),
+                    (true, false) => {
+                        b = on_screen(&cut_edge(p, q, NEAR, near_limit), object, &mut vertex_bounds)
+                    }
+                    (false, true) => {
+                        a = on_screen(&cut_edge(p, q, NEAR, near_limit), object, &mut vertex_bounds)
+                    }
                     (false, false) => continue,
                 }
             }

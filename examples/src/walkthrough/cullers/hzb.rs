@@ -4,6 +4,7 @@
 use super::known::{Known, Made};
 use crate::arguments::parse_size;
 use crate::walkthrough::World;
+use std::sync::Arc;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 
@@ -26,7 +27,7 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &["512x288"],
         make: |dial, world| {
             let level = level(world)?;
-            Ok(Box::new(HzbCuller::new(map(dial)?.with_level(level, glam::DVec3::ZERO)).with_price(0)))
+            Ok(Box::new(HzbCuller::new(map(dial)?.with_level(level, world.origin())).with_price(0)))
         },
     },
     Known {
@@ -41,14 +42,15 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-pub fn level(world: &World) -> Result<std::sync::Arc<LevelOccluders>, String> {
-    let opaque = world.source.objects.iter().filter(|object| object.opaque && !object.door);
-    let triangles: Vec<LevelTriangle> = opaque
-        .flat_map(|object| &object.triangles)
-        .map(|&corners| LevelTriangle { corners, two_sided: true })
+/// Returns the occluders of the level: those of all opaque objects that stand still.
+fn level(world: &World) -> Result<Arc<LevelOccluders>, String> {
+    let still = world.source.objects.iter().filter(|object| object.opaque && !object.door);
+    let triangles: Vec<LevelTriangle> = still
+        .flat_map(|object| object.triangles.iter().map(|&corners| (corners, !object.one_sided)))
+        .map(|(corners, two_sided)| LevelTriangle { corners, two_sided })
         .collect();
-    let level = LevelOccluders::new(&triangles, LevelSettings::default()).map_err(|error| error.to_string())?;
-    Ok(std::sync::Arc::new(level))
+    let level = LevelOccluders::new(&triangles, LevelSettings::default());
+    level.map(Arc::new).map_err(|error| error.to_string())
 }
 
 /// Makes a z-buffer whose dial is its size in pixels, such as `256x144`; without a dial 512 x 288. Text that

@@ -5,7 +5,7 @@ mod bsp;
 mod contribution;
 mod hom;
 mod horizon;
-pub mod hzb;
+mod hzb;
 mod known;
 pub mod plp;
 pub mod portals;
