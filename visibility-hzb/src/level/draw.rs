@@ -239,11 +239,13 @@ fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
             facing += towards * polygons.normal[axis][i];
             squared += towards * towards;
         }
-        // The distance is cubed: once for the length of `towards` in `facing`.
-        let cubed = squared * squared.sqrt();
+        // A polygon covers `area * facing * pixels_per_area` over the cube of the distance: once for the length
+        // of `towards` in `facing`. Both sides are squared.
+        let pixels = polygons.area[i] * facing * frame.pixels_per_area;
+        let cubed = squared * squared * squared;
         let radius = polygons.radius[i];
         let close = frame.perspective & (squared <= 4.0 * radius * radius);
-        let large = polygons.area[i] * facing.abs() * frame.pixels_per_area >= LEAST_AREA_PX * cubed;
+        let large = pixels * pixels >= LEAST_AREA_PX * LEAST_AREA_PX * cubed;
         let mut inside = polygons.area[i] > 0.0;
         for side in &frame.sides {
             let mut beyond = side[3] + side[4] * radius;
@@ -257,7 +259,8 @@ fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// Draws polygon `at` of the cluster with index `index`. Returns whether it may have covered a pixel, or `None` if it could not be drawn.
+/// Draws polygon `at` of the cluster with index `index`. Returns whether it may have covered a pixel, or `None`
+/// if it could not be drawn.
 #[inline(always)]
 fn draw_polygon(
     level: &PreparedLevel,

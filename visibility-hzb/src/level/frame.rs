@@ -79,7 +79,7 @@ impl LevelFrame {
         let (eye, depth) = if perspective {
             (projection.anchor, w.length_squared())
         } else {
-            (x.cross(y).normalize_or_zero(), projection.rows[2].constant.powi(2))
+            (x.cross(y).normalize_or_zero(), projection.rows[2].constant * projection.rows[2].constant)
         };
         // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and has the
         // constant of its row at the eye. A polygon whose slab is no thicker than the eye's distance from it
