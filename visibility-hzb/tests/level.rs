@@ -30,9 +30,9 @@ fn cuboid(bounds: &Aabb, inwards: bool) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Returns a floor of `cells` x `cells` squares around the origin, `size` metres wide, some of which are divided
-/// in two strips (T-junctions) or missing, or have a corner a little off the plane. Walls stand on some of their
-/// sides.
+/// Returns a floor of `cells` x `cells` squares around the origin, `size` metres wide, some of which are
+/// divided in two strips (T-junctions) or missing, or have a corner a little off the plane. Walls stand on
+/// some of their sides.
 fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     let step = size / cells as f32;
     let at = |i: usize, j: usize| Vec3::new(i as f32 * step - size * 0.5, j as f32 * step - size * 0.5, 0.0);
@@ -56,8 +56,8 @@ fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Returns a random level: rooms, boxes that touch, sheets, a ground. Triangles of the same level hide from one
-/// side or from both.
+/// Returns a random level: rooms, boxes that touch, sheets, a ground. Triangles of the same level hide from
+/// one side or from both.
 fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
     let mut out = Vec::new();
     let mut add = |random: &mut Random, triangles: Vec<[Vec3; 3]>| {
@@ -123,8 +123,8 @@ fn view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
     }
     let view = View::perspective(pose, random.fine_range(0.3, 2.4), 1.6, near, f64::INFINITY).unwrap();
     if random.one_in(6) {
-        // A near plane that is tilted, as for mirrors: some points beyond it, beside the picture, are behind the
-        // eye.
+        // A near plane that is tilted, as for mirrors: some points beyond it, beside the picture, are behind
+        // the eye.
         let m = view.clip_from(view.origin());
         let [x, y, z, w] = [m.row(0), m.row(1), m.row(2), m.row(3)];
         let tilted = z + x * random.fine_range(-0.3, 0.3) + y * random.fine_range(-0.15, 0.15);
@@ -182,8 +182,8 @@ fn pixels_that_many_levels_cover_are_covered() {
     }
 }
 
-/// The eye between the faces of a polygon that is not quite flat sees through it: the polygon hides nothing. Nor
-/// does it so close to the polygon that a ray might meet a face at less than half the distance.
+/// The eye between the faces of a polygon that is not quite flat sees through it: the polygon hides nothing.
+/// Nor does it so close to the polygon that a ray might meet a face at less than half the distance.
 #[test]
 fn a_polygon_around_the_eye_hides_nothing() {
     let mut random = Random(33);
@@ -272,7 +272,8 @@ fn reported(triangles: &[LevelTriangle], boxes: &[Aabb], view: &View) -> usize {
     ids.iter().filter(|&&id| visible.contains(&scene, id)).count()
 }
 
-/// A wall of closed panels side by side, as kits have it, hides what one wall hides, whatever its panels' width.
+/// A wall of closed panels side by side, as kits have it, hides what one wall hides, whatever its panels'
+/// width.
 #[test]
 fn a_wall_of_panels_hides_what_one_wall_hides() {
     let boxes: Vec<Aabb> = (0..50)

@@ -55,7 +55,8 @@ struct Window {
 }
 
 impl Window {
-    /// Adds lane `i` of `edges`, which lies to the left of the window. `top` is the window's first row of pixels.
+    /// Adds lane `i` of `edges`, which lies to the left of the window. `top` is the window's first row of
+    /// pixels.
     #[inline(always)]
     fn pass(&mut self, edges: &Edges16, i: usize, top: f32) {
         let (y, bottom) = (edges.top[i], edges.bottom[i]);
@@ -111,7 +112,8 @@ fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
 
 /// Bounds on the depth keys of a polygon.
 pub(super) struct DepthBound {
-    /// Least key in a tile: `a * column + b * row + c` for the tile at tile column `column` and tile row `row`.
+    /// Least key in a tile: `a * column + b * row + c` for the tile at tile column `column` and tile row
+    /// `row`.
     pub(super) plane: [f32; 3],
     /// Lower bound on all keys.
     pub(super) floor: f32,
@@ -127,7 +129,8 @@ pub(super) struct FillScratch {
 }
 
 /// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
-/// `slack` pixels of. The polygon is added to `union` if there is one. Returns whether a tile may have changed.
+/// `slack` pixels of. The polygon is added to `union` if there is one. Returns whether a tile may have
+/// changed.
 #[inline(always)]
 pub(super) fn fill(
     edges: &Edges,
