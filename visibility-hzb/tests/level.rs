@@ -151,7 +151,7 @@ fn cast(seed: u64, samples: u64) {
         };
         let level = level(&triangles, settings.with_kept_area(1.0));
         let shift = if random.one_in(4) { random.vector(1e5).round() } else { DVec3::ZERO };
-        let size = [[64, 36], [33, 57], [200, 120], [120, 40]][random.below(4)];
+        let size = [[64, 36], [33, 57], [200, 120], [400, 48]][random.below(4)];
         let mut hzb = Hzb::new(size[0], size[1]).unwrap().with_level(level, shift);
         let faces = as_faces(&triangles);
         for _ in 0..4 {

@@ -237,7 +237,9 @@ pub(super) fn fill(
                     && shared != 0
                 {
                     let (odd, near_end) = (tiles_of(&window.odd), tiles_of(&window.near_end));
-                    union.add(base + first, x1 - first, shared, &odd, &near_end);
+                    // Tiles beyond these are of the next windows.
+                    let own = x1.min(column + WIDTH) - first;
+                    union.add(base + first, own, shared, &odd, &near_end);
                 }
                 while open != 0 {
                     let i = open.trailing_zeros() as usize % SIDE;
