@@ -318,6 +318,17 @@ impl VisibleSet {
         lanes(mask).map(|lane| self.keep_below(is_current, scene, scene.tree().child(node, lane))).sum()
     }
 
+    /// Returns the number of candidates in and below `node`, whose bit must be set in all nodes above it.
+    /// `is_current` tells whether this set's masks were made for the scene's present layout; if not, every
+    /// object on the set's layers is a candidate.
+    pub(crate) fn count_below(&self, is_current: bool, scene: &Scene, node: usize) -> u64 {
+        let mask = self.mask_if(is_current, scene, node);
+        if scene.tree().levels[node] == 0 {
+            return mask.count_ones().into();
+        }
+        lanes(mask).map(|lane| self.count_below(is_current, scene, scene.tree().child(node, lane))).sum()
+    }
+
     /// Marks an object for removal by [`drop_now`](Self::drop_now). `id` must be in the scene that
     /// [`begin_drops`](Self::begin_drops) was called with.
     pub(crate) fn drop_later(&mut self, id: ObjectId) {

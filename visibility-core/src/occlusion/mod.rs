@@ -6,6 +6,7 @@
 //! Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]. [`OcclusionCuller`] chooses
 //! occluders, walks the hierarchy and removes hidden objects.
 
+mod budget;
 mod clip_plane_test;
 mod culler;
 mod mesh;
@@ -119,6 +120,13 @@ pub trait OcclusionMap {
     /// the mesh. Maps that draw some meshes more cheaply than triangle by triangle return less.
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         occluder.triangles().len()
+    }
+
+    /// Returns what an occluder that covers the whole view costs beyond its [cost](Self::cost), in triangles. An
+    /// occluder that covers a share of the view costs that share of it. 0 by default. Maps of pixels return a
+    /// number that grows with their size.
+    fn view_cost(&self) -> usize {
+        0
     }
 
     /// Returns whether tests take the occluders into account that were flushed in the same frame. If not, as

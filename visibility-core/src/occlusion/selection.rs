@@ -6,14 +6,16 @@
 //! seen, however many occluders the frustum holds.
 //!
 //! Drawing has a price. An occluder that covers a share `s` of the view hides about `s * n` of the `n`
-//! objects that wait behind it, if these are spread evenly over the view. It is drawn if its cost in
+//! objects that are not hidden yet, if these are spread evenly over the view. It is drawn if its cost in
 //! triangles is at most `price * s * n`. (The share is the area facing the eye over the squared distance, as
 //! in Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997. That formula is
 //! for occluders that are small from the eye. From within a room, a courtyard or beside a long wall, the
-//! triangles are looked at one by one if the formula says no.) In addition, all work is paid from a credit,
-//! which each object found hidden raises by the price. Where nothing is hidden, as seen by a bird, the search
-//! ends after [`INITIAL_CREDIT`].
+//! triangles are looked at one by one if the formula says no.) Objects whose box covers too little are not
+//! even looked up. In addition, all work is paid from a [`Budget`], which each object found hidden raises by
+//! the price: where nothing is hidden, as seen by a bird, the search ends after its advance. Before it ends,
+//! all waiting nodes are tested against what was drawn, since the objects that pay for it may be far away.
 
+use super::budget::{Budget, SINGLE_WORK, TEST_WORK};
 use super::{OccluderMesh, Occlusion, OcclusionMap};
 use crate::scene::lanes;
 use crate::walk::{BoxHierarchy, Child, Walk};
@@ -29,20 +31,17 @@ use glam::{Affine3A, DVec3, DVec4, Vec3};
 /// fewer waste flushes (measured with the z-buffer).
 const BATCH: u32 = 8;
 
-/// Work, in triangles, that a frame may spend before an object is found hidden, beyond the price of one. It
-/// must last until the first batch has been drawn and the boxes behind have been tested.
-const INITIAL_CREDIT: f32 = 2048.0;
-
-/// Work of testing the children of a node, in triangles (measured with the z-buffer). Testing or refusing one
-/// box counts as one triangle.
-const BLOCK_WORK: f32 = 6.0;
-
-/// Number of objects that an unopened node stands for: those of a full leaf. Higher nodes hold more.
-const OBJECTS_PER_NODE: f32 = 64.0;
-
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
-const LEAST_BEHIND: f32 = 256.0;
+const LEAST_BEHIND: f32 = 64.0;
+
+/// Work of adding an occluder beyond its [cost](OcclusionMap::cost), in triangles: its part of the flush and of
+/// the tests that the map itself makes (measured with the z-buffer).
+const ADD_WORK: f32 = 3.0;
+
+/// Least cost of an occluder in triangles, beyond the work of adding it. An object whose box covers less of the
+/// view than would pay for this is not looked up.
+const LEAST_COST: f32 = 2.0;
 
 /// Distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds, up to
 /// which the share is estimated by triangles where the estimate from the middle is too small. The middle of a
@@ -53,6 +52,10 @@ const NEAR_RADII: f32 = 2.0;
 /// Number of triangles whose solid angles are estimated by the work of drawing one.
 const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
+/// Most triangles of a mesh whose solid angles are estimated. Of a larger mesh every second, third, ...
+/// triangle stands for its neighbours in the list.
+const MOST_ESTIMATED: usize = 1024;
+
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
@@ -62,18 +65,6 @@ pub(super) struct Waiting {
     tested: u32,
     child: Child,
     bounds: Aabb,
-}
-
-impl Waiting {
-    /// Returns the number of objects that the entry stands for.
-    fn objects(&self) -> f32 {
-        objects_of(matches!(self.child, Child::Node(_)))
-    }
-}
-
-/// Returns the number of objects that a child stands for, which is a node or an object.
-fn objects_of(is_node: bool) -> f32 {
-    if is_node { OBJECTS_PER_NODE } else { 1.0 }
 }
 
 impl Ord for Waiting {
@@ -115,57 +106,61 @@ pub(super) struct OccluderSearch<'a, M> {
     depth_row: DVec4,
     clip_planes: ViewPlanes,
     queue: &'a mut Queue,
-    /// Triangles that hiding one object is worth.
-    price: f32,
+    /// Work of the frame, which the walk after the search goes on with.
+    budget: Budget,
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.
     share_per_area: f32,
-    /// Work that may still be spent, in triangles. The search ends when it is 0 or less.
-    credit: f32,
-    /// Objects not found hidden so far, as far as none of them is known to lie in front of the occluders to
-    /// come. Unopened nodes count as [`OBJECTS_PER_NODE`].
+    /// Objects not found hidden so far.
     undecided: f32,
     /// Number of flushes in this frame.
     flushes: u32,
+    /// Number of flushes before the waiting nodes were tested last.
+    nodes_tested: u32,
     /// Number of occluders added since the last flush.
     unflushed: u32,
 }
 
 impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
-    /// Prepares a search for a map on which [`OcclusionMap::begin`] has been called with the same `view` and
-    /// `origin`. With a `price` of 0 the search adds no occluder.
-    pub(super) fn new(map: &'a mut M, queue: &'a mut Queue, view: &View, origin: DVec3, price: u32) -> Self {
+    /// Prepares a search among `candidates` objects for a map on which [`OcclusionMap::begin`] has been called
+    /// with the same `view` and `origin`. Without credit in the budget the search adds no occluder.
+    pub(super) fn new(
+        map: &'a mut M,
+        queue: &'a mut Queue,
+        view: &View,
+        origin: DVec3,
+        candidates: u64,
+        budget: Budget,
+    ) -> Self {
         let eye = view.eye(origin);
         Self {
             map,
             clip_planes: view.clip_planes_from(origin),
             depth_row: view.clip_from(origin).row(3),
             queue,
-            price: price as f32,
+            budget,
             share_per_area: share_per_area(view, &eye, origin),
             eye,
-            credit: if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 },
-            undecided: 0.0,
+            undecided: candidates as f32,
             flushes: 0,
+            nodes_tested: 0,
             unflushed: 0,
         }
     }
 
     /// Adds the occluders of the frame to the map and flushes it. In the scene's own hierarchy, also drops
-    /// the objects and nodes that it finds hidden on the way.
-    pub(super) fn run<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>) {
+    /// the objects and nodes that it finds hidden on the way. Returns what is left of the budget.
+    pub(super) fn run<H: BoxHierarchy>(mut self, walk: &mut Walk<H>) -> Budget {
         self.queue.clear();
-        if self.credit > 0.0 {
+        if self.budget.has_credit() {
             // The map may begin the frame with occluders of its own.
             self.flush();
             self.open(walk, None);
         }
-        while self.credit > 0.0
+        while (self.budget.has_credit() || self.test_waiting_nodes(walk))
             && let Some(Reverse(next)) = self.queue.pop()
         {
-            self.undecided -= next.objects();
-            if self.has_become_hidden(walk, &next) {
-                self.credit += self.price * next.objects();
+            if next.tested < self.flushes && self.is_hidden(walk, &next) {
                 continue;
             }
             match next.child {
@@ -176,41 +171,78 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         self.map.flush();
         // The walk that follows counts what is left.
         walk.stats.visible = 0;
+        self.budget
     }
 
-    /// Tests the box of an entry again if the map has been flushed since the last test.
-    fn has_become_hidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, next: &Waiting) -> bool {
-        if next.tested == self.flushes {
+    /// Tests the box of an entry of the queue. If it is hidden, enters the objects that the entry stands for.
+    fn is_hidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, waiting: &Waiting) -> bool {
+        self.budget.spend(SINGLE_WORK);
+        walk.stats.tests += 1;
+        let is_hidden = self.map.test_mut(&waiting.bounds) == Occlusion::Hidden;
+        if is_hidden {
+            self.earn(match waiting.child {
+                Child::Node(node) => walk.candidates_below(node),
+                Child::Object(_) => 1,
+            });
+        }
+        is_hidden
+    }
+
+    /// Tests the nodes in the queue against the occluders that were added since the last time, and removes
+    /// those that are hidden. Returns whether the search may go on: false if nothing was added.
+    fn test_waiting_nodes<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>) -> bool {
+        if self.unflushed > 0 {
+            self.flush();
+        }
+        if self.nodes_tested == self.flushes || self.budget.is_at_limit() {
             return false;
         }
-        self.credit -= 1.0;
-        walk.stats.tests += 1;
-        self.map.test_mut(&next.bounds) == Occlusion::Hidden
+        self.nodes_tested = self.flushes;
+        let mut queue = core::mem::take(self.queue);
+        queue.retain(|Reverse(waiting)| {
+            let is_old = waiting.tested < self.flushes && matches!(waiting.child, Child::Node(_));
+            !(is_old && self.is_hidden(walk, waiting))
+        });
+        *self.queue = queue;
+        self.budget.has_credit()
+    }
+
+    /// Enters objects found hidden.
+    fn earn(&mut self, objects: u64) {
+        self.undecided -= objects as f32;
+        self.budget.earn(objects);
     }
 
     /// Tests the children of a node (`None`: the top of the hierarchy) and queues the nodes and occluders
-    /// that are not hidden.
+    /// that are not hidden. Leaves out objects whose box covers too little of the view to be worth an
+    /// occluder.
     fn open<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, node: Option<usize>) {
         if self.unflushed > 0 {
             self.flush();
         }
         walk.visit(node, |walk, block, candidates| {
             let hidden = if self.map.answers_at_once() {
-                self.credit -= BLOCK_WORK;
+                self.budget.spend(TEST_WORK * candidates.count_ones() as f32);
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.map.test_64_mut(block.boxes(), candidates).hidden
             } else {
                 0
             };
             let (objects, found) = (block.objects(candidates), candidates & !hidden);
-            for (mask, is_node) in [(candidates & !objects, true), (objects, false)] {
-                let count = |mask: u64| mask.count_ones() as f32 * objects_of(is_node);
-                self.credit += self.price * count(mask & hidden);
-                self.undecided += count(mask & found);
+            self.earn(u64::from((hidden & objects).count_ones()));
+            for lane in lanes(hidden & !objects) {
+                let Child::Node(child) = block.child(lane) else { continue };
+                self.earn(walk.candidates_below(child));
             }
+            let least_share = (LEAST_COST + ADD_WORK) / self.budget.worth(self.undecided.max(LEAST_BEHIND));
             for lane in lanes(found & (!objects | block.occluders())) {
                 let (child, bounds) = (block.child(lane), block.boxes().get(lane));
                 let distance_key = distance_key(&self.eye, &bounds);
+                if let Child::Object(_) = child
+                    && box_solid_angle(&self.eye, &bounds, distance_key) * self.share_per_area < least_share
+                {
+                    continue;
+                }
                 self.queue.push(Reverse(Waiting { distance_key, tested: self.flushes, child, bounds }));
             }
             // In another hierarchy, dropping a node means listing all objects below it: once is enough.
@@ -220,22 +252,30 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
 
     /// Adds the occluder of an object that is not hidden, if the object has one and it is worth its cost.
     fn consider<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, id: ObjectId) {
-        self.credit -= 1.0;
+        self.budget.spend(SINGLE_WORK);
         let Some((mesh, transform)) = walk.scene().occluder(id) else { return };
-        let cost = self.map.cost(mesh) as f32;
-        let worth = self.price * self.undecided.max(LEAST_BEHIND);
-        let pays = |angle: f32| {
-            // In a degenerate view a share may be NaN, which counts as the whole view.
-            cost <= worth * (angle * self.share_per_area).min(1.0)
+        let mesh_cost = self.map.cost(mesh) as f32;
+        let worth = self.budget.worth(self.undecided.max(LEAST_BEHIND));
+        let view_cost = self.map.view_cost() as f32;
+        // Cost of the occluder if it covers this solid angle, and the worth of what it is expected to hide. In
+        // a degenerate view a share may be NaN, which counts as the whole view.
+        let share_per_area = self.share_per_area;
+        let cost_and_gain = |angle: f32| {
+            let share = (angle * share_per_area).min(1.0);
+            (mesh_cost + ADD_WORK + view_cost * share, worth * share)
         };
-        let is_worth_it = cost <= self.credit
-            && (pays(solid_angle(mesh, transform, &self.eye))
-                || cost <= worth && is_near(mesh, transform, &self.eye) && {
-                    self.credit -= mesh.triangles().len() as f32 / ESTIMATED_PER_DRAWN;
-                    pays(solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row))
-                });
-        if is_worth_it && mesh.is_inside(&self.clip_planes, transform) {
-            self.credit -= cost;
+        let (mut cost, gain) = cost_and_gain(solid_angle(mesh, transform, &self.eye));
+        let mut pays = self.budget.can_afford(cost, gain);
+        if !pays && mesh_cost <= worth && is_near(mesh, transform, &self.eye) {
+            let estimated = mesh.triangles().len().min(MOST_ESTIMATED);
+            self.budget.spend(estimated as f32 / ESTIMATED_PER_DRAWN);
+            let angle = solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row);
+            let gain;
+            (cost, gain) = cost_and_gain(angle);
+            pays = self.budget.can_afford(cost, gain);
+        }
+        if pays && mesh.is_inside(&self.clip_planes, transform) {
+            self.budget.pay(cost);
             walk.stats.occluders += 1;
             self.map.add(mesh, transform);
             self.unflushed += 1;
@@ -322,7 +362,8 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
     let Eye::Point(eye) = eye else { return 0.0 };
     let mirrored = transform.matrix3.determinant() < 0.0;
     let (mut fronts, mut backs) = (0.0, 0.0);
-    for t in mesh.triangles() {
+    let stride = mesh.triangles().len().div_ceil(MOST_ESTIMATED).max(1);
+    for t in mesh.triangles().iter().step_by(stride) {
         let corners = t.map(|i| transform.transform_point3(mesh.positions()[i as usize]).as_dvec3());
         if corners.iter().all(|p| depth_row.dot(p.extend(1.0)) < 0.0) {
             continue;
@@ -333,7 +374,25 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
         let front = (a.dot(b.cross(c)) < 0.0) != mirrored;
         *(if front { &mut fronts } else { &mut backs }) += angle;
     }
-    (if mesh.is_two_sided() { f64::max(fronts, backs) } else { fronts }) as f32
+    (if mesh.is_two_sided() { f64::max(fronts, backs) } else { fronts }) as f32 * stride as f32
+}
+
+/// Returns the solid angle in steradians that a box covers at most, as seen from the eye, where `distance_key`
+/// is that of the box; for a parallel view the area in square metres that faces the eye. An estimate: the area
+/// that faces the eye, as if it were all at the distance of the nearest point. Near the box, where no direction
+/// stands for all, twice the largest face.
+fn box_solid_angle(eye: &Eye, bounds: &Aabb, distance_key: f32) -> f32 {
+    let extent = bounds.max - bounds.min;
+    let faces = Vec3::new(extent.y * extent.z, extent.z * extent.x, extent.x * extent.y);
+    match eye {
+        Eye::Point(_) if distance_key <= 0.25 * extent.length_squared() => {
+            2.0 * faces.max_element() / distance_key
+        }
+        Eye::Point(eye) => {
+            faces.dot((bounds.center() - eye.as_vec3()).normalize_or_zero().abs()) / distance_key
+        }
+        Eye::Direction(along) => faces.dot(along.as_vec3().abs()),
+    }
 }
 
 /// Returns a number that grows with the distance of a box from the eye: the squared distance of its nearest
