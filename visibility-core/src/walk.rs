@@ -266,8 +266,8 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         self.scene
     }
 
-    /// Returns the number of candidates at the start of the walk, without objects that are never culled. Takes a
-    /// few nanoseconds per leaf that has candidates.
+    /// Returns the number of candidates at the start of the walk, without objects that are never culled.
+    /// Takes a few nanoseconds per leaf that has candidates.
     pub(crate) fn candidate_count(&self) -> u64 {
         match self.scene.tree().root {
             NONE => 0,

@@ -643,7 +643,8 @@ fn fine_wall() -> OccluderMesh {
     OccluderMesh::from_triangles(&triangles).unwrap()
 }
 
-/// Makes a scene of a wall of one mesh and `count` objects behind it. Returns it with the number of triangles.
+/// Makes a scene of a wall of one mesh and `count` objects behind it. Returns it with the number of
+/// triangles.
 fn behind_one_mesh(count: usize) -> (Scene, usize) {
     let (mut scene, mesh) = (Scene::new(), fine_wall());
     assert!(mesh.is_closed());
@@ -672,7 +673,8 @@ fn an_expensive_mesh_is_drawn_before_many_objects() {
     }
 }
 
-/// A frame keeps to its limit of work: no occluder that costs more, and no more boxes tested than it pays for.
+/// A frame keeps to its limit of work: no occluder that costs more, and no more boxes tested than it pays
+/// for.
 #[test]
 fn a_limit_bounds_the_work_of_a_frame() {
     let (scene, triangles) = behind_one_mesh(20_000);

@@ -5,12 +5,12 @@
 //! what they cost in this unit. The same frame therefore spends the same on every machine.
 //!
 //! A frame begins with an [advance](Budget::new) that is in proportion to the price of an object and grows
-//! slowly with the number of candidates. Each object found hidden earns the price. So a frame in which nothing
-//! is hidden, as seen by a bird, spends the advance and no more, and any frame spends at most the advance, the
-//! price of the objects that it hides, and its [loans](Budget::can_afford).
+//! slowly with the number of candidates. Each object found hidden earns the price. So a frame in which
+//! nothing is hidden, as seen by a bird, spends the advance and no more, and any frame spends at most the
+//! advance, the price of the objects that it hides, and its [loans](Budget::can_afford).
 
-/// Work of testing one box of a block of siblings, in triangles (measured with the z-buffer in scenes in which
-/// boxes are partly hidden, where tests take longest).
+/// Work of testing one box of a block of siblings, in triangles (measured with the z-buffer in scenes in
+/// which boxes are partly hidden, where tests take longest).
 pub(super) const TEST_WORK: f32 = 0.3;
 
 /// Work of testing or refusing one occluder by itself, in triangles (measured).
@@ -97,8 +97,8 @@ impl Budget {
     }
 
     /// Returns whether an occluder of `cost` that is expected to hide objects worth `gain` may be drawn: from
-    /// the credit, or on a loan if the gain is [large](LOAN_SAFETY) against the cost and the open loans. So no
-    /// first occluder is too expensive for what lies behind it.
+    /// the credit, or on a loan if the gain is [large](LOAN_SAFETY) against the cost and the open loans. So
+    /// no first occluder is too expensive for what lies behind it.
     pub(super) fn can_afford(&self, cost: f32, gain: f32) -> bool {
         cost <= gain
             && cost <= self.limit

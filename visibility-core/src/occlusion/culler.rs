@@ -28,8 +28,8 @@ const DEFAULT_PRICE: u32 = 16;
 /// Occluders are drawn nearest first, and only if they are expected to hide enough objects for their
 /// [price](Self::with_price). Hidden nodes and occluders are skipped. Work is counted in triangles, with the
 /// z-buffer about a tenth of a microsecond each, and is paid by the objects found hidden: a frame spends the
-/// price of some 40 objects in advance, and then what it earns. Where little is hidden the culler backs off: it
-/// draws no more occluders, tests the objects of fewer and fewer leaves of the hierarchy, and reports the
+/// price of some 40 objects in advance, and then what it earns. Where little is hidden the culler backs off:
+/// it draws no more occluders, tests the objects of fewer and fewer leaves of the hierarchy, and reports the
 /// others. [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
 ///
 /// The answer depends on scene, set, view and settings alone, not on earlier frames, unless the map itself
@@ -92,8 +92,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
 
     /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond. No
     /// bound (`u32::MAX`) by default. A frame that reaches the bound draws no more occluders, tests no more
-    /// objects and reports the rest. The bound is kept up to the tests of one node, and does not cover emptying
-    /// the map, which takes longer the larger the map is.
+    /// objects and reports the rest. The bound is kept up to the tests of one node, and does not cover
+    /// emptying the map, which takes longer the larger the map is.
     pub fn with_work_limit(self, triangles: u32) -> Self {
         Self { work_limit: triangles, ..self }
     }
@@ -158,8 +158,8 @@ struct Sweep<'a, M> {
 
 impl<M: OcclusionMap> Sweep<'_, M> {
     /// Drops the objects below a node (`None`: all objects) that the map hides, but for leaves that are [left
-    /// out](LeafSampling). Returns whether any object is left below the node; always true in another hierarchy
-    /// than the scene's own.
+    /// out](LeafSampling). Returns whether any object is left below the node; always true in another
+    /// hierarchy than the scene's own.
     fn keep_unhidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, node: Option<usize>) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let objects = block.objects(candidates);

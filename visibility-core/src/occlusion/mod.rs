@@ -122,9 +122,9 @@ pub trait OcclusionMap {
         occluder.triangles().len()
     }
 
-    /// Returns what an occluder that covers the whole view costs beyond its [cost](Self::cost), in triangles. An
-    /// occluder that covers a share of the view costs that share of it. 0 by default. Maps of pixels return a
-    /// number that grows with their size.
+    /// Returns what an occluder that covers the whole view costs beyond its [cost](Self::cost), in triangles.
+    /// An occluder that covers a share of the view costs that share of it. 0 by default. Maps of pixels
+    /// return a number that grows with their size.
     fn view_cost(&self) -> usize {
         0
     }

@@ -35,12 +35,12 @@ const BATCH: u32 = 8;
 /// culled as tightly as a large one (measured).
 const LEAST_BEHIND: f32 = 64.0;
 
-/// Work of adding an occluder beyond its [cost](OcclusionMap::cost), in triangles: its part of the flush and of
-/// the tests that the map itself makes (measured with the z-buffer).
+/// Work of adding an occluder beyond its [cost](OcclusionMap::cost), in triangles: its part of the flush and
+/// of the tests that the map itself makes (measured with the z-buffer).
 const ADD_WORK: f32 = 3.0;
 
-/// Least cost of an occluder in triangles, beyond the work of adding it. An object whose box covers less of the
-/// view than would pay for this is not looked up.
+/// Least cost of an occluder in triangles, beyond the work of adding it. An object whose box covers less of
+/// the view than would pay for this is not looked up.
 const LEAST_COST: f32 = 2.0;
 
 /// Distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds, up to
@@ -122,8 +122,8 @@ pub(super) struct OccluderSearch<'a, M> {
 }
 
 impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
-    /// Prepares a search among `candidates` objects for a map on which [`OcclusionMap::begin`] has been called
-    /// with the same `view` and `origin`. Without credit in the budget the search adds no occluder.
+    /// Prepares a search among `candidates` objects for a map on which [`OcclusionMap::begin`] has been
+    /// called with the same `view` and `origin`. Without credit in the budget the search adds no occluder.
     pub(super) fn new(
         map: &'a mut M,
         queue: &'a mut Queue,
@@ -257,8 +257,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         let mesh_cost = self.map.cost(mesh) as f32;
         let worth = self.budget.worth(self.undecided.max(LEAST_BEHIND));
         let view_cost = self.map.view_cost() as f32;
-        // Cost of the occluder if it covers this solid angle, and the worth of what it is expected to hide. In
-        // a degenerate view a share may be NaN, which counts as the whole view.
+        // Cost of the occluder if it covers this solid angle, and the worth of what it is expected to hide.
+        // In a degenerate view a share may be NaN, which counts as the whole view.
         let share_per_area = self.share_per_area;
         let cost_and_gain = |angle: f32| {
             let share = (angle * share_per_area).min(1.0);
@@ -377,10 +377,10 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
     (if mesh.is_two_sided() { f64::max(fronts, backs) } else { fronts }) as f32 * stride as f32
 }
 
-/// Returns the solid angle in steradians that a box covers at most, as seen from the eye, where `distance_key`
-/// is that of the box; for a parallel view the area in square metres that faces the eye. An estimate: the area
-/// that faces the eye, as if it were all at the distance of the nearest point. Near the box, where no direction
-/// stands for all, twice the largest face.
+/// Returns the solid angle in steradians that a box covers at most, as seen from the eye, where
+/// `distance_key` is that of the box; for a parallel view the area in square metres that faces the eye. An
+/// estimate: the area that faces the eye, as if it were all at the distance of the nearest point. Near the
+/// box, where no direction stands for all, twice the largest face.
 fn box_solid_angle(eye: &Eye, bounds: &Aabb, distance_key: f32) -> f32 {
     let extent = bounds.max - bounds.min;
     let faces = Vec3::new(extent.y * extent.z, extent.z * extent.x, extent.x * extent.y);
