@@ -28,23 +28,36 @@ fn results(c: &mut Criterion) {
     let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).expect("a view");
     let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
     pipeline.cull(&scene, &view, &mut visible);
+    let seen = visible.ids(&scene).len();
     let mut sorted = visible.clone();
     sorted.sort_by_index(&scene);
     let mut entities = vec![Component([0.0; 16]); count];
     let mut bits = vec![0; count.div_ceil(32)];
     let meshes: Vec<u32> = (0..count).map(|_| random() % 200).collect();
 
-    let mut group = c.benchmark_group(format!("results/{} of {count}", visible.ids().len()));
-    group.throughput(Throughput::Elements(visible.ids().len() as u64));
+    let mut group = c.benchmark_group(format!("results/{seen} of {count}"));
+    group.throughput(Throughput::Elements(seen as u64));
     group.sample_size(20).measurement_time(Duration::from_secs(2));
     for (name, set) in [("write entities, hierarchy order", &visible), ("write entities, by index", &sorted)]
     {
         group.bench_function(name, |b| {
-            b.iter(|| set.ids().iter().for_each(|id| entities[id.index()].0[3] += 1.0));
+            b.iter(|| set.iter(&scene).for_each(|id| entities[id.index()].0[3] += 1.0));
         });
     }
     let mut again = VisibleSet::new();
     group.bench_function("cull", |b| b.iter(|| pipeline.cull(&scene, &view, &mut again).visible));
+    group.bench_function("cull, list", |b| {
+        b.iter(|| {
+            pipeline.cull(&scene, &view, &mut again);
+            again.ids(&scene).len()
+        });
+    });
+    group.bench_function("cull, write bits", |b| {
+        b.iter(|| {
+            pipeline.cull(&scene, &view, &mut again);
+            again.write_bits(&scene, black_box(&mut bits))
+        });
+    });
     group.bench_function("cull, sort by index", |b| {
         b.iter(|| {
             pipeline.cull(&scene, &view, &mut again);
@@ -60,14 +73,21 @@ fn results(c: &mut Criterion) {
             ids.sort_unstable();
         });
     });
-    group.bench_function("write bits", |b| b.iter(|| visible.write_bits(black_box(&mut bits))));
-    let mut list = DrawList::new();
-    group.bench_function("group", |b| b.iter(|| list.group(visible.ids(), |id| meshes[id.index()])));
+    // Of a listed set, and of one that only has masks.
+    for (name, set) in [("listed", &visible), ("masks", &again)] {
+        group.bench_function(format!("write bits, {name}"), |b| {
+            b.iter(|| set.write_bits(&scene, black_box(&mut bits)));
+        });
+        let mut list = DrawList::new();
+        group.bench_function(format!("group, {name}"), |b| {
+            b.iter(|| list.group(set.iter(&scene), |id| meshes[id.index()]));
+        });
+    }
     let mut by_hand: HashMap<u32, Vec<u32>> = HashMap::new();
     group.bench_function("group by HashMap", |b| {
         b.iter(|| {
             by_hand.values_mut().for_each(Vec::clear);
-            for id in visible.ids() {
+            for id in visible.iter(&scene) {
                 by_hand.entry(meshes[id.index()]).or_default().push(id.index() as u32);
             }
         });

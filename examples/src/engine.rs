@@ -236,7 +236,7 @@ impl Engine {
     pub fn list_draws(&mut self) {
         let (meshes, levels) = (&self.meshes, &self.levels);
         let key = |id: ObjectId| meshes[id.index()] * LEVELS as u32 + u32::from(levels[id.index()]);
-        self.draws.group(self.visible.ids(), key);
+        self.draws.group(self.visible.iter(&self.scene), key);
         self.commands.clear();
         self.commands.extend(self.draws.commands(|key| DrawIndexedIndirect {
             index_count: 36 << (2 * (LEVELS as u32 - 1 - key % LEVELS as u32)),
@@ -249,7 +249,7 @@ impl Engine {
     pub fn cull_cascades(&mut self) {
         for (cascade, draws) in self.cascades.iter_mut().zip(&mut self.shadow_draws) {
             cascade.cull(&self.scene);
-            draws.group(cascade.visible.ids(), |id| self.meshes[id.index()]);
+            draws.group(cascade.visible.iter(&self.scene), |id| self.meshes[id.index()]);
         }
     }
 
@@ -258,7 +258,7 @@ impl Engine {
     /// # Errors
     /// Any error of the library; none is expected.
     pub fn write_bits(&mut self) -> Result<(), Box<dyn std::error::Error>> {
-        Ok(self.visible.write_bits(&mut self.bits)?)
+        Ok(self.visible.write_bits(&self.scene, &mut self.bits)?)
     }
 
     /// Loads what appeared, and unloads what has been hidden for a second.
@@ -269,7 +269,7 @@ impl Engine {
     /// Returns the counts of the last frame.
     pub fn counts(&self) -> Counts {
         Counts {
-            visible: self.visible.ids().len(),
+            visible: self.visible.count(&self.scene),
             draws: self.commands.len(),
             casters: self.shadow_draws.iter().map(|draws| draws.instances().len()).sum(),
             loads: self.cache.traffic().loads,

@@ -197,7 +197,7 @@ fn left(scene: &Scene, cell: &Viewcell, culler: &mut VirtualOccluderCuller) -> V
     let mut visible = VisibleSet::new();
     culler.cull(scene, cell, &mut visible);
     visible.finish(scene);
-    visible.ids().to_vec()
+    visible.ids(scene).to_vec()
 }
 
 fn insert(scene: &mut Scene, min: [f32; 3], max: [f32; 3]) -> ObjectId {

@@ -74,7 +74,7 @@ impl DrawGroup {
 /// let meshes = [1, 0, 1, 1]; // by object index
 /// let mut list = DrawList::new();
 /// // Each frame:
-/// list.group(visible.ids(), |id| meshes[id.index()]);
+/// list.group(visible.iter(&scene), |id| meshes[id.index()]);
 /// assert_eq!(list.instances(), [1, 0, 2, 3]);
 /// let index_counts = [36, 600]; // by mesh
 /// let commands: Vec<_> = list
@@ -89,9 +89,11 @@ impl DrawGroup {
 pub struct DrawList {
     groups: Vec<DrawGroup>,
     instances: Vec<u32>,
-    /// Scratch: the key of each object in the upper half and the object's position among `ids` in the lower.
+    /// Scratch: the key of each object in the upper half and the object's index in the lower, in the order
+    /// given.
     keyed: Vec<u64>,
-    /// Scratch, indexed by key: the number of objects, then the place of the next object.
+    /// Scratch: indexed by key, the number of objects, then the place of the next object; or the index of
+    /// each object in the order given.
     places: Vec<u32>,
 }
 
@@ -101,23 +103,30 @@ impl DrawList {
         Self { groups: Vec::new(), instances: Vec::new(), keyed: Vec::new(), places: Vec::new() }
     }
 
-    /// Replaces the content of the list with the objects `ids`, in groups of equal `key`. Groups are in the
-    /// order of their keys, objects of a group in the order of `ids`.
+    /// Replaces the content of the list with the objects `ids`, such as those of
+    /// [`VisibleSet::iter`](crate::VisibleSet::iter), in groups of equal `key`. Groups are in the order of
+    /// their keys, objects of a group in the order of `ids`.
     ///
     /// Takes a few nanoseconds per object if the greatest key is less than about four times the number of
     /// objects; otherwise the objects are sorted by comparison.
-    pub fn group(&mut self, ids: &[ObjectId], mut key: impl FnMut(ObjectId) -> u32) {
+    pub fn group(&mut self, ids: impl IntoIterator<Item = ObjectId>, mut key: impl FnMut(ObjectId) -> u32) {
         let Self { groups, instances, keyed, places } = self;
         groups.clear();
         instances.clear();
         keyed.clear();
         let mut greatest = 0;
-        keyed.extend((0_u64..).zip(ids).map(|(position, &id)| {
+        ids.into_iter().for_each(|id| {
             let key = key(id);
             greatest = greatest.max(key);
-            u64::from(key) << 32 | position
-        }));
-        if greatest as usize / 4 > ids.len() + 64 {
+            keyed.push(u64::from(key) << 32 | u64::from(id.index));
+        });
+        if greatest as usize / 4 > keyed.len() + 64 {
+            // Objects of a group keep their order: words with a position are sorted, not words with an index.
+            places.clear();
+            places.extend(keyed.iter().map(|&keyed| keyed as u32));
+            for (keyed, position) in keyed.iter_mut().zip(0..) {
+                *keyed = *keyed >> 32 << 32 | position;
+            }
             keyed.sort_unstable();
             for &keyed in &*keyed {
                 let key = (keyed >> 32) as u32;
@@ -125,7 +134,7 @@ impl DrawList {
                     Some(group) if group.key == key => group.count += 1,
                     _ => groups.push(DrawGroup { key, first: instances.len() as u32, count: 1 }),
                 }
-                instances.push(ids[keyed as u32 as usize].index);
+                instances.push(places[keyed as u32 as usize]);
             }
             return;
         }
@@ -142,10 +151,10 @@ impl DrawList {
                 first += count;
             }
         }
-        instances.resize(ids.len(), 0);
-        for (&keyed, id) in keyed.iter().zip(ids) {
+        instances.resize(keyed.len(), 0);
+        for &keyed in &*keyed {
             let place = &mut places[(keyed >> 32) as usize];
-            instances[*place as usize] = id.index;
+            instances[*place as usize] = keyed as u32;
             *place += 1;
         }
     }

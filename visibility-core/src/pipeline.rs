@@ -150,7 +150,7 @@ impl Pipeline {
         }
         visible.finish(scene);
         if self.stages.is_empty() {
-            sum.visible = visible.ids().len() as u64;
+            sum.visible = visible.count(scene) as u64;
         }
         sum
     }

@@ -7,7 +7,7 @@ mod result;
 
 pub use result::BitsError;
 
-use crate::scene::{NONE, Tree, lanes};
+use crate::scene::{NONE, Token, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
 use alloc::vec::Vec;
 use frame_changes::Changes;
@@ -15,17 +15,21 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 
 /// The objects of a scene that a view may see.
 ///
-/// [`Pipeline::cull`](crate::Pipeline::cull) leaves a *finished* set: the [list](Self::ids) of the visible
-/// objects. The list survives every change of the scene. Objects that are removed after culling are left out
-/// where the scene is at hand; objects that are inserted after culling are not in the set, and are drawn from
-/// the next frame on. Reading the list takes no scene, so that a render thread can hold the set, or a clone
-/// of it, while the scene changes.
+/// The set holds a mask for each node of the scene's hierarchy, so that cullers work on 64 objects at once
+/// and never touch hidden subtrees. The [list](Self::ids) of its objects is made when it is first asked for;
+/// [`iter`](Self::iter), [`write_bits`](Self::write_bits) and a [`DrawList`](crate::DrawList) need no list.
 ///
-/// Between the stages of a pipeline the set holds a mask for each node of the scene's hierarchy, so that
-/// cullers work on 64 objects at once and never touch hidden subtrees. The masks belong to the
-/// [layout](Scene::layout) of the scene at the time of culling. A set that was not finished, because its
-/// cullers were called without a pipeline, counts as holding every object on its layers once the layout has
-/// changed. Any set counts as that for another scene than the one it was culled for, a clone included.
+/// [`Pipeline::cull`](crate::Pipeline::cull) leaves a *finished* set, which survives every change of the
+/// scene, listed or not. Objects that are removed after culling are left out; objects that are inserted after
+/// culling are not in the set, and are drawn from the next frame on. Once listed, the set can be read without
+/// the scene ([`listed`](Self::listed)), so that a render thread can hold it, or a clone of it, while the
+/// scene changes.
+///
+/// The masks belong to the [layout](Scene::layout) of the scene at the time of culling. As long as a finished
+/// set has no list, the scene keeps a copy of each node that it changes, 8 bytes per object of the node,
+/// until the set is listed, filled again or dropped. A set that was not finished, because its cullers were
+/// called without a pipeline, counts as holding every object on its layers once the layout has changed. Any
+/// set counts as that for another scene than the one it was culled for, a clone included.
 ///
 /// Objects that are never culled are always in the set if they are on the view's layers. Layers are 32 bits
 /// per object and view, because each bit more would be read for every block that a frame comes to. Finer
@@ -43,12 +47,14 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert!(visible.contains(&scene, id));
 /// assert_eq!(visible.newly_visible().collect::<Vec<_>>(), [id]);
-/// // The result stays what it is while the scene changes.
+/// // The result stays what it is when the scene changes.
+/// scene.insert(Aabb::from_arrays([7.0, 0.0, 0.0], [8.0, 1.0, 1.0]));
+/// assert_eq!(visible.ids(&scene), [id]);
+/// // Once listed, another thread can read it meanwhile.
 /// std::thread::scope(|scope| {
-///     scope.spawn(|| visible.ids().iter().for_each(|id| println!("draw object {id}")));
-///     scene.insert(Aabb::from_arrays([7.0, 0.0, 0.0], [8.0, 1.0, 1.0]));
+///     scope.spawn(|| visible.listed().into_iter().flatten().for_each(|id| println!("draw object {id}")));
+///     scene.insert(Aabb::from_arrays([8.0, 0.0, 0.0], [9.0, 1.0, 1.0]));
 /// });
-/// assert_eq!(visible.ids(), [id]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -64,8 +70,11 @@ pub struct VisibleSet {
     /// Objects of the set, as far as `listing` tells.
     ids: Vec<ObjectId>,
     listing: Listing,
-    /// Number of object indices of the scene when `ids` was last listed.
+    /// Number of object indices of the scene when the set was finished.
     index_limit: usize,
+    /// Leaves outside the tree when the set was finished, in the order of their objects. Meaningful while the
+    /// set is finished and not listed.
+    unculled_leaves: Vec<u32>,
     /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
     /// node in [`keep_in_order`](Self::keep_in_order).
     scratch_masks: Vec<u64>,
@@ -73,13 +82,17 @@ pub struct VisibleSet {
 }
 
 /// What a set's list of ids says of its content.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Debug)]
 enum Listing {
     /// Nothing: the masks alone define the set.
     Masks,
     /// The list has the order that `iter` follows. It contains every object of the set, and maybe objects
     /// that are no longer in the set.
     Order,
+    /// Nothing, and the set is finished: the masks are the set, including those of the leaves outside the
+    /// tree, for the layout at which the tree had this root. The token reads the tree as it was then; `None`
+    /// only while the set is being finished, on processors without tokens.
+    Unlisted { token: Option<Token>, root: u32 },
     /// The set is finished: the list is the set, each object once. While the layout stays, the masks say the
     /// same, including those of the leaves outside the tree.
     Finished,
@@ -103,6 +116,7 @@ impl VisibleSet {
             ids: Vec::new(),
             listing: Listing::Masks,
             index_limit: 0,
+            unculled_leaves: Vec::new(),
             scratch_masks: Vec::new(),
             changes: None,
         }
@@ -175,7 +189,7 @@ impl VisibleSet {
         self.refresh(scene);
         if other.is_result_of(scene) && !other.is_of_layout(scene) {
             let mut masks = core::mem::take(&mut self.scratch_masks);
-            write_masks(&mut masks, scene, &other.ids);
+            write_masks(&mut masks, scene, other.iter(scene));
             self.add(scene, &|node| masks[node]);
             self.scratch_masks = masks;
         } else if !(self.everything && other.everything) {
@@ -257,8 +271,12 @@ impl VisibleSet {
             self.listing = Listing::Masks;
             self.layout = scene.layout();
             self.words.resize(scene.tree().node_count(), 0);
-        } else if self.listing == Listing::Finished {
-            self.listing = Listing::Order;
+            return;
+        }
+        match self.listing {
+            Listing::Finished => self.listing = Listing::Order,
+            Listing::Unlisted { .. } => self.listing = Listing::Masks,
+            Listing::Masks | Listing::Order => {}
         }
     }
 
@@ -268,8 +286,9 @@ impl VisibleSet {
         if !self.is_result_of(scene) {
             self.prepare(scene);
         } else if !self.is_of_layout(scene) {
+            self.list_result(scene);
             self.ids.retain(|&id| scene.contains(id));
-            write_masks(&mut self.words, scene, &self.ids);
+            write_masks(&mut self.words, scene, self.ids.iter().copied());
             self.layout = scene.layout();
             self.index_limit = scene.index_limit();
         }
@@ -318,15 +337,19 @@ impl VisibleSet {
         lanes(mask).map(|lane| self.keep_below(is_current, scene, scene.tree().child(node, lane))).sum()
     }
 
-    /// Returns the number of candidates in and below `node`, whose bit must be set in all nodes above it.
-    /// `is_current` tells whether this set's masks were made for the scene's present layout; if not, every
-    /// object on the set's layers is a candidate.
-    pub(crate) fn count_below(&self, is_current: bool, scene: &Scene, node: usize) -> u64 {
-        let mask = self.mask_if(is_current, scene, node);
-        if scene.tree().levels[node] == 0 {
-            return mask.count_ones().into();
+    /// Returns the number of leaves with candidates in and below `node`, whose bit must be set in all nodes
+    /// above it. `is_current` tells whether this set's masks were made for the scene's present layout; if
+    /// not, every object on the set's layers is a candidate.
+    pub(crate) fn leaves_below(&self, is_current: bool, scene: &Scene, node: usize) -> u32 {
+        let level = scene.tree().levels[node];
+        if level == 0 {
+            return 1;
         }
-        lanes(mask).map(|lane| self.count_below(is_current, scene, scene.tree().child(node, lane))).sum()
+        let mask = self.mask_if(is_current, scene, node);
+        if level == 1 {
+            return mask.count_ones();
+        }
+        lanes(mask).map(|lane| self.leaves_below(is_current, scene, scene.tree().child(node, lane))).sum()
     }
 
     /// Marks an object for removal by [`drop_now`](Self::drop_now). `id` must be in the scene that
@@ -516,6 +539,28 @@ impl VisibleSet {
         LeafWalk::new(self.is_current(scene).then_some(&self.words[..]), self.layers, scene)
     }
 
+    /// Begins a traversal of the leaves that a finished set reached at the layout of its masks. `token` and
+    /// `root` are those of its [listing](Listing::Unlisted).
+    fn leaves_of_result<'a>(&'a self, scene: &'a Scene, token: Option<&'a Token>, root: u32) -> LeafWalk<'a> {
+        match token {
+            Some(token) if !self.is_of_layout(scene) => LeafWalk::of_state(&self.words, scene, root, token),
+            _ => self.leaves(scene),
+        }
+    }
+
+    /// Iterates over the objects of a finished set that are never culled, as they were at the layout of its
+    /// masks. `token` is that of its [listing](Listing::Unlisted).
+    fn unculled_of_result<'a>(
+        &'a self,
+        scene: &'a Scene,
+        token: Option<&'a Token>,
+    ) -> impl Iterator<Item = ObjectId> + 'a {
+        self.unculled_leaves.iter().flat_map(move |&leaf| {
+            let (_, ids) = scene.tree().contents_at(leaf as usize, token);
+            lanes(self.words[leaf as usize]).map(move |lane| ids[lane])
+        })
+    }
+
     /// Iterates over the objects that are never culled and share a layer with the set.
     fn unculled<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
         let (tree, layers) = (scene.tree(), self.layers);
@@ -538,7 +583,7 @@ impl VisibleSet {
         loop {
             if scene.tree().root != NONE {
                 for lane in lanes(walk.mask & scene.tree().occluders[walk.leaf]) {
-                    each(scene.tree().ids[walk.leaf][lane]);
+                    each(walk.ids[lane]);
                 }
             }
             if !walk.next_leaf() {
@@ -551,7 +596,7 @@ impl VisibleSet {
     #[inline]
     fn holds(&self, scene: &Scene, leaf: usize, lane: usize) -> bool {
         let tree = scene.tree();
-        if !self.is_current(scene) || tree.is_unculled_leaf(leaf) && self.listing != Listing::Finished {
+        if !self.is_current(scene) || tree.is_unculled_leaf(leaf) && !self.is_finished() {
             return scene.lanes_on_layers(leaf, self.layers) >> lane & 1 != 0;
         }
         tree.path(leaf, lane).all(|(node, lane)| self.words[node] >> lane & 1 != 0)
@@ -560,10 +605,10 @@ impl VisibleSet {
 
 /// Replaces `masks`, indexed by node, by those of a set that holds the objects `ids`. Ids that the scene does
 /// not know are ignored.
-fn write_masks(masks: &mut Vec<u64>, scene: &Scene, ids: &[ObjectId]) {
+fn write_masks(masks: &mut Vec<u64>, scene: &Scene, ids: impl Iterator<Item = ObjectId>) {
     masks.clear();
     masks.resize(scene.tree().node_count(), 0);
-    ids.iter().for_each(|&id| add_to_masks(masks, scene, id));
+    ids.for_each(|id| add_to_masks(masks, scene, id));
 }
 
 /// Adds an object to the set that `masks` holds, indexed by node and [consistent](set_path_bits). Does

@@ -11,7 +11,7 @@ mod check;
 
 pub use check::first_misplaced;
 
-use crate::scene::{Boxes64, NONE, Tree, lanes};
+use crate::scene::{Boxes64, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, VisibleSet};
 
 /// A child of a node of a [`BoxHierarchy`]: an inner node or an object.
@@ -203,9 +203,6 @@ fn first_lanes(count: usize) -> u64 {
     u64::MAX.checked_shr(64 - count.min(64) as u32).unwrap_or(0)
 }
 
-/// Number of objects that a node of another hierarchy than the scene's own is taken to stand for.
-const FOREIGN_NODE: u64 = 64;
-
 /// A walk in progress over one hierarchy, removing objects from one [`VisibleSet`]. Candidates are the
 /// objects that are still in the set, and the nodes that may contain such objects. The walk ends with
 /// [`finish`](Self::finish).
@@ -266,23 +263,10 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         self.scene
     }
 
-    /// Returns the number of candidates at the start of the walk, without objects that are never culled.
-    /// Takes a few nanoseconds per leaf that has candidates.
-    pub(crate) fn candidate_count(&self) -> u64 {
-        match self.scene.tree().root {
-            NONE => 0,
-            root => self.visible.count_below(self.is_current, self.scene, root as usize),
-        }
-    }
-
-    /// Returns the number of candidates below a node that this walk has neither visited nor accepted; in
-    /// another hierarchy than the scene's own [`FOREIGN_NODE`], an estimate.
-    pub(crate) fn candidates_below(&self, node: usize) -> u64 {
-        if H::IS_OF_SCENE {
-            self.visible.count_below(self.is_current, self.scene, node)
-        } else {
-            FOREIGN_NODE
-        }
+    /// Returns the number of leaves with candidates in and below a node that this walk has neither visited nor
+    /// accepted. 1 for every node of another hierarchy than the scene's own.
+    pub(crate) fn leaves_below(&self, node: usize) -> u32 {
+        if H::IS_OF_SCENE { self.visible.leaves_below(self.is_current, self.scene, node) } else { 1 }
     }
 
     /// Calls `test` with each block of children of `node` (`None`: the top of the hierarchy) and a mask of

@@ -14,6 +14,7 @@ mod hostile_input;
 mod lod;
 mod many_views;
 mod mesh_bounds;
+mod mesh_removal;
 mod motion;
 mod moving;
 mod no_allocation;

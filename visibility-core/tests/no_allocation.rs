@@ -170,10 +170,10 @@ fn results_allocate_nothing_once_warm() {
         }
         world.frame(&mut pipeline, &mut visible, false);
         visible.sort_by_index(&world.scene);
-        visible.write_bits(&mut bits).unwrap();
+        visible.write_bits(&world.scene, &mut bits).unwrap();
         // Few keys and sparse keys in turns.
         let spread = if frame % 2 == 0 { 1 } else { 1 << 20 };
-        list.group(visible.ids(), |id| id.index() as u32 % 50 * spread);
+        list.group(visible.iter(&world.scene), |id| id.index() as u32 % 50 * spread);
         commands.clear();
         commands.extend(list.commands(|_| DrawIndexedIndirect::default()));
         world.drawn += commands.len();

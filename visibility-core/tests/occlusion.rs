@@ -185,7 +185,7 @@ fn at_a_price_of_nothing_nothing_is_drawn() {
 }
 
 /// A wall of 12 triangles that covers a fiftieth of the view, before three boxes. At a price of 1 it is too
-/// expensive, and at 4 too, even though as many as 64 objects are taken to wait behind it.
+/// expensive, even though as many as 256 objects are taken to wait behind it.
 #[test]
 fn an_occluder_is_drawn_if_what_it_may_hide_is_worth_its_cost() {
     let mut scene = Scene::new();
@@ -195,7 +195,7 @@ fn an_occluder_is_drawn_if_what_it_may_hide_is_worth_its_cost() {
     scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
     let behind = |x: f32| Aabb::from_arrays([x, -0.5, -0.5], [x + 0.5, 0.5, 0.5]);
     scene.insert_batch([20.0, 21.0, 22.0].map(behind));
-    for (price, left) in [(1, 4), (4, 4), (24, 1), (u32::MAX, 1)] {
+    for (price, left) in [(1, 4), (4, 1), (24, 1), (u32::MAX, 1)] {
         let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_price(price);
         let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
         assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), left, "price {price}");
@@ -609,7 +609,7 @@ fn where_nothing_is_hidden_little_is_drawn() {
     let (in_view, stats, map) = count(&scene, SceneHierarchy, eye, target);
     assert!(in_view > 150_000, "{in_view} in view are no test");
     assert!(stats.visible as usize * 10 > in_view * 9, "{stats:?}");
-    assert!(map.costs.get() < 1_500 && map.added < 250, "{} of {} were drawn", map.added, map.costs.get());
+    assert!(map.costs.get() < 2_500 && map.added < 250, "{} of {} were drawn", map.added, map.costs.get());
     assert!(stats.tests as usize * 8 < in_view, "{stats:?}: {in_view} objects are not all tested in vain");
 }
 

@@ -115,7 +115,13 @@ const CHANGES: [(&str, Change); 11] = [
     ("rebuild", |scene, _| scene.rebuild()),
 ];
 
-/// Tests every change of a scene, by itself and in random sequences, under results in every order.
+/// Returns the objects of a result, in its order, from a copy: the result itself stays unlisted if it is.
+fn listed(scene: &Scene, visible: &VisibleSet) -> Vec<ObjectId> {
+    visible.clone().ids(scene).to_vec()
+}
+
+/// Tests every change of a scene, by itself and in random sequences, under results in every order, listed
+/// before the changes and not.
 #[test]
 fn results_survive_every_change_of_the_scene() {
     let mut rng = Random(2);
@@ -129,7 +135,7 @@ fn results_survive_every_change_of_the_scene() {
             pipeline = Pipeline::new();
         }
         pipeline.cull(&scene, &view, &mut visible);
-        match round % 4 {
+        match round % 8 {
             0 => visible.sort_by_key(&scene, |id| id.index() % 7),
             1 => {
                 let some: Vec<_> = scene.ids().step_by(3).collect();
@@ -137,9 +143,10 @@ fn results_survive_every_change_of_the_scene() {
                 visible.finish(&scene);
             }
             2 => visible.sort_by_index(&scene),
-            _ => {}
+            3 => _ = visible.ids(&scene),
+            _ => assert!(visible.is_finished() && visible.listed().is_none()),
         }
-        let list = visible.ids().to_vec();
+        let list = listed(&scene, &visible);
         assert_eq!(list.len(), list.iter().collect::<BTreeSet<_>>().len(), "each object once");
         assert_reads(&scene, &visible, &list, "unchanged");
         for step in 0..6 {
@@ -148,16 +155,16 @@ fn results_survive_every_change_of_the_scene() {
             let left: Vec<_> = list.iter().copied().filter(|&id| scene.contains(id)).collect();
             removed += list.len() - left.len();
             assert_reads(&scene, &visible, &left, name);
-            assert_eq!(visible.ids(), list, "{name}");
+            assert_eq!(visible.listed(), (round % 8 < 4).then_some(&list[..]), "{name}");
             // A copy that takes in the change holds the same, in the same order.
             let mut copy = visible.clone();
             copy.finish(&scene);
             assert_reads(&scene, &copy, &left, name);
-            assert_eq!(copy.ids(), left, "{name}");
+            assert_eq!(copy.ids(&scene), left, "{name}");
             copy.sort_by_index(&scene);
             let mut sorted = left.clone();
             sorted.sort_unstable();
-            assert_eq!(copy.ids(), sorted, "{name}");
+            assert_eq!(copy.listed(), Some(&sorted[..]), "{name}");
             copy.order_first(&scene, &sorted[sorted.len() / 2..]);
             let unculled = |id: &ObjectId| scene.object(*id).unwrap().never_cull;
             let copied: BTreeSet<_> = copy.iter(&scene).filter(|id| !unculled(id)).collect();
@@ -168,9 +175,123 @@ fn results_survive_every_change_of_the_scene() {
         pipeline.cull(&scene, &view, &mut visible);
         let mut fresh = VisibleSet::new();
         pipeline.cull(&scene, &view, &mut fresh);
-        assert_eq!(visible.ids(), fresh.ids());
+        assert_eq!(visible.ids(&scene), fresh.ids(&scene));
     }
     assert!(removed > 50, "too easy: {removed}");
+}
+
+/// Tests results of several frames that live side by side, and of which some are listed, copied or dropped
+/// while the scene changes: each keeps its own.
+#[test]
+fn results_of_several_frames_survive_side_by_side() {
+    let mut rng = Random(8);
+    let mut outdated = 0;
+    for round in 0..30 {
+        let mut scene = random_scene(&mut rng, if round % 2 == 0 { 300 } else { 6000 });
+        let mut pipeline = frustum();
+        let mut results: Vec<(VisibleSet, Vec<ObjectId>, visibility_core::stamp::Stamp)> = Vec::new();
+        for _ in 0..25 {
+            let at = rng.below(results.len() + 1);
+            match rng.below(5) {
+                0 | 1 => {
+                    // Reuses a set, or makes one.
+                    let mut set = match results.get_mut(at) {
+                        Some((set, ..)) => core::mem::take(set),
+                        None => VisibleSet::new(),
+                    };
+                    results.truncate(at.max(4).min(results.len()));
+                    pipeline.cull(&scene, &looking_at(rng.vector(1.0)).with_layers(3), &mut set);
+                    results.retain(|(set, ..)| set.is_finished());
+                    let list = listed(&scene, &set);
+                    results.push((set, list, scene.layout()));
+                }
+                2 if at < results.len() => results.push(results[at].clone()),
+                3 if at < results.len() => {
+                    let (set, list, _) = &mut results[at];
+                    list.retain(|&id| scene.contains(id));
+                    assert_eq!(set.ids(&scene), list);
+                }
+                _ => rng.pick(&CHANGES).1(&mut scene, &mut rng),
+            }
+            for (set, list, layout) in &results {
+                let left: Vec<_> = list.iter().copied().filter(|&id| scene.contains(id)).collect();
+                assert_eq!(set.iter(&scene).collect::<Vec<_>>(), left);
+                assert_eq!(set.count(&scene), left.len());
+                let other = any(&scene, &mut rng);
+                assert_eq!(set.contains(&scene, other), left.contains(&other));
+                outdated += usize::from(set.listed().is_none() && *layout != scene.layout());
+            }
+        }
+    }
+    assert!(outdated > 300, "too easy: {outdated}");
+}
+
+/// Tests that what the scene keeps for results that are not listed is bounded by these results, and goes
+/// with them.
+#[test]
+fn what_a_scene_keeps_for_results_goes_with_them() {
+    let mut rng = Random(9);
+    let mut scene = random_scene(&mut rng, 20_000);
+    let ids: Vec<_> = scene.ids().collect();
+    let mut change = |scene: &mut Scene| {
+        for _ in 0..20 {
+            scene.set_bounds(rng.pick(&ids), random_box(&mut rng)).unwrap();
+        }
+        scene.maintain(50);
+    };
+    // Both: the memory after many frames without a result, and with three.
+    let mut greatest = [0; 2];
+    let (mut pipeline, mut sets) = (frustum(), [(); 3].map(|_| VisibleSet::new()));
+    for (keeps, greatest) in greatest.iter_mut().enumerate() {
+        for frame in 0..1500 {
+            let set = &mut sets[frame % 3];
+            pipeline.cull(&scene, &looking_at(DVec3::new(1.0, frame as f64 * 0.01, 0.0)), set);
+            if keeps == 0 {
+                set.ids(&scene);
+            }
+            change(&mut scene);
+            *greatest = (*greatest).max(scene.memory());
+        }
+    }
+    let [without, with] = greatest;
+    assert!(with > without, "too easy: {with}");
+    assert!(with < without + without / 3, "{with} bytes with results, {without} without");
+    sets.iter_mut().for_each(|set| set.clear(&scene));
+    change(&mut scene);
+    assert!(scene.memory() <= without + without / 50, "{} of {without}", scene.memory());
+}
+
+/// Tests the tracker's case: cullers called one by one, then a draw list, without a call of `finish`.
+#[test]
+fn no_order_of_calls_leaves_a_list_empty() {
+    let mut scene = Scene::new();
+    scene.insert_batch((0..10).map(|i| at(5.0 + i as f32, -0.2, -0.2)));
+    scene.insert(at(-9.0, 0.0, 0.0));
+    let view = looking_at(DVec3::X);
+    let calls: [fn(&mut VisibleSet, &Scene); 6] = [
+        |_, _| {},
+        |set, scene| set.finish(scene),
+        |set, scene| _ = set.ids(scene),
+        |set, scene| set.sort_by_index(scene),
+        |set, scene| set.order_first(scene, &[]),
+        |set, scene| _ = set.retain(scene, |_, _| true),
+    ];
+    for first in calls {
+        for second in calls {
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &view);
+            visibility_core::Culler::cull(&mut FrustumCuller::new(), &scene, &view, &mut visible);
+            first(&mut visible, &scene);
+            second(&mut visible, &scene);
+            let (mut list, mut bits) = (DrawList::new(), [0]);
+            list.group(visible.iter(&scene), |_| 0);
+            assert_eq!(list.groups(), [DrawGroup { key: 0, first: 0, count: 10 }]);
+            visible.write_bits(&scene, &mut bits).unwrap();
+            assert_eq!((bits[0].count_ones(), visible.count(&scene)), (10, 10));
+            assert_eq!(visible.ids(&scene).len(), 10);
+            assert_eq!(visible.listed().map(<[_]>::len), Some(10));
+        }
+    }
 }
 
 /// Tests that unions of results older than the scene hold the objects of both, and what is never culled.
@@ -187,7 +308,7 @@ fn unions_of_results_survive_changes_too() {
         for set in &mut sets {
             let view = looking_at(rng.vector(1.0)).with_layers(3);
             frustum().cull(&scene, &view, set);
-            expected.extend(set.ids().iter().copied());
+            expected.extend(set.iter(&scene));
             if round % 3 > 0 {
                 // The second change, if any, comes after both sets.
                 rng.pick(&CHANGES).1(&mut scene, &mut rng);
@@ -204,7 +325,7 @@ fn unions_of_results_survive_changes_too() {
         }
         both.union(&scene, &sets[1]);
         both.finish(&scene);
-        let got: BTreeSet<_> = both.ids().iter().copied().collect();
+        let got: BTreeSet<_> = both.iter(&scene).collect();
         let culled = |ids: &BTreeSet<ObjectId>| -> BTreeSet<ObjectId> {
             let can = |id: &ObjectId| {
                 let object = scene.object(*id).unwrap();
@@ -218,7 +339,7 @@ fn unions_of_results_survive_changes_too() {
             object.never_cull && object.layers & 3 != 0
         });
         assert!({ always }.all(|id| got.contains(&id)), "round {round}");
-        assert_reads(&scene, &both, both.ids(), "union");
+        assert_reads(&scene, &both, &listed(&scene, &both), "union");
     }
     assert!(stale > 30, "too easy: {stale}");
 }
@@ -235,19 +356,21 @@ fn the_result_of_another_scene_hides_nothing() {
     assert_eq!((visible.count(&copy), visible.iter(&copy).count()), (on_layers, on_layers));
     assert!(copy.ids().all(|id| visible.contains(&copy, id)));
     visible.sort_by_index(&copy);
-    assert_eq!(visible.ids().len(), on_layers, "and is then a result of that scene");
+    assert_eq!(visible.ids(&scene.clone()).len(), on_layers, "a clone is another scene");
+    assert_eq!(visible.ids(&copy).len(), on_layers, "and is then a result of that scene");
 }
 
 #[test]
-fn a_set_that_is_not_finished_has_no_list() {
+fn sets_are_finished_until_they_are_culled_again() {
     let mut scene = Scene::new();
     let id = scene.insert(at(5.0, 0.0, 0.0));
     let view = looking_at(DVec3::X);
     let mut visible = VisibleSet::new();
-    assert!(!visible.is_finished() && visible.ids().is_empty());
-    assert_eq!(visible.write_bits(&mut [0; 9]), Err(BitsError::Unfinished));
+    assert!(!visible.is_finished() && visible.listed().is_none());
     visible.finish(&scene);
-    assert_eq!(visible.ids(), [id]);
+    assert!(visible.is_finished() && visible.listed().is_none(), "nothing has asked for the list");
+    assert_eq!(visible.ids(&scene), [id]);
+    assert_eq!(visible.listed(), Some(&[id][..]));
     let unfinish: [fn(&mut VisibleSet, &Scene, &View); 6] = [
         |set, scene, view| set.fill(scene, view),
         |set, scene, _| set.clear(scene),
@@ -257,12 +380,17 @@ fn a_set_that_is_not_finished_has_no_list() {
         |set, scene, _| set.union(scene, &VisibleSet::new()),
     ];
     for unfinish in unfinish {
-        visible.finish(&scene);
-        assert!(visible.is_finished());
-        unfinish(&mut visible, &scene, &view);
-        assert!(!visible.is_finished() && visible.ids().is_empty());
-        visible.finish(&scene);
-        assert_eq!(visible.ids().len(), visible.count(&scene));
+        for is_listed in [false, true] {
+            visible.finish(&scene);
+            if is_listed {
+                visible.ids(&scene);
+            }
+            assert!(visible.is_finished());
+            unfinish(&mut visible, &scene, &view);
+            assert!(!visible.is_finished() && visible.listed().is_none());
+            let count = visible.count(&scene);
+            assert_eq!(visible.ids(&scene).len(), count);
+        }
     }
 }
 
@@ -276,16 +404,16 @@ fn bits_are_those_of_the_listed_indices() {
         let needed = count.div_ceil(32);
         for len in 0..needed {
             let mut bits = vec![7; len];
-            assert_eq!(visible.write_bits(&mut bits), Err(BitsError::TooShort { needed }));
+            assert_eq!(visible.write_bits(&scene, &mut bits), Err(BitsError::TooShort { needed }));
             assert!(bits.iter().all(|&word| word == 7), "unchanged");
         }
         // Spawns after culling ask for no more.
         scene.insert_batch((0..100).map(|_| random_box(&mut rng)));
         for len in [needed, needed + 3] {
             let mut bits = vec![u32::MAX; len];
-            visible.write_bits(&mut bits).unwrap();
+            visible.write_bits(&scene, &mut bits).unwrap();
             for i in 0..len * 32 {
-                let is_listed = visible.ids().iter().any(|id| id.index() == i);
+                let is_listed = listed(&scene, &visible).iter().any(|id| id.index() == i);
                 assert_eq!(bits[i / 32] >> (i % 32) & 1 == 1, is_listed, "{i} of {count}");
             }
         }
@@ -305,11 +433,12 @@ fn a_render_thread_reads_results_while_the_scene_changes() {
         pipeline.cull(&scene, &looking_at(rng.vector(1.0)), &mut back);
         core::mem::swap(&mut front, &mut back);
         let expected: Vec<_> = front.iter(&scene).collect();
+        front.ids(&scene);
         std::thread::scope(|scope| {
-            let render = scope.spawn(|| front.ids().to_vec());
+            let render = scope.spawn(|| front.listed().map(<[_]>::to_vec));
             scene.remove(any(&scene, &mut rng)).unwrap();
             scene.insert(random_box(&mut rng));
-            assert_eq!(render.join().unwrap(), expected);
+            assert_eq!(render.join().unwrap(), Some(expected));
         });
     }
 }
@@ -337,7 +466,7 @@ fn draw_lists_group_as_a_map_of_lists_does() {
             })
             .collect();
         sparse += usize::from(key_of.iter().any(|&key| key as usize > 8 * count + 1000));
-        list.group(&ids, |id| key_of[id.index()]);
+        list.group(ids.iter().copied(), |id| key_of[id.index()]);
         let mut expected: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for id in &ids {
             expected.entry(key_of[id.index()]).or_default().push(id.index() as u32);

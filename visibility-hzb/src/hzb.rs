@@ -35,10 +35,6 @@ const MAX_OUTLINE_TRIANGLES: usize = 24;
 /// as much as two.
 const OUTLINE_COST_DIVISOR: usize = 6;
 
-/// Number of tiles that are filled by the work of drawing one triangle: a box that covers all of 512 x 288
-/// pixels takes 3 microseconds, of 1920 x 1080 pixels 20 (measured).
-const TILES_PER_TRIANGLE: usize = 100;
-
 /// Number of occluders found hidden by the tiles but not by the (older) pyramid after which the pyramid is
 /// updated between flushes. From this number on, the update costs less than it saves.
 const MAX_PYRAMID_MISSES: usize = 32;
@@ -410,10 +406,6 @@ impl OcclusionMap for Hzb {
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         let solid = occluder.solid_triangles();
         occluder.triangles().len() - solid + solid.div_ceil(OUTLINE_COST_DIVISOR)
-    }
-
-    fn view_cost(&self) -> usize {
-        self.tiles.columns * self.tiles.rows / TILES_PER_TRIANGLE
     }
 
     fn flush(&mut self) {

@@ -153,10 +153,12 @@ fn random_wall(rng: &mut Random) -> Aabb {
     Aabb::new(at - half, at + half)
 }
 
-/// Gives an object a box-shaped occluder mesh with the object's bounds.
+/// Gives an object a box-shaped occluder mesh with the object's bounds. The mesh goes with the object, so
+/// that later meshes reuse its index under live cullers.
 fn give_mesh(scene: &mut Scene, id: ObjectId, bounds: &Aabb) {
     let mesh = scene.add_mesh(OccluderMesh::cuboid(bounds).unwrap());
     scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+    scene.remove_mesh(mesh).unwrap();
 }
 
 /// Makes up to three random changes: removal, insertion, new bounds, triangles, layers, flags, occluders or

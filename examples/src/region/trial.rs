@@ -32,7 +32,7 @@ pub fn run(name: &str, method: &mut dyn Method, scene: &Scene, cell: &Viewcell) 
     let mut visible = VisibleSet::new();
     let (_, seconds) = timed(|| method.cull(scene, cell, &mut visible));
     visible.sort_by_index(scene);
-    let reported = visible.ids().iter().map(|id| id.index() as u32).collect();
+    let reported = visible.iter(scene).map(|id| id.index() as u32).collect();
     let sandwich = method.sandwich();
     Trial { method: name.to_owned(), accuracy: method.accuracy(), seconds, reported, sandwich }
 }

@@ -215,7 +215,7 @@ pub(crate) fn cull_cameras(
         // Records and entities are read fastest in the order of memory.
         culling.visible.sort_by_index(mirror.scene());
         classes.resize_with(mirror.classes().len(), EntitySorter::default);
-        for &id in culling.visible.ids() {
+        for &id in culling.visible.ids(mirror.scene()) {
             let index = mirror.plain(id);
             if index != ASK {
                 classes[0].push_first(index);

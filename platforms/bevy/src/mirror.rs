@@ -100,10 +100,15 @@ pub struct VisibilityScene {
     meshes: HashMap<AssetId<Mesh>, Option<MeshId>>,
     custom_meshes: HashMap<usize, (Arc<OccluderMesh>, MeshId)>,
     /// Occluders that are boxes, by the bits of their corners.
-    box_meshes: HashMap<[u32; 6], Option<MeshId>>,
+    box_meshes: HashMap<[u32; 6], MeshId>,
+    /// Number of meshes of the scene above which those that no object has are removed.
+    mesh_limit: usize,
     /// Entities to be inserted together, and their boxes.
     fresh: Vec<(Fresh, Object)>,
 }
+
+/// Meshes of the scene below which unused ones stay.
+const FEWEST_MESHES: usize = 64;
 
 /// Stands for an object whose record must be asked.
 pub(crate) const ASK: u32 = u32::MAX;
@@ -120,6 +125,7 @@ impl Default for VisibilityScene {
             meshes: HashMap::new(),
             custom_meshes: HashMap::new(),
             box_meshes: HashMap::new(),
+            mesh_limit: FEWEST_MESHES,
             fresh: Vec::new(),
         }
     }
@@ -238,9 +244,33 @@ impl VisibilityScene {
         self.objects[entity.index_u32() as usize] = EntityObject::NONE;
     }
 
-    /// Forgets the occluder that was made of a mesh asset, so that the next entity makes it anew.
+    /// Forgets the occluder that was made of a mesh asset, so that the next entity makes it anew. Its memory
+    /// goes with the last object that has it.
     pub(crate) fn forget_mesh(&mut self, asset: AssetId<Mesh>) {
-        self.meshes.remove(&asset);
+        if let Some(mesh) = self.meshes.remove(&asset).flatten() {
+            // Known, so never an error.
+            let _ = self.scene.remove_mesh(mesh);
+        }
+    }
+
+    /// Removes the occluder meshes that no object has, once there are twice as many meshes as were left last
+    /// time: boxes that change and assets that come and go do not fill the memory.
+    fn remove_unused_meshes(&mut self) {
+        let Self { scene, meshes, custom_meshes, box_meshes, mesh_limit, .. } = self;
+        if scene.mesh_count() <= *mesh_limit {
+            return;
+        }
+        let mut stays = |mesh: MeshId| {
+            let is_used = scene.mesh_users(mesh).is_ok_and(|users| users > 0);
+            if !is_used {
+                let _ = scene.remove_mesh(mesh);
+            }
+            is_used
+        };
+        meshes.retain(|_, mesh| mesh.is_none_or(&mut stays));
+        custom_meshes.retain(|_, (_, mesh)| stays(*mesh));
+        box_meshes.retain(|_, mesh| stays(*mesh));
+        *mesh_limit = FEWEST_MESHES.max(2 * scene.mesh_count());
     }
 
     /// Brings the object of an entity up to date with the entity. An entity that is new to the scene is
@@ -312,6 +342,8 @@ impl VisibilityScene {
             }
         }
         self.fresh = fresh;
+        // Now that every mesh made for an entity is that of its object.
+        self.remove_unused_meshes();
     }
 
     /// Returns the occluder of an entity that may hide others.
@@ -350,10 +382,12 @@ impl VisibilityScene {
     fn box_mesh(&mut self, local: &Aabb) -> Option<MeshId> {
         let [min, max] = [local.min, local.max].map(|corner| corner.to_array().map(f32::to_bits));
         let corners = [min[0], min[1], min[2], max[0], max[1], max[2]];
-        *self
-            .box_meshes
-            .entry(corners)
-            .or_insert_with(|| OccluderMesh::cuboid(local).ok().map(|mesh| self.scene.add_mesh(mesh)))
+        if let Some(&known) = self.box_meshes.get(&corners) {
+            return Some(known);
+        }
+        let mesh = self.scene.add_mesh(OccluderMesh::cuboid(local).ok()?);
+        self.box_meshes.insert(corners, mesh);
+        Some(mesh)
     }
 
     fn custom_mesh(&mut self, mesh: &Arc<OccluderMesh>) -> MeshId {

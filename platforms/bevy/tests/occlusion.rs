@@ -214,6 +214,48 @@ fn a_mesh_that_is_loaded_late_or_changed_is_followed() {
     assert!(!is_seen(&mut app, 1), "changed back");
 }
 
+/// Tests a wall that is another box, another asset, another custom mesh or another entity in every frame.
+#[test]
+fn occluders_that_change_every_frame_do_not_fill_the_scene() {
+    let changes: [fn(&mut bevy_app::App, Vec3); 4] = [
+        |app, half| {
+            let wall = entity(app, Number(0)).unwrap();
+            app.world_mut().entity_mut(wall).insert((Occluder::Box, Aabb::from_min_max(-half, half)));
+        },
+        |app, half| {
+            let wall = entity(app, Number(0)).unwrap();
+            app.world_mut().entity_mut(wall).insert(Occluder::Mesh);
+            let mesh = app.world().get::<Mesh3d>(wall).unwrap().0.clone();
+            let shape = Cuboid::from_size(half * 2.0).mesh().build();
+            app.world_mut().resource_mut::<Assets<Mesh>>().insert(&mesh, shape).unwrap();
+        },
+        |app, half| {
+            let bounds = visibility_core::Aabb::from_arrays((-half).to_array(), half.to_array());
+            let mesh = Arc::new(OccluderMesh::cuboid(&bounds).unwrap());
+            let wall = entity(app, Number(0)).unwrap();
+            let aabb = Aabb::from_min_max(-half, half);
+            app.world_mut().entity_mut(wall).insert((Occluder::Custom(mesh), aabb));
+        },
+        |app, half| {
+            let wall = entity(app, Number(0)).unwrap();
+            let transform = *app.world().get::<Transform>(wall).unwrap();
+            app.world_mut().despawn(wall);
+            let shape = Cuboid::from_size(half * 2.0).mesh().build();
+            let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(shape);
+            app.world_mut().spawn((Number(0), Mesh3d(mesh), transform, Occluder::Mesh));
+        },
+    ];
+    for (number, change) in changes.into_iter().enumerate() {
+        let mut app = wall_before_thing(Occluder::Box);
+        for frame in 0..200 {
+            change(&mut app, Vec3::splat(0.5 + frame as f32 * 1e-3));
+            assert!(!is_seen(&mut app, 1), "change {number}, frame {frame}");
+            let meshes = app.world().resource::<VisibilityScene>().scene().mesh_count();
+            assert!(meshes <= 65, "change {number}, frame {frame}: {meshes} meshes");
+        }
+    }
+}
+
 #[test]
 fn cameras_choose_their_cullers() {
     let mut app = wall_before_thing(Occluder::Mesh);

@@ -125,8 +125,8 @@ typedef struct vis_scene_pvs vis_scene_pvs;
 // A view: a camera and the layers that it shows. Created once, set each frame.
 typedef struct vis_view vis_view;
 
-// The objects that a view sees: the result of `vis_pipeline_cull`. It stays what it is while the scene
-// changes, so that a render thread can read it.
+// The objects that a view sees: the result of `vis_pipeline_cull`. It stays what it is when the scene
+// changes. Once listed, a render thread can read it while the scene changes.
 typedef struct vis_visible vis_visible;
 
 // A portal of a graph: a convex polygon between two cells.
@@ -346,6 +346,14 @@ enum vis_status vis_scene_add_mesh(struct vis_scene *scene,
 
 // Stores the occluder mesh of a box in a scene and writes its id: for walls, houses and other solids.
 enum vis_status vis_scene_add_box_mesh(struct vis_scene *scene, const struct vis_box *bounds, uint64_t *mesh);
+
+// Removes an occluder mesh from a scene. Its id names no mesh any more. Objects that have the mesh keep it
+// until they get another or lose it; its memory is freed with the last of them, at once if there is none.
+enum vis_status vis_scene_remove_mesh(struct vis_scene *scene, uint64_t mesh);
+
+// Writes the number of occluder meshes that a scene holds: those that were added and not removed, those that
+// an object keeps, and those prepared from the triangles of objects.
+enum vis_status vis_scene_mesh_count(const struct vis_scene *scene, size_t *count);
 
 // Gives an object an occluder mesh, which hides others while the object has `VIS_OBJECT_OCCLUDER`.
 // `transform` is a matrix of 16 numbers from mesh to scene coordinates, column-major, with the last row
@@ -635,8 +643,15 @@ enum vis_status vis_visible_create(bool with_changes, struct vis_visible **visib
 // Destroys a set. Does nothing for a null pointer.
 void vis_visible_destroy(struct vis_visible *visible);
 
-// Writes the number of visible objects.
-enum vis_status vis_visible_count(const struct vis_visible *visible, size_t *count);
+// Lists the visible objects, unless `vis_visible_sort_by_index` or a set with changes has: once listed, the
+// functions below need no scene, so that a render thread can read the set while the scene changes.
+enum vis_status vis_visible_list(struct vis_visible *visible, const struct vis_scene *scene);
+
+// Writes the number of visible objects that are still in the scene. `scene` may be null if the set is
+// listed; objects removed since then are counted.
+enum vis_status vis_visible_count(const struct vis_visible *visible,
+                                  const struct vis_scene *scene,
+                                  size_t *count);
 
 // Writes whether an object is visible. False if it has been removed from the scene since.
 enum vis_status vis_visible_contains(const struct vis_visible *visible,
@@ -649,9 +664,11 @@ enum vis_status vis_visible_contains(const struct vis_visible *visible,
 // other.
 enum vis_status vis_visible_sort_by_index(struct vis_visible *visible, const struct vis_scene *scene);
 
-// Writes the ids of the visible objects, and their number to `count`. With a null `ids` writes the number
-// alone; returns `VIS_ERROR_TOO_SHORT` if `ids` has room for fewer.
+// Writes the ids of the visible objects that are still in the scene, and their number to `count`. With a
+// null `ids` writes the number alone; returns `VIS_ERROR_TOO_SHORT` if `ids` has room for fewer. `scene` may
+// be null if the set is listed; objects removed since then are written too.
 enum vis_status vis_visible_ids(const struct vis_visible *visible,
+                                const struct vis_scene *scene,
                                 uint64_t *ids,
                                 size_t capacity,
                                 size_t *count);
@@ -659,14 +676,16 @@ enum vis_status vis_visible_ids(const struct vis_visible *visible,
 // Like `vis_visible_ids`, writes the indices of the visible objects: half the memory, for engines whose data
 // is in arrays.
 enum vis_status vis_visible_indices(const struct vis_visible *visible,
+                                    const struct vis_scene *scene,
                                     uint32_t *indices,
                                     size_t capacity,
                                     size_t *count);
 
-// Writes one bit per object index, `index % 32` of word `index / 32`, set for visible objects, and the
-// number of words to `count`. Null and too short as for `vis_visible_ids`; the number of words follows from
-// `vis_scene_index_limit`.
+// Writes one bit per object index, `index % 32` of word `index / 32`, set for visible objects that are still
+// in the scene, and the number of words to `count`. Null and too short as for `vis_visible_ids`; the number
+// of words follows from `vis_scene_index_limit`.
 enum vis_status vis_visible_write_bits(const struct vis_visible *visible,
+                                       const struct vis_scene *scene,
                                        uint32_t *words,
                                        size_t capacity,
                                        size_t *count);

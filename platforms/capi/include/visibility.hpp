@@ -2,7 +2,7 @@
 //
 //     auto scene = vis::make<vis::Scene>(vis_scene_create);
 //     vis::check(vis_scene_rebuild(scene.get()));
-//     std::vector<uint32_t> draw = vis::list<uint32_t>(vis_visible_indices, visible.get());
+//     std::vector<uint32_t> draw = vis::list<uint32_t>(vis_visible_indices, visible.get(), scene.get());
 #ifndef VISIBILITY_HPP
 #define VISIBILITY_HPP
 

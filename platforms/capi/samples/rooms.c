@@ -82,12 +82,12 @@ int main(void) {
     vis_stats frustum;
     check(vis_pipeline_stage_stats(pipeline, 0, &frustum));
     expect("in the frustum", frustum.visible, 2);
-    check(vis_visible_ids(visible, ids, 2, &count));
+    check(vis_visible_ids(visible, scene, ids, 2, &count));
     expect("through the open door", count, 1);
     expect("the table", ids[0] == table, 1);
     check(vis_cells_set_open(cells, 0, false));
     check(vis_pipeline_cull(pipeline, scene, view, visible, NULL));
-    check(vis_visible_count(visible, &count));
+    check(vis_visible_count(visible, scene, &count));
     expect("through the shut door", count, 0);
 
     /* The same by the baked set alone: objects have the rooms as targets. */
@@ -99,7 +99,7 @@ int main(void) {
     check(vis_pipeline_create(&by_pvs));
     check(vis_pipeline_add_pvs(by_pvs, scene_pvs));
     check(vis_pipeline_cull(by_pvs, scene, view, visible, NULL));
-    check(vis_visible_count(visible, &count));
+    check(vis_visible_count(visible, scene, &count));
     expect("by the baked set", count, 1);
 
     /* The judge draws triangles, finds that the table shows, and that the result has it. */

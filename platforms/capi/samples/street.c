@@ -88,10 +88,10 @@ int main(void) {
     /* What to draw: by ascending index, or as bits. */
     uint32_t draw[BOXES + 1], bits[(BOXES + 1 + 31) / 32];
     check(vis_visible_sort_by_index(visible, scene));
-    check(vis_visible_indices(visible, draw, BOXES + 1, &count));
+    check(vis_visible_indices(visible, scene, draw, BOXES + 1, &count));
     expect("to draw", count, 1 + NEAR_BOXES + SIDE_BOXES);
     check(vis_scene_index_limit(scene, &limit));
-    check(vis_visible_write_bits(visible, bits, (limit + 31) / 32, &words));
+    check(vis_visible_write_bits(visible, scene, bits, (limit + 31) / 32, &words));
     size_t wrong = 0;
     for (size_t i = 0; i < count; i++)
         wrong += (i > 0 && draw[i - 1] >= draw[i]) || !(bits[draw[i] / 32] >> draw[i] % 32 & 1);

@@ -50,7 +50,7 @@ int main() try {
         vis::check(vis_pipeline_stage_stats(pipeline.get(), 0, &frustum));
         expect("in the frustum", frustum.visible, 114);
         vis::check(vis_visible_sort_by_index(visible.get(), scene.get()));
-        draw = vis::list<uint32_t>(vis_visible_indices, visible.get());
+        draw = vis::list<uint32_t>(vis_visible_indices, visible.get(), scene.get());
     };
     std::vector<uint32_t> left, right;
     std::thread other(cull, 0.03, std::ref(left));

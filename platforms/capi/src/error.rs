@@ -107,10 +107,7 @@ codes! {
         BakedSetError::OtherScene | BakedSetError::OtherVersion { .. } => VIS_ERROR_ARGUMENT,
         _ => VIS_ERROR_FORMAT,
     };
-    BitsError, kind => match kind {
-        BitsError::Unfinished => VIS_ERROR_STATE,
-        BitsError::TooShort { .. } => VIS_ERROR_TOO_SHORT,
-    };
+    BitsError, _ => VIS_ERROR_TOO_SHORT;
 }
 
 thread_local! {

@@ -55,6 +55,29 @@ pub unsafe extern "C" fn vis_scene_add_box_mesh(
     })
 }
 
+/// Removes an occluder mesh from a scene. Its id names no mesh any more. Objects that have the mesh keep it
+/// until they get another or lose it; its memory is freed with the last of them, at once if there is none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_remove_mesh(scene: *mut vis_scene, mesh: u64) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let scene = unsafe { reference(scene, "scene") }?;
+        Ok(scene.write()?.scene.remove_mesh(MeshId::from_bits(mesh))?)
+    })
+}
+
+/// Writes the number of occluder meshes that a scene holds: those that were added and not removed, those that
+/// an object keeps, and those prepared from the triangles of objects.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_mesh_count(scene: *const vis_scene, count: *mut usize) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (scene, mut count) = unsafe { (reference(scene, "scene")?, out(count, "count")?) };
+        count.set(scene.read()?.scene.mesh_count());
+        Ok(())
+    })
+}
+
 /// Gives an object an occluder mesh, which hides others while the object has `VIS_OBJECT_OCCLUDER`.
 /// `transform` is a matrix of 16 numbers from mesh to scene coordinates, column-major, with the last row
 /// 0 0 0 1; null for the identity. An object with local bounds is moved there; set bounds before, since a

@@ -1,6 +1,6 @@
 //! Sets of visible objects: the result of a frame.
 
-use crate::error::{Error, border, vis_status};
+use crate::error::{Error, border, vis_status, vis_status::VIS_ERROR_STATE};
 use crate::handle::Guarded;
 use crate::pointer::{buffer, create, destroy, out, reference};
 use crate::scene::vis_scene;
@@ -8,8 +8,8 @@ use std::sync::{RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::visible_set::BitsError;
 use visibility_core::{ObjectId, VisibleSet};
 
-/// The objects that a view sees: the result of `vis_pipeline_cull`. It stays what it is while the scene
-/// changes, so that a render thread can read it.
+/// The objects that a view sees: the result of `vis_pipeline_cull`. It stays what it is when the scene
+/// changes. Once listed, a render thread can read it while the scene changes.
 pub struct vis_visible(Guarded<VisibleSet>);
 
 impl vis_visible {
@@ -17,7 +17,34 @@ impl vis_visible {
     /// that nothing is visible.
     pub(crate) fn finished(&self) -> Result<RwLockReadGuard<'_, VisibleSet>, Error> {
         let visible = self.0.read()?;
-        if visible.is_finished() { Ok(visible) } else { Err(BitsError::Unfinished.into()) }
+        if visible.is_finished() {
+            return Ok(visible);
+        }
+        Err(Error::new(VIS_ERROR_STATE, "no pipeline has culled into the set of visible objects"))
+    }
+
+    /// Calls `read` with the number of visible objects and these objects: those that are still in the scene,
+    /// or without a scene those of the list.
+    ///
+    /// # Safety
+    /// `scene` is null, or a live handle.
+    unsafe fn read(
+        &self,
+        scene: *const vis_scene,
+        read: impl FnOnce(usize, &mut dyn Iterator<Item = ObjectId>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let visible = self.finished()?;
+        if !scene.is_null() {
+            // SAFETY: the caller's promise.
+            let scene = &unsafe { reference(scene, "scene") }?.read()?.scene;
+            return read(visible.count(scene), &mut visible.iter(scene));
+        }
+        match visible.listed() {
+            Some(ids) => read(ids.len(), &mut ids.iter().copied()),
+            None => {
+                Err(Error::new(VIS_ERROR_STATE, "the set of visible objects is not listed: pass the scene"))
+            }
+        }
     }
 
     pub(crate) fn write(&self) -> Result<RwLockWriteGuard<'_, VisibleSet>, Error> {
@@ -48,14 +75,38 @@ pub unsafe extern "C" fn vis_visible_destroy(visible: *mut vis_visible) {
     unsafe { destroy(visible) }
 }
 
-/// Writes the number of visible objects.
+/// Lists the visible objects, unless `vis_visible_sort_by_index` or a set with changes has: once listed, the
+/// functions below need no scene, so that a render thread can read the set while the scene changes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vis_visible_count(visible: *const vis_visible, count: *mut usize) -> vis_status {
+pub unsafe extern "C" fn vis_visible_list(visible: *mut vis_visible, scene: *const vis_scene) -> vis_status {
+    border(|| {
+        // SAFETY: the header's rules for pointers.
+        let (visible, scene) = unsafe { (reference(visible, "visible")?, reference(scene, "scene")?) };
+        let scene = &scene.read()?.scene;
+        drop(visible.finished()?);
+        visible.write()?.ids(scene);
+        Ok(())
+    })
+}
+
+/// Writes the number of visible objects that are still in the scene. `scene` may be null if the set is
+/// listed; objects removed since then are counted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_visible_count(
+    visible: *const vis_visible,
+    scene: *const vis_scene,
+    count: *mut usize,
+) -> vis_status {
     border(|| {
         // SAFETY: the header's rules for pointers.
         let (visible, mut count) = unsafe { (reference(visible, "visible")?, out(count, "count")?) };
-        count.set(visible.finished()?.ids().len());
-        Ok(())
+        // SAFETY: as before.
+        unsafe {
+            visible.read(scene, |length, _| {
+                count.set(length);
+                Ok(())
+            })
+        }
     })
 }
 
@@ -96,11 +147,13 @@ pub unsafe extern "C" fn vis_visible_sort_by_index(
     })
 }
 
-/// Writes the ids of the visible objects, and their number to `count`. With a null `ids` writes the number
-/// alone; returns `VIS_ERROR_TOO_SHORT` if `ids` has room for fewer.
+/// Writes the ids of the visible objects that are still in the scene, and their number to `count`. With a
+/// null `ids` writes the number alone; returns `VIS_ERROR_TOO_SHORT` if `ids` has room for fewer. `scene` may
+/// be null if the set is listed; objects removed since then are written too.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_ids(
     visible: *const vis_visible,
+    scene: *const vis_scene,
     ids: *mut u64,
     capacity: usize,
     count: *mut usize,
@@ -108,8 +161,8 @@ pub unsafe extern "C" fn vis_visible_ids(
     border(|| {
         // SAFETY: the header's rules for pointers.
         let (visible, ids) = unsafe { (reference(visible, "visible")?, buffer(ids, capacity, count)?) };
-        let visible = visible.finished()?;
-        ids.fill(visible.ids().len(), visible.ids().iter().map(|id| id.to_bits()))
+        // SAFETY: as before.
+        unsafe { visible.read(scene, |count, objects| ids.fill(count, objects.map(ObjectId::to_bits))) }
     })
 }
 
@@ -118,6 +171,7 @@ pub unsafe extern "C" fn vis_visible_ids(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_indices(
     visible: *const vis_visible,
+    scene: *const vis_scene,
     indices: *mut u32,
     capacity: usize,
     count: *mut usize,
@@ -126,17 +180,19 @@ pub unsafe extern "C" fn vis_visible_indices(
         // SAFETY: the header's rules for pointers.
         let (visible, indices) =
             unsafe { (reference(visible, "visible")?, buffer(indices, capacity, count)?) };
-        let visible = visible.finished()?;
-        indices.fill(visible.ids().len(), visible.ids().iter().map(|id| id.index() as u32))
+        let index = |id: ObjectId| id.index() as u32;
+        // SAFETY: as before.
+        unsafe { visible.read(scene, |count, objects| indices.fill(count, objects.map(index))) }
     })
 }
 
-/// Writes one bit per object index, `index % 32` of word `index / 32`, set for visible objects, and the
-/// number of words to `count`. Null and too short as for `vis_visible_ids`; the number of words follows from
-/// `vis_scene_index_limit`.
+/// Writes one bit per object index, `index % 32` of word `index / 32`, set for visible objects that are still
+/// in the scene, and the number of words to `count`. Null and too short as for `vis_visible_ids`; the number
+/// of words follows from `vis_scene_index_limit`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_write_bits(
     visible: *const vis_visible,
+    scene: *const vis_scene,
     words: *mut u32,
     capacity: usize,
     count: *mut usize,
@@ -144,13 +200,15 @@ pub unsafe extern "C" fn vis_visible_write_bits(
     border(|| {
         // SAFETY: the header's rules for pointers.
         let (visible, words) = unsafe { (reference(visible, "visible")?, buffer(words, capacity, count)?) };
+        // SAFETY: as before.
+        let scene = &unsafe { reference(scene, "scene") }?.read()?.scene;
         let visible = visible.finished()?;
-        let needed = match visible.write_bits(&mut []) {
+        let needed = match visible.write_bits(scene, &mut []) {
             Err(BitsError::TooShort { needed }) => needed,
-            other => other.map(|()| 0)?,
+            Ok(()) => 0,
         };
         match words.words(needed)? {
-            Some(words) => Ok(visible.write_bits(words)?),
+            Some(words) => Ok(visible.write_bits(scene, words)?),
             None => Ok(()),
         }
     })

@@ -119,7 +119,7 @@ fn no_number_makes_a_call_panic() {
                     };
                     let judged = vis_measure_compare(measure, scene, view, visible, &mut found);
                     assert_ne!(judged, VIS_ERROR_PANIC, "round {round}");
-                    vis_visible_ids(visible, list.as_mut_ptr(), list.len(), &mut count)
+                    vis_visible_ids(visible, scene, list.as_mut_ptr(), list.len(), &mut count)
                 }
                 17 => vis_scene_remove(scene, id),
                 18 => vis_scene_prepare_occluders(scene, &mut count),

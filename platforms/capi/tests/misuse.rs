@@ -77,7 +77,7 @@ fn null_pointers_are_refused_by_name() {
             (vis_pipeline_cull(pipeline, null(), view, visible, null_mut()), "scene"),
             (vis_pipeline_cull(pipeline, scene, null(), visible, null_mut()), "view"),
             (vis_pipeline_cull(pipeline, scene, view, null_mut(), null_mut()), "visible"),
-            (vis_visible_ids(visible, null_mut(), 0, null_mut()), "count"),
+            (vis_visible_ids(visible, scene, null_mut(), 0, null_mut()), "count"),
             (vis_graph_read_prt(null(), 5, &mut null_mut()), "text"),
             (vis_pvs_read(null(), 5, &mut null_mut()), "bytes"),
         ] {
@@ -136,7 +136,10 @@ fn removed_ids_are_unknown_and_batches_do_all_or_nothing() {
         assert_eq!(vis_scene_set_layers(stranger, ids[0], 1), VIS_ERROR_UNKNOWN_ID);
         assert_eq!(vis_scene_add_box_mesh(stranger, &raw const BOX, &raw mut mesh), VIS_OK);
         assert_eq!(vis_scene_set_mesh(scene, ids[0], mesh, null()), VIS_ERROR_UNKNOWN_ID);
-        assert_eq!(message(), "mesh 0 is not in the scene");
+        assert_eq!(message(), "mesh 0 is not, or no longer, in the scene");
+        assert_eq!(vis_scene_remove_mesh(scene, mesh), VIS_ERROR_UNKNOWN_ID);
+        assert_eq!(vis_scene_remove_mesh(stranger, mesh), VIS_OK);
+        assert_eq!(vis_scene_remove_mesh(stranger, mesh), VIS_ERROR_UNKNOWN_ID);
     }
 }
 
@@ -224,8 +227,8 @@ fn results_before_the_first_frame_are_an_error_not_nothing() {
     let mut count = 7;
     // SAFETY: handles are live.
     unsafe {
-        assert_eq!(vis_visible_count(setting.visible, &raw mut count), VIS_ERROR_STATE);
-        assert_eq!(message(), "the set of visible objects is not finished");
+        assert_eq!(vis_visible_count(setting.visible, setting.scene, &raw mut count), VIS_ERROR_STATE);
+        assert_eq!(message(), "no pipeline has culled into the set of visible objects");
         assert_eq!(vis_visible_sort_by_index(setting.visible, setting.scene), VIS_ERROR_STATE);
         let blind = make(vis_view_create);
         let status = vis_pipeline_cull(setting.pipeline, setting.scene, blind, setting.visible, null_mut());
@@ -237,26 +240,65 @@ fn results_before_the_first_frame_are_an_error_not_nothing() {
 }
 
 #[test]
+fn sets_need_no_scene_once_they_are_listed() {
+    let setting = Setting::new(9);
+    let (visible, scene) = (setting.visible, setting.scene);
+    let (mut ids, mut count) = ([0_u64; 9], 7);
+    // SAFETY: handles are live, and the array is as long as said.
+    unsafe {
+        assert_eq!(vis_visible_list(visible, scene), VIS_ERROR_STATE);
+        for sorts in [false, true] {
+            let list = if sorts { vis_visible_sort_by_index } else { vis_visible_list };
+            assert_eq!(setting.cull(), VIS_OK);
+            assert_eq!(vis_visible_count(visible, null(), &raw mut count), VIS_ERROR_STATE);
+            assert_eq!(message(), "the set of visible objects is not listed: pass the scene");
+            assert_eq!(
+                vis_visible_ids(visible, null(), ids.as_mut_ptr(), 9, &raw mut count),
+                VIS_ERROR_STATE
+            );
+            assert_eq!(list(visible, scene), VIS_OK);
+            assert_eq!(vis_visible_ids(visible, null(), ids.as_mut_ptr(), 9, &raw mut count), VIS_OK);
+            assert_eq!(count, 9);
+        }
+        // The list keeps what has left the scene; with the scene, only what is left is read.
+        assert_eq!(vis_scene_remove(scene, setting.ids[4]), VIS_OK);
+        assert_eq!(vis_visible_count(visible, null(), &raw mut count), VIS_OK);
+        assert_eq!(count, 9);
+        assert_eq!(vis_visible_count(visible, scene, &raw mut count), VIS_OK);
+        assert_eq!(count, 8);
+        assert_eq!(vis_visible_ids(visible, scene, ids.as_mut_ptr(), 9, &raw mut count), VIS_OK);
+        assert!(count == 8 && !ids[..8].contains(&setting.ids[4]));
+    }
+}
+
+#[test]
 fn short_buffers_stay_as_they_are_and_learn_the_length() {
     let setting = Setting::new(70);
     assert_eq!(setting.cull(), VIS_OK);
-    let visible = setting.visible;
+    let (visible, scene) = (setting.visible, setting.scene);
     let (mut ids, mut words, mut count) = (vec![1_u64; 70], [9_u32; 3], 0);
     // SAFETY: handles are live, and arrays as long as said.
     unsafe {
-        assert_eq!(vis_visible_ids(visible, ids.as_mut_ptr(), 69, &raw mut count), VIS_ERROR_TOO_SHORT);
+        assert_eq!(
+            vis_visible_ids(visible, scene, ids.as_mut_ptr(), 69, &raw mut count),
+            VIS_ERROR_TOO_SHORT
+        );
         assert_eq!((count, ids[0]), (70, 1));
         assert_eq!(message(), "a buffer of 69 elements is too short for 70");
-        assert_eq!(vis_visible_ids(visible, null_mut(), 0, &raw mut count), VIS_OK, "asks for the length");
-        assert_eq!(vis_visible_sort_by_index(visible, setting.scene), VIS_OK);
-        assert_eq!(vis_visible_ids(visible, ids.as_mut_ptr(), 70, &raw mut count), VIS_OK);
+        assert_eq!(
+            vis_visible_ids(visible, scene, null_mut(), 0, &raw mut count),
+            VIS_OK,
+            "asks for the length"
+        );
+        assert_eq!(vis_visible_sort_by_index(visible, scene), VIS_OK);
+        assert_eq!(vis_visible_ids(visible, scene, ids.as_mut_ptr(), 70, &raw mut count), VIS_OK);
         assert_eq!(ids, setting.ids);
         assert_eq!(
-            vis_visible_write_bits(visible, words.as_mut_ptr(), 2, &raw mut count),
+            vis_visible_write_bits(visible, scene, words.as_mut_ptr(), 2, &raw mut count),
             VIS_ERROR_TOO_SHORT
         );
         assert_eq!((count, words), (3, [9; 3]));
-        assert_eq!(vis_visible_write_bits(visible, words.as_mut_ptr(), 3, &raw mut count), VIS_OK);
+        assert_eq!(vis_visible_write_bits(visible, scene, words.as_mut_ptr(), 3, &raw mut count), VIS_OK);
         assert_eq!(words, [u32::MAX, u32::MAX, 63]);
         let mut text = [1; 8];
         let explain = |text: *mut _, capacity, count| {

@@ -58,10 +58,10 @@ fn warm_frames_allocate_nothing() {
             assert_eq!(vis_view_set_perspective(view, &raw const pose, 1.0, 1.5, 0.1, 500.0), VIS_OK);
             assert_eq!(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()), VIS_OK);
             assert_eq!(vis_visible_sort_by_index(visible, scene), VIS_OK);
-            assert_eq!(vis_visible_ids(visible, draw.as_mut_ptr(), COUNT, &raw mut count), VIS_OK);
+            assert_eq!(vis_visible_ids(visible, scene, draw.as_mut_ptr(), COUNT, &raw mut count), VIS_OK);
             seen += count;
             assert_eq!(
-                vis_visible_write_bits(visible, bits.as_mut_ptr(), bits.len(), &raw mut count),
+                vis_visible_write_bits(visible, scene, bits.as_mut_ptr(), bits.len(), &raw mut count),
                 VIS_OK
             );
             assert_eq!(vis_visible_newly_visible(visible, draw.as_mut_ptr(), COUNT, &raw mut count), VIS_OK);

@@ -60,9 +60,9 @@ fn visible_ids(
     unsafe {
         assert_eq!(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()), VIS_OK);
         assert_eq!(vis_visible_sort_by_index(visible, scene), VIS_OK);
-        assert_eq!(vis_visible_count(visible, &raw mut count), VIS_OK);
+        assert_eq!(vis_visible_count(visible, scene, &raw mut count), VIS_OK);
         let mut ids = vec![0; count];
-        assert_eq!(vis_visible_ids(visible, ids.as_mut_ptr(), count, &raw mut count), VIS_OK);
+        assert_eq!(vis_visible_ids(visible, scene, ids.as_mut_ptr(), count, &raw mut count), VIS_OK);
         ids
     }
 }
@@ -218,9 +218,15 @@ fn pipelines_explain_freeze_and_say_what_they_lack() {
         let positions = corners.as_ptr().cast();
         assert_eq!(vis_scene_add_mesh(scene, positions, 4, indices.as_ptr(), 2, true, &raw mut mesh), VIS_OK);
         assert_eq!(vis_scene_set_mesh(scene, wall, mesh, null()), VIS_OK);
+        // Removed, the mesh still hides until the object loses it.
+        let (mut before, mut after) = (0, 0);
+        assert_eq!(vis_scene_mesh_count(scene, &raw mut before), VIS_OK);
+        assert_eq!(vis_scene_remove_mesh(scene, mesh), VIS_OK);
         assert_eq!(see(), [wall]);
         assert_eq!(vis_scene_set_bounds(scene, wall, &cube_at(2.0)), VIS_OK);
         assert_eq!(see(), [wall, hidden]);
+        assert_eq!(vis_scene_mesh_count(scene, &raw mut after), VIS_OK);
+        assert_eq!(after + 1, before);
     }
 }
 

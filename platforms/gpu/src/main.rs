@@ -120,7 +120,7 @@ fn measure(method: &mut Method, viewer: &mut Viewer, views: &[View]) -> Result<(
             reported += states.iter().filter(|&&(_, drawn)| drawn).count();
             missing += shown.iter().filter(|&&object| !states[object].1).count();
         } else {
-            reported += visible.ids().len();
+            reported += visible.count(&viewer.world.scene);
             missing += Viewer::missing(&viewer.world.scene, &shown, &visible);
         }
     }
@@ -147,7 +147,7 @@ fn screenshots(viewer: &mut Viewer, views: &[View], folder: &std::path::Path) ->
     frustum.cull(&viewer.world.scene, view, &mut visible);
     viewer.draw_all(view);
     viewer.save(&folder.join("eye.png"))?;
-    viewer.draw(view, visible.ids());
+    viewer.draw(view, visible.ids(&viewer.world.scene));
     viewer.save(&folder.join("eye-culled.png"))?;
     viewer.save_from_above(&folder.join("above.png"), view, &in_frustum, &visible)?;
     println!("\neye.png, eye-culled.png and above.png are in {}", folder.display());

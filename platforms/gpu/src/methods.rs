@@ -90,10 +90,11 @@ impl Method {
         let cull_ms = elapsed();
         if let Culling::TwoPhase(_, culler) = &mut self.culling {
             viewer.look(view);
-            culler.draw(&viewer.gpu, &viewer.target, &viewer.meshes, &viewer.painter, visible)?;
+            let Viewer { gpu, target, meshes, painter, world, .. } = &*viewer;
+            culler.draw(gpu, target, meshes, painter, &world.scene, visible)?;
             return Ok(cull_ms);
         }
-        viewer.draw(view, visible.ids());
+        viewer.draw(view, visible.ids(&viewer.world.scene));
         if let Culling::Queries(culler) = &mut self.culling {
             culler.map_mut().device_mut().submit(&viewer.target);
         }

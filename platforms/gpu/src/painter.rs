@@ -121,7 +121,7 @@ impl Painter {
     /// Draws objects into an empty target: groups them into a draw list, uploads its commands, and submits.
     pub fn draw(&mut self, gpu: &Gpu, target: &Target, meshes: &Meshes, objects: &[ObjectId]) {
         // Each object is a mesh of its own, so its index is its key.
-        self.list.group(objects, |id| id.index() as u32);
+        self.list.group(objects.iter().copied(), |id| id.index() as u32);
         let commands = self.list.commands(|mesh| meshes.commands()[mesh as usize]);
         let commands: Vec<_> = commands.collect();
         let buffer = gpu.buffer("commands", &commands, BufferUsages::INDIRECT);

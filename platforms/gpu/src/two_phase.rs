@@ -75,20 +75,21 @@ impl TwoPhaseCuller {
         gpu.submit(|encoder| encoder.clear_buffer(&self.states, 0, None));
     }
 
-    /// Culls the objects of a set, such as those in the frustum, and draws what is left into an empty target:
-    /// the one that the culler was made for. The painter's camera must be set.
+    /// Culls the objects of a set of a scene, such as those in the frustum, and draws what is left into an
+    /// empty target: the one that the culler was made for. The painter's camera must be set.
     ///
     /// # Errors
-    /// An unfinished set, or one of a larger scene.
+    /// A set of a larger scene than the one that the culler was made for.
     pub fn draw(
         &mut self,
         gpu: &Gpu,
         target: &Target,
         meshes: &Meshes,
         painter: &Painter,
+        scene: &Scene,
         candidates: &VisibleSet,
     ) -> Result<(), BitsError> {
-        candidates.write_bits(&mut self.bits)?;
+        candidates.write_bits(scene, &mut self.bits)?;
         gpu.queue.write_buffer(&self.candidates, 0, bytemuck::cast_slice(&self.bits));
         gpu.submit(|encoder| {
             self.choose.run(encoder);

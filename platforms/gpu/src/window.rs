@@ -140,7 +140,7 @@ impl Shown {
         let method = &mut self.methods[self.chosen];
         let cull_ms = method.frame(&mut self.viewer, &view, &mut self.visible)?;
         let on_card = if let Culling::TwoPhase(..) = method.culling { ", then on the card" } else { "" };
-        let count = self.visible.ids().len();
+        let count = self.visible.count(&self.viewer.world.scene);
         if self.from_above {
             self.frustum.cull(&self.viewer.world.scene, &view, &mut self.in_frustum);
             self.viewer.draw_from_above(&view, &self.in_frustum, &self.visible)?;

@@ -88,11 +88,11 @@ fn cullers_report_all_that_the_card_shows() {
             seen += shown.len();
             for (number, (pipeline, reported)) in (1..).zip(pipelines.iter_mut().zip(&mut reported)) {
                 pipeline.cull(&viewer.world.scene, &view, &mut visible);
-                *reported += visible.ids().len();
+                *reported += visible.count(&viewer.world.scene);
                 let missing = Viewer::missing(&viewer.world.scene, &shown, &visible);
                 assert_eq!(missing, 0, "{scene}, pipeline {number}");
                 // The culled picture is the whole picture.
-                let ids = visible.ids().to_vec();
+                let ids = visible.ids(&viewer.world.scene).to_vec();
                 viewer.draw(&view, &ids);
                 assert_eq!(viewer.target.visible(&gpu).unwrap(), shown, "{scene}");
             }
@@ -129,7 +129,7 @@ impl ByQueries {
         let in_frustum = visible.count(scene);
         culler.cull(scene, view, visible);
         visible.finish(scene);
-        let ids: Vec<ObjectId> = visible.ids().to_vec();
+        let ids: Vec<ObjectId> = visible.ids(scene).to_vec();
         viewer.draw(view, &ids);
         culler.map_mut().device_mut().submit(&viewer.target);
         in_frustum
@@ -156,7 +156,7 @@ fn late_answers_that_count_as_visible_hide_nothing() {
                 let all = queries.frame(&mut viewer, &view);
                 let missing = Viewer::missing(&viewer.world.scene, &shown, &queries.visible);
                 assert_eq!(missing, 0, "{scene}, {delay:?}, frame {frame}");
-                let now = queries.visible.ids().len();
+                let now = queries.visible.count(&viewer.world.scene);
                 if frame == 0 {
                     assert_eq!(now, all, "{scene}: no answers are known in a new view");
                 } else if frame == 11 {
@@ -185,7 +185,7 @@ fn trusted_answers_are_right_once_the_camera_stands_still() {
         for view in viewer.views(60).unwrap() {
             let shown = shown(&mut viewer, &view);
             in_frustum += queries.frame(&mut viewer, &view);
-            left += queries.visible.ids().len();
+            left += queries.visible.count(&viewer.world.scene);
             late_objects += Viewer::missing(&viewer.world.scene, &shown, &queries.visible);
             seen += shown.len();
         }
@@ -225,8 +225,8 @@ fn two_phases_draw_all_that_the_card_shows() {
                 culler.reset(&gpu);
             }
             frustum.cull(&viewer.world.scene, &view, &mut visible);
-            let Viewer { meshes, painter, target, .. } = &viewer;
-            culler.draw(&gpu, target, meshes, painter, &visible).unwrap();
+            let Viewer { world, meshes, painter, target, .. } = &viewer;
+            culler.draw(&gpu, target, meshes, painter, &world.scene, &visible).unwrap();
             let states = culler.states(&gpu).unwrap();
             for &object in &shown {
                 assert!(states[object].0, "{scene}, frame {frame}: object {object} is hidden");
@@ -235,7 +235,7 @@ fn two_phases_draw_all_that_the_card_shows() {
             other_pixels += items.iter().zip(&whole).filter(|(a, b)| a != b).count();
             assert_eq!(viewer.target.visible(&gpu).unwrap(), shown, "{scene}, frame {frame}");
             if frame % 2 == 1 {
-                in_frustum += visible.ids().len();
+                in_frustum += visible.count(&viewer.world.scene);
                 found += states.iter().filter(|state| state.0).count();
                 drawn += states.iter().filter(|state| state.1).count();
                 seen += shown.len();
@@ -266,7 +266,7 @@ fn pictures_of_any_size_are_read_back_whole() {
         let mut visible = VisibleSet::new();
         Pipeline::new().with(FrustumCuller::new()).cull(&world.scene, &view, &mut visible);
         for _ in 0..2 {
-            culler.draw(&gpu, target, meshes, painter, &visible).unwrap();
+            culler.draw(&gpu, target, meshes, painter, &world.scene, &visible).unwrap();
             assert_eq!(target.visible(&gpu).unwrap(), shown);
         }
     }
@@ -334,7 +334,7 @@ fn a_poster_on_a_wall_is_not_hidden() {
             visible.fill(&scene, &view);
             visible.retain(&scene, |id, _| !only_the_wall || id.index() == 60);
             visible.finish(&scene);
-            culler.draw(&gpu, &target, &meshes, &painter, &visible).unwrap();
+            culler.draw(&gpu, &target, &meshes, &painter, &scene, &visible).unwrap();
         }
         let states = culler.states(&gpu).unwrap();
         for object in shown {

@@ -230,6 +230,10 @@ export interface Scene extends Handle {
    */
   addMesh(mesh: { positions: Numbers; indices: Numbers; twoSided?: boolean }): MeshId;
   addBoxMesh(box: Box): MeshId;
+  /** Removes an occluder mesh. Objects that have it keep it until they get another or lose it. */
+  removeMesh(mesh: MeshId): void;
+  /** Number of occluder meshes: those not removed, those that objects keep, and those prepared. */
+  readonly meshCount: number;
   /**
    * Gives an object an occluder mesh; `transform`, 16 numbers, places it in the scene. A mesh that reaches out of
    * the object's box hides nothing, and `lacks` says so.
@@ -303,7 +307,7 @@ export interface Pipeline extends Handle {
   lacks(scene: Scene): string;
 }
 
-/** The objects that a view sees. */
+/** The objects that a view sees, without those that were removed from the scene since. */
 export interface Visible extends Handle {
   readonly count: number;
   /**

@@ -554,6 +554,14 @@ class Scene extends Handle {
     });
   }
 
+  removeMesh(mesh) {
+    this.wasm.call((wasm) => wasm.check("vis_scene_remove_mesh", this.pointer, mesh));
+  }
+
+  get meshCount() {
+    return this.wasm.number("vis_scene_mesh_count", this.pointer);
+  }
+
   setMesh(id, mesh, transform) {
     this.wasm.call((wasm) => {
       const matrix = transform ? wasm.put(Float32Array, sameLength(transform, 16, "transform")) : 0;
@@ -646,6 +654,7 @@ class Pipeline extends Handle {
     return this.wasm.call((wasm) => {
       const place = wasm.borrow(STATS_BYTES);
       wasm.check("vis_pipeline_cull", this.pointer, ...wasm.frame(scene, view, visible), place);
+      visible.scene = scene;
       return stats(wasm, place);
     });
   }
@@ -693,8 +702,13 @@ function stats(wasm, place) {
 }
 
 class Visible extends Handle {
+  /** Pointer to the scene of the last frame, by which the set is read: null before, and once it is destroyed. */
+  get culled() {
+    return this.scene?.pointer ?? 0;
+  }
+
   get count() {
-    return this.wasm.number("vis_visible_count", this.pointer);
+    return this.wasm.number("vis_visible_count", this.pointer, this.culled);
   }
 
   get indices() {
@@ -709,17 +723,24 @@ class Visible extends Handle {
         held.bytes = 8 * count;
       }
       if (count === 0) return new Uint32Array(0);
-      wasm.check("vis_visible_indices", this.pointer, held.buffer, held.bytes / 4, wasm.borrow(8));
+      wasm.check(
+        "vis_visible_indices",
+        this.pointer,
+        this.culled,
+        held.buffer,
+        held.bytes / 4,
+        wasm.borrow(8),
+      );
       return new Uint32Array(wasm.exports.memory.buffer, held.buffer, count);
     });
   }
 
   get ids() {
-    return this.wasm.list(BigUint64Array, "vis_visible_ids", this.pointer);
+    return this.wasm.list(BigUint64Array, "vis_visible_ids", this.pointer, this.culled);
   }
 
   get bits() {
-    return this.wasm.list(Uint32Array, "vis_visible_write_bits", this.pointer);
+    return this.wasm.list(Uint32Array, "vis_visible_write_bits", this.pointer, this.culled);
   }
 
   get newlyVisible() {

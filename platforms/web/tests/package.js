@@ -142,6 +142,10 @@ for (const simd128 of [false, true]) {
     scene.setBounds(wall, { min: [3, -1, -1], max: [3, 1, 1] });
     const mesh = scene.addMesh({ positions: square(3).slice(0, 9), indices: [0, 1, 2], twoSided: true });
     scene.setMesh(wall, mesh, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+    const meshes = scene.meshCount;
+    scene.removeMesh(mesh);
+    assert.equal(scene.meshCount, meshes, "the wall keeps it");
+    assert.throws(() => scene.setMesh(lamp, mesh), refused("UNKNOWN_ID", /mesh/));
     scene.setFlags(lamp, Flag.Occluder);
     assert.equal(scene.prepareOccluders(), 1);
     assert.match(visibility.createPipeline().addZBuffer().lacks(scene), /^$/);

@@ -1,35 +1,28 @@
 //! Work that a frame may spend on occlusion, counted in triangles and paid by the objects found hidden.
 //!
 //! The budget never knows the time. It counts work in *triangles*, the cost of drawing one triangle of an
-//! occluder: with the z-buffer about a tenth of a microsecond. Tests of boxes and estimates are counted at
-//! what they cost in this unit. The same frame therefore spends the same on every machine.
-//!
-//! A frame begins with an [advance](Budget::new) that is in proportion to the price of an object and grows
-//! slowly with the number of candidates. Each object found hidden earns the price. So a frame in which
-//! nothing is hidden, as seen by a bird, spends the advance and no more, and any frame spends at most the
-//! advance, the price of the objects that it hides, and its [loans](Budget::can_afford).
+//! occluder: with the z-buffer about a tenth of a microsecond. The same frame therefore spends the same on
+//! every machine.
+
+/// Work, in triangles, that a frame may spend before an object is found hidden, beyond the price of one. It
+/// must last until the first batch has been drawn and the boxes behind have been tested.
+const INITIAL_CREDIT: f32 = 2048.0;
 
 /// Work of testing one box of a block of siblings, in triangles (measured with the z-buffer in scenes in
 /// which boxes are partly hidden, where tests take longest).
-pub(super) const TEST_WORK: f32 = 0.3;
+const TEST_WORK: f32 = 0.3;
 
-/// Work of testing or refusing one occluder by itself, in triangles (measured).
-pub(super) const SINGLE_WORK: f32 = 1.0;
-
-/// Advance of a frame before the first object is found hidden, in objects. It must last until the first batch
-/// of occluders has been drawn and the boxes behind have been tested.
-const ADVANCE_OBJECTS: f32 = 40.0;
-
-/// Share of the candidates that is added to the advance: the walk down the hierarchy to the first occluders
-/// grows with their number.
-const ADVANCE_SHARE: f32 = 1.0 / 2048.0;
-
-/// Greatest share of the candidates that the advance may pay for, for frames of few candidates.
-const MOST_ADVANCE_SHARE: f32 = 0.25;
+/// Greatest cost of an occluder, beyond what objects found hidden have paid so far, that is paid from the
+/// credit. A frame in which nothing is hidden draws no mesh that costs as much as all its objects.
+const UNPROVEN_COST: f32 = 512.0;
 
 /// Expected gain of an occluder, as a multiple of its cost and of all loans that are open, from which it is
 /// drawn on a loan.
 const LOAN_SAFETY: f32 = 4.0;
+
+/// Greatest share of the initial credit that hidden objects may have paid in a frame in which nearly nothing
+/// is hidden.
+const NEARLY_NOTHING: f32 = 0.25;
 
 /// Work of one frame, in triangles.
 #[derive(Clone, Copy, Debug)]
@@ -39,25 +32,20 @@ pub(super) struct Budget {
     /// Work that the search for occluders may still spend before more objects are found hidden. The search
     /// ends when it is 0 or less.
     credit: f32,
-    /// Credit beyond which objects found hidden add nothing: otherwise what hides much would pay for many
-    /// occluders that hide nothing.
-    most_credit: f32,
+    /// Work that all objects found hidden so far are worth.
+    earned: f32,
     /// Cost of the occluders drawn on loans that objects found hidden have not paid back yet.
     debt: f32,
-    /// Advance and earnings of the frame less all work spent, loans included.
-    surplus: f32,
     /// Work that the frame may still spend at all.
     limit: f32,
 }
 
 impl Budget {
-    /// Creates the budget of a frame: the price of an object, the number of objects that may be found hidden,
-    /// and the most work that the frame may spend.
-    pub(super) fn new(price: u32, candidates: u64, limit: u32) -> Self {
-        let (price, candidates) = (price as f32, candidates as f32);
-        let most_credit = price * (ADVANCE_OBJECTS + ADVANCE_SHARE * candidates);
-        let advance = most_credit.min(price * MOST_ADVANCE_SHARE * candidates);
-        Self { price, credit: advance, most_credit, debt: 0.0, surplus: advance, limit: limit as f32 }
+    /// Creates the budget of a frame from the price of an object and the most work that the frame may spend.
+    /// With a price of 0 there is no credit.
+    pub(super) fn new(price: u32, limit: u32) -> Self {
+        let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
+        Self { price: price as f32, credit, earned: 0.0, debt: 0.0, limit: limit as f32 }
     }
 
     /// Returns the work that hiding `objects` is worth.
@@ -70,42 +58,45 @@ impl Budget {
         self.credit > 0.0 && !self.is_at_limit()
     }
 
-    /// Returns whether the frame has earned, or been advanced, more than it has spent.
-    pub(super) fn has_surplus(&self) -> bool {
-        self.surplus > 0.0
-    }
-
     /// Returns whether the frame has spent all that it may.
     pub(super) fn is_at_limit(&self) -> bool {
         self.limit <= 0.0
     }
 
+    /// Returns whether the search has spent its credit and found nearly nothing hidden, as a bird does.
+    pub(super) fn is_spent_in_vain(&self) -> bool {
+        self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
+    }
+
     /// Spends work.
     pub(super) fn spend(&mut self, work: f32) {
         self.credit -= work;
-        self.surplus -= work;
         self.limit -= work;
     }
 
+    /// Spends the work of testing boxes of a block of siblings.
+    pub(super) fn spend_tests(&mut self, boxes: u32) {
+        self.spend(TEST_WORK * boxes as f32);
+    }
+
     /// Enters objects found hidden. They pay loans back first.
-    pub(super) fn earn(&mut self, objects: u64) {
-        let earned = self.worth(objects as f32);
+    pub(super) fn earn(&mut self, objects: f32) {
+        let earned = self.worth(objects);
         let paid_back = self.debt.min(earned);
+        self.earned += earned;
         self.debt -= paid_back;
-        self.surplus += earned;
-        self.credit = (self.credit + earned - paid_back).min(self.most_credit);
+        self.credit += earned - paid_back;
     }
 
-    /// Returns whether an occluder of `cost` that is expected to hide objects worth `gain` may be drawn: from
+    /// Returns whether an occluder of `cost` can be paid if it is expected to hide objects worth `gain`: from
     /// the credit, or on a loan if the gain is [large](LOAN_SAFETY) against the cost and the open loans. So
-    /// no first occluder is too expensive for what lies behind it.
-    pub(super) fn can_afford(&self, cost: f32, gain: f32) -> bool {
-        cost <= gain
-            && cost <= self.limit
-            && (cost <= self.credit || LOAN_SAFETY * (cost + self.debt) <= gain)
+    /// no occluder is too expensive for what lies behind it.
+    pub(super) fn can_pay(&self, cost: f32, gain: f32) -> bool {
+        let is_in_credit = cost <= self.credit && cost <= UNPROVEN_COST + self.earned;
+        cost <= self.limit && (is_in_credit || LOAN_SAFETY * (cost + self.debt) <= gain)
     }
 
-    /// Pays for an occluder that [can be afforded](Self::can_afford).
+    /// Pays for an occluder that [can be paid](Self::can_pay).
     pub(super) fn pay(&mut self, cost: f32) {
         if cost > self.credit {
             self.debt += cost;
@@ -121,11 +112,11 @@ const MOST_MISSES: u32 = 8;
 /// Greatest number of leaves left out between two that are tested.
 const MOST_LEFT_OUT: u32 = 32;
 
-/// Choice of the leaves whose objects are tested, by what the tests before have found.
+/// Choice of the leaves whose objects are tested after a search that was [in vain](Budget::is_spent_in_vain).
 ///
-/// All leaves are tested while the frame has a surplus. After that, [`MOST_MISSES`] leaves in a row without a
-/// hidden object are tested, and then fewer and fewer: one of two, one of three, down to one of 33. A hidden
-/// object in a tested leaf makes the choice begin anew. Objects in leaves left out stay visible.
+/// [`MOST_MISSES`] leaves in a row without a hidden object are tested, and then fewer and fewer: one of two,
+/// one of three, down to one of 33. A hidden object in a tested leaf makes the choice begin anew. Objects in
+/// leaves left out stay visible.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LeafSampling {
     /// Number of tested leaves in a row in which no object was hidden.
@@ -136,12 +127,8 @@ pub(super) struct LeafSampling {
 
 impl LeafSampling {
     /// Returns whether the next leaf is to be tested, which [`record`](Self::record) is then told of.
-    pub(super) fn tests_next(&mut self, budget: &Budget) -> bool {
-        if budget.is_at_limit() {
-            return false;
-        }
-        let most = self.misses.saturating_sub(MOST_MISSES).min(MOST_LEFT_OUT);
-        let tests = budget.has_surplus() || self.left_out >= most;
+    pub(super) fn tests_next(&mut self) -> bool {
+        let tests = self.left_out >= self.misses.saturating_sub(MOST_MISSES).min(MOST_LEFT_OUT);
         self.left_out = if tests { 0 } else { self.left_out + 1 };
         tests
     }

@@ -116,6 +116,12 @@ impl OccluderMesh {
         [1, 7, 5],
     ];
 
+    /// Returns a number that depends on all cache lines of the mesh which the choice of occluders reads.
+    pub(crate) fn fetched(&self) -> u32 {
+        let sizes = self.triangles.len() ^ self.solid_triangles;
+        sizes as u32 ^ self.bounds.min.x.to_bits() ^ self.facing[0].to_bits() ^ self.facing[5].to_bits()
+    }
+
     /// Makes a mesh of triangles that index welded `positions` and have areas, without a search for parts.
     /// Unused positions are dropped. A mesh that is an axis-aligned box gets the vertex and triangle order of
     /// [`CUBOID`](Self::CUBOID). `None` without triangles.

@@ -122,13 +122,6 @@ pub trait OcclusionMap {
         occluder.triangles().len()
     }
 
-    /// Returns what an occluder that covers the whole view costs beyond its [cost](Self::cost), in triangles.
-    /// An occluder that covers a share of the view costs that share of it. 0 by default. Maps of pixels
-    /// return a number that grows with their size.
-    fn view_cost(&self) -> usize {
-        0
-    }
-
     /// Returns whether tests take the occluders into account that were flushed in the same frame. If not, as
     /// with a device that answers frames later, the driver adds all occluders before it tests the first box.
     fn answers_at_once(&self) -> bool {

@@ -70,7 +70,6 @@ impl Scene {
             }
             let mesh = self.triangles(id).ok().and_then(|triangles| prepare(triangles, preparation));
             if let Some(mesh) = mesh {
-                let mesh = self.add_mesh(mesh);
                 made += usize::from(self.set_prepared_mesh(id, mesh).is_ok());
             }
         }

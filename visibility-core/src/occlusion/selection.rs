@@ -6,16 +6,15 @@
 //! seen, however many occluders the frustum holds.
 //!
 //! Drawing has a price. An occluder that covers a share `s` of the view hides about `s * n` of the `n`
-//! objects that are not hidden yet, if these are spread evenly over the view. It is drawn if its cost in
+//! objects that wait behind it, if these are spread evenly over the view. It is drawn if its cost in
 //! triangles is at most `price * s * n`. (The share is the area facing the eye over the squared distance, as
 //! in Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997. That formula is
 //! for occluders that are small from the eye. From within a room, a courtyard or beside a long wall, the
-//! triangles are looked at one by one if the formula says no.) Objects whose box covers too little are not
-//! even looked up. In addition, all work is paid from a [`Budget`], which each object found hidden raises by
-//! the price: where nothing is hidden, as seen by a bird, the search ends after its advance. Before it ends,
-//! all waiting nodes are tested against what was drawn, since the objects that pay for it may be far away.
+//! triangles are looked at one by one if the formula says no.) In addition, all work is paid from a [`Budget`],
+//! which each object found hidden raises by the price: where nothing is hidden, as seen by a bird, the search
+//! ends after its initial credit.
 
-use super::budget::{Budget, SINGLE_WORK, TEST_WORK};
+use super::budget::Budget;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
 use crate::scene::lanes;
 use crate::walk::{BoxHierarchy, Child, Walk};
@@ -31,17 +30,12 @@ use glam::{Affine3A, DVec3, DVec4, Vec3};
 /// fewer waste flushes (measured with the z-buffer).
 const BATCH: u32 = 8;
 
+/// Number of objects that an unopened leaf stands for: those of a full one.
+const OBJECTS_PER_LEAF: u32 = 64;
+
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
-const LEAST_BEHIND: f32 = 64.0;
-
-/// Work of adding an occluder beyond its [cost](OcclusionMap::cost), in triangles: its part of the flush and
-/// of the tests that the map itself makes (measured with the z-buffer).
-const ADD_WORK: f32 = 3.0;
-
-/// Least cost of an occluder in triangles, beyond the work of adding it. An object whose box covers less of
-/// the view than would pay for this is not looked up.
-const LEAST_COST: f32 = 2.0;
+const LEAST_BEHIND: f32 = 256.0;
 
 /// Distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds, up to
 /// which the share is estimated by triangles where the estimate from the middle is too small. The middle of a
@@ -54,7 +48,7 @@ const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
 /// Most triangles of a mesh whose solid angles are estimated. Of a larger mesh every second, third, ...
 /// triangle stands for its neighbours in the list.
-const MOST_ESTIMATED: usize = 1024;
+const MOST_ESTIMATED: usize = 2048;
 
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
 #[derive(Clone, Copy, Debug)]
@@ -64,6 +58,8 @@ pub(super) struct Waiting {
     /// Number of flushes before `bounds` was tested last.
     tested: u32,
     child: Child,
+    /// Number of objects that the entry stands for, an estimate.
+    objects: f32,
     bounds: Aabb,
 }
 
@@ -111,25 +107,23 @@ pub(super) struct OccluderSearch<'a, M> {
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.
     share_per_area: f32,
-    /// Objects not found hidden so far.
+    /// Objects not found hidden so far, as far as none of them is known to lie in front of the occluders to
+    /// come. Unopened leaves count as [`OBJECTS_PER_LEAF`].
     undecided: f32,
     /// Number of flushes in this frame.
     flushes: u32,
-    /// Number of flushes before the waiting nodes were tested last.
-    nodes_tested: u32,
     /// Number of occluders added since the last flush.
     unflushed: u32,
 }
 
 impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
-    /// Prepares a search among `candidates` objects for a map on which [`OcclusionMap::begin`] has been
-    /// called with the same `view` and `origin`. Without credit in the budget the search adds no occluder.
+    /// Prepares a search for a map on which [`OcclusionMap::begin`] has been called with the same `view` and
+    /// `origin`. Without credit in the budget the search adds no occluder.
     pub(super) fn new(
         map: &'a mut M,
         queue: &'a mut Queue,
         view: &View,
         origin: DVec3,
-        candidates: u64,
         budget: Budget,
     ) -> Self {
         let eye = view.eye(origin);
@@ -141,9 +135,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             budget,
             share_per_area: share_per_area(view, &eye, origin),
             eye,
-            undecided: candidates as f32,
+            undecided: 0.0,
             flushes: 0,
-            nodes_tested: 0,
             unflushed: 0,
         }
     }
@@ -157,10 +150,12 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             self.flush();
             self.open(walk, None);
         }
-        while (self.budget.has_credit() || self.test_waiting_nodes(walk))
+        while self.budget.has_credit()
             && let Some(Reverse(next)) = self.queue.pop()
         {
-            if next.tested < self.flushes && self.is_hidden(walk, &next) {
+            self.undecided -= next.objects;
+            if self.has_become_hidden(walk, &next) {
+                self.budget.earn(next.objects);
                 continue;
             }
             match next.child {
@@ -174,76 +169,48 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         self.budget
     }
 
-    /// Tests the box of an entry of the queue. If it is hidden, enters the objects that the entry stands for.
-    fn is_hidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, waiting: &Waiting) -> bool {
-        self.budget.spend(SINGLE_WORK);
-        walk.stats.tests += 1;
-        let is_hidden = self.map.test_mut(&waiting.bounds) == Occlusion::Hidden;
-        if is_hidden {
-            self.earn(match waiting.child {
-                Child::Node(node) => walk.candidates_below(node),
-                Child::Object(_) => 1,
-            });
-        }
-        is_hidden
-    }
-
-    /// Tests the nodes in the queue against the occluders that were added since the last time, and removes
-    /// those that are hidden. Returns whether the search may go on: false if nothing was added.
-    fn test_waiting_nodes<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>) -> bool {
-        if self.unflushed > 0 {
-            self.flush();
-        }
-        if self.nodes_tested == self.flushes || self.budget.is_at_limit() {
+    /// Tests the box of an entry again if the map has been flushed since the last test.
+    fn has_become_hidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, next: &Waiting) -> bool {
+        if next.tested == self.flushes {
             return false;
         }
-        self.nodes_tested = self.flushes;
-        let mut queue = core::mem::take(self.queue);
-        queue.retain(|Reverse(waiting)| {
-            let is_old = waiting.tested < self.flushes && matches!(waiting.child, Child::Node(_));
-            !(is_old && self.is_hidden(walk, waiting))
-        });
-        *self.queue = queue;
-        self.budget.has_credit()
-    }
-
-    /// Enters objects found hidden.
-    fn earn(&mut self, objects: u64) {
-        self.undecided -= objects as f32;
-        self.budget.earn(objects);
+        self.budget.spend(1.0);
+        walk.stats.tests += 1;
+        self.map.test_mut(&next.bounds) == Occlusion::Hidden
     }
 
     /// Tests the children of a node (`None`: the top of the hierarchy) and queues the nodes and occluders
-    /// that are not hidden. Leaves out objects whose box covers too little of the view to be worth an
-    /// occluder.
+    /// that are not hidden.
     fn open<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, node: Option<usize>) {
         if self.unflushed > 0 {
             self.flush();
         }
         walk.visit(node, |walk, block, candidates| {
             let hidden = if self.map.answers_at_once() {
-                self.budget.spend(TEST_WORK * candidates.count_ones() as f32);
+                self.budget.spend_tests(candidates.count_ones());
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.map.test_64_mut(block.boxes(), candidates).hidden
             } else {
                 0
             };
             let (objects, found) = (block.objects(candidates), candidates & !hidden);
-            self.earn(u64::from((hidden & objects).count_ones()));
-            for lane in lanes(hidden & !objects) {
-                let Child::Node(child) = block.child(lane) else { continue };
-                self.earn(walk.candidates_below(child));
+            if let Some((_, ids)) = block.leaf() {
+                walk.scene().fetch_occluders(ids, found & block.occluders());
             }
-            let least_share = (LEAST_COST + ADD_WORK) / self.budget.worth(self.undecided.max(LEAST_BEHIND));
+            self.budget.earn((hidden & objects).count_ones() as f32);
+            self.undecided += (found & objects).count_ones() as f32;
+            for lane in lanes(hidden & !objects) {
+                self.budget.earn(objects_of(walk, block.child(lane)));
+            }
             for lane in lanes(found & (!objects | block.occluders())) {
                 let (child, bounds) = (block.child(lane), block.boxes().get(lane));
-                let distance_key = distance_key(&self.eye, &bounds);
-                if let Child::Object(_) = child
-                    && box_solid_angle(&self.eye, &bounds, distance_key) * self.share_per_area < least_share
-                {
-                    continue;
+                let objects = objects_of(walk, child);
+                if let Child::Node(_) = child {
+                    self.undecided += objects;
                 }
-                self.queue.push(Reverse(Waiting { distance_key, tested: self.flushes, child, bounds }));
+                let distance_key = distance_key(&self.eye, &bounds);
+                let tested = self.flushes;
+                self.queue.push(Reverse(Waiting { distance_key, tested, child, objects, bounds }));
             }
             // In another hierarchy, dropping a node means listing all objects below it: once is enough.
             if H::IS_OF_SCENE { found } else { candidates }
@@ -252,29 +219,25 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
 
     /// Adds the occluder of an object that is not hidden, if the object has one and it is worth its cost.
     fn consider<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, id: ObjectId) {
-        self.budget.spend(SINGLE_WORK);
-        let Some((mesh, transform)) = walk.scene().occluder(id) else { return };
-        let mesh_cost = self.map.cost(mesh) as f32;
+        self.budget.spend(1.0);
+        let occluder =
+            if H::IS_OF_SCENE { walk.scene().flagged_occluder(id) } else { walk.scene().occluder(id) };
+        let Some((mesh, transform)) = occluder else { return };
+        let cost = self.map.cost(mesh) as f32;
         let worth = self.budget.worth(self.undecided.max(LEAST_BEHIND));
-        let view_cost = self.map.view_cost() as f32;
-        // Cost of the occluder if it covers this solid angle, and the worth of what it is expected to hide.
+        // What the occluder hides if it covers the whole view, as far as that is certain to be there.
+        let gain = self.budget.worth(self.undecided);
         // In a degenerate view a share may be NaN, which counts as the whole view.
-        let share_per_area = self.share_per_area;
-        let cost_and_gain = |angle: f32| {
-            let share = (angle * share_per_area).min(1.0);
-            (mesh_cost + ADD_WORK + view_cost * share, worth * share)
-        };
-        let (mut cost, gain) = cost_and_gain(solid_angle(mesh, transform, &self.eye));
-        let mut pays = self.budget.can_afford(cost, gain);
-        if !pays && mesh_cost <= worth && is_near(mesh, transform, &self.eye) {
-            let estimated = mesh.triangles().len().min(MOST_ESTIMATED);
-            self.budget.spend(estimated as f32 / ESTIMATED_PER_DRAWN);
-            let angle = solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row);
-            let gain;
-            (cost, gain) = cost_and_gain(angle);
-            pays = self.budget.can_afford(cost, gain);
-        }
-        if pays && mesh.is_inside(&self.clip_planes, transform) {
+        let share = |angle: f32| (angle * self.share_per_area).min(1.0);
+        let pays = |budget: &Budget, share: f32| cost <= worth * share && budget.can_pay(cost, gain * share);
+        let is_worth_it = pays(&self.budget, share(solid_angle(mesh, transform, &self.eye)))
+            || pays(&self.budget, 1.0) && is_near(mesh, transform, &self.eye) && {
+                let estimated = mesh.triangles().len().min(MOST_ESTIMATED);
+                self.budget.spend(estimated as f32 / ESTIMATED_PER_DRAWN);
+                let angle = solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row);
+                pays(&self.budget, share(angle))
+            };
+        if is_worth_it && mesh.is_inside(&self.clip_planes, transform) {
             self.budget.pay(cost);
             walk.stats.occluders += 1;
             self.map.add(mesh, transform);
@@ -377,21 +340,11 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
     (if mesh.is_two_sided() { f64::max(fronts, backs) } else { fronts }) as f32 * stride as f32
 }
 
-/// Returns the solid angle in steradians that a box covers at most, as seen from the eye, where
-/// `distance_key` is that of the box; for a parallel view the area in square metres that faces the eye. An
-/// estimate: the area that faces the eye, as if it were all at the distance of the nearest point. Near the
-/// box, where no direction stands for all, twice the largest face.
-fn box_solid_angle(eye: &Eye, bounds: &Aabb, distance_key: f32) -> f32 {
-    let extent = bounds.max - bounds.min;
-    let faces = Vec3::new(extent.y * extent.z, extent.z * extent.x, extent.x * extent.y);
-    match eye {
-        Eye::Point(_) if distance_key <= 0.25 * extent.length_squared() => {
-            2.0 * faces.max_element() / distance_key
-        }
-        Eye::Point(eye) => {
-            faces.dot((bounds.center() - eye.as_vec3()).normalize_or_zero().abs()) / distance_key
-        }
-        Eye::Direction(along) => faces.dot(along.as_vec3().abs()),
+/// Returns the number of objects that a child which the walk has not visited stands for, an estimate.
+fn objects_of<H: BoxHierarchy>(walk: &Walk<H>, child: Child) -> f32 {
+    match child {
+        Child::Node(node) => (walk.leaves_below(node) * OBJECTS_PER_LEAF) as f32,
+        Child::Object(_) => 1.0,
     }
 }
 

@@ -10,6 +10,7 @@ mod detail;
 mod draw_range;
 mod maintain;
 mod mesh_bounds;
+mod meshes;
 mod object;
 mod placement;
 mod queue;
@@ -27,14 +28,15 @@ pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub use skinned_bounds::{SkinError, SkinnedBounds};
-pub(crate) use tree::{DetailBounds, NONE, Slot, Tree, diagonal_squared};
+pub(crate) use tree::{DetailBounds, NONE, Slot, Token, Tree, diagonal_squared};
 
 use crate::serial::{next_generation, next_range};
-use crate::{Aabb, OccluderMesh, stamp::Stamp};
+use crate::{Aabb, stamp::Stamp};
 use alloc::{boxed::Box, vec::Vec};
 use build::Entry;
 use changes::ChangeLog;
 use glam::DVec3;
+use meshes::Meshes;
 use placement::Placements;
 use queue::Queue;
 use tree::{Payload, Scratch};
@@ -77,8 +79,7 @@ pub struct Scene {
     /// Triangles of each object, in scene coordinates, indexed by object index. Shorter than the index
     /// range, and empty until an object first gets triangles.
     triangles: Vec<Box<[Triangle]>>,
-    /// Occluder meshes by index, each with its id.
-    meshes: Vec<(MeshId, OccluderMesh)>,
+    meshes: Meshes,
     placements: Placements,
     /// Number of objects that are flagged as occluders.
     occluders: usize,
@@ -142,7 +143,7 @@ impl Scene {
             costs: Vec::new(),
             never_cull: Vec::new(),
             triangles: Vec::new(),
-            meshes: Vec::new(),
+            meshes: Meshes::default(),
             placements: Placements::default(),
             occluders: 0,
             meshless: 0,
@@ -354,7 +355,7 @@ impl Scene {
         if let Some(triangles) = self.triangles.get_mut(id.index()) {
             *triangles = Box::default();
         }
-        self.placements.remove(id.index);
+        self.remove_placement(id.index);
         self.log.push(id, self.generations.len());
         self.layout += 1;
         Ok(())

@@ -77,6 +77,10 @@ impl fmt::Display for ObjectId {
 
 /// Identifies an occluder mesh stored in a [`Scene`](crate::Scene); any number of objects can use the mesh.
 ///
+/// An id consists of an index and a generation, as an [`ObjectId`] does: the id of a mesh that was
+/// [removed](crate::Scene::remove_mesh) is rejected, though another mesh may reuse its index, and so is an id
+/// of another scene, within the same limits.
+///
 /// ```
 /// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};
 /// let bounds = Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0]);
@@ -89,13 +93,12 @@ impl fmt::Display for ObjectId {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 pub struct MeshId {
     pub(crate) index: u32,
-    /// Number of the scene that gave the id.
-    pub(crate) scene: u32,
+    pub(crate) generation: u32,
 }
 
 impl MeshId {
-    /// Returns the id as a number for engines that store numbers: the mesh in the lower half, the scene in
-    /// the upper.
+    /// Returns the id as a number for engines that store numbers: the index in the lower half, the
+    /// generation in the upper.
     ///
     /// ```
     /// use visibility_core::{Aabb, OccluderMesh, Scene, scene::MeshId};
@@ -105,13 +108,13 @@ impl MeshId {
     /// # Ok::<(), visibility_core::occlusion::MeshError>(())
     /// ```
     pub const fn to_bits(self) -> u64 {
-        (self.scene as u64) << 32 | self.index as u64
+        (self.generation as u64) << 32 | self.index as u64
     }
 
     /// Returns the id that [`to_bits`](Self::to_bits) made `bits` of. Any other number gives an id that a
     /// scene may not know, or may know as another mesh.
     pub const fn from_bits(bits: u64) -> Self {
-        Self { index: bits as u32, scene: (bits >> 32) as u32 }
+        Self { index: bits as u32, generation: (bits >> 32) as u32 }
     }
 }
 
@@ -169,7 +172,7 @@ impl From<Aabb> for Object {
 pub enum SceneError {
     /// The scene has no object with this id: the object was removed, or the id is of another scene.
     UnknownObject(ObjectId),
-    /// The scene has no occluder mesh with this id: the id is of another scene.
+    /// The scene has no occluder mesh with this id: the mesh was removed, or the id is of another scene.
     UnknownMesh(MeshId),
     /// The transform for this object has a NaN or infinite element.
     NonFiniteTransform(ObjectId),
@@ -193,7 +196,7 @@ impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::UnknownObject(id) => write!(f, "object {id} is not, or no longer, in the scene"),
-            Self::UnknownMesh(mesh) => write!(f, "mesh {} is not in the scene", mesh.index),
+            Self::UnknownMesh(mesh) => write!(f, "mesh {} is not, or no longer, in the scene", mesh.index),
             Self::NonFiniteTransform(id) => write!(f, "the transform of object {id} is not finite"),
             Self::NoLocalBounds(id) => {
                 write!(f, "object {id} has no local bounds that a transform could move")

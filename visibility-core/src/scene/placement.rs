@@ -67,16 +67,17 @@ impl Placements {
         &mut self.dense[self.rows[i] as usize]
     }
 
-    /// Removes the placement of an object. Does nothing if the object has none.
-    pub(super) fn remove(&mut self, index: u32) {
-        let Some(row) = self.rows.get_mut(index as usize) else { return };
-        let row = core::mem::replace(row, NONE) as usize;
-        if row < self.dense.len() {
-            self.dense.swap_remove(row);
-            if let Some(moved) = self.dense.get(row) {
-                self.rows[moved.index as usize] = row as u32;
-            }
+    /// Removes the placement of an object and returns it. `None` if the object has none.
+    pub(super) fn remove(&mut self, index: u32) -> Option<Placement> {
+        let row = core::mem::replace(self.rows.get_mut(index as usize)?, NONE) as usize;
+        if row >= self.dense.len() {
+            return None;
         }
+        let removed = self.dense.swap_remove(row);
+        if let Some(moved) = self.dense.get(row) {
+            self.rows[moved.index as usize] = row as u32;
+        }
+        Some(removed)
     }
 
     /// Returns the number of bytes in use, without reserved capacity.

@@ -7,6 +7,7 @@
 //! is taken from the object. Triangles are in scene coordinates and never move, so each change takes them
 //! away.
 
+use super::boxes64::lanes;
 use super::mesh_bounds::{is_any_outside, is_within};
 use super::placement::PlacedMesh;
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, Slot, ToAffine, Triangle};
@@ -157,7 +158,14 @@ impl Scene {
         if self.tree.bounds[slot.node()].get(slot.lane()) != *bounds {
             self.drop_triangles(id.index);
             self.replace_mesh(id.index, None);
-            self.placements.remove(id.index);
+            self.remove_placement(id.index);
+        }
+    }
+
+    /// Removes what places an object, and its mesh from the object.
+    pub(super) fn remove_placement(&mut self, index: u32) {
+        if let Some(mesh) = self.placements.remove(index).and_then(|placement| placement.mesh) {
+            self.meshes.remove_user(mesh.id);
         }
     }
 
@@ -180,10 +188,15 @@ impl Scene {
     /// found it within the object's bounds.
     pub(super) fn replace_mesh(&mut self, index: u32, mesh: Option<PlacedMesh>) {
         self.count_occluder(index, false);
+        let former = self.placements.get(index).and_then(|placement| placement.mesh);
         if let Some(mesh) = mesh {
+            self.meshes.add_user(mesh.id);
             self.placements.get_or_insert(index).mesh = Some(mesh);
         } else if let Some(placement) = self.placements.get_mut(index) {
             placement.mesh = None;
+        }
+        if let Some(former) = former {
+            self.meshes.remove_user(former.id);
         }
         self.count_occluder(index, true);
     }
@@ -201,7 +214,8 @@ impl Scene {
             Some(local) if !mesh.is_prepared => (Affine3A::IDENTITY, local),
             _ => (if mesh.is_prepared { Affine3A::IDENTITY } else { placement.transform }, bounds),
         };
-        let is_inside = self.mesh(mesh.id).is_some_and(|mesh| is_within(mesh, &transform, &bounds));
+        let is_inside =
+            self.meshes.of_object(mesh.id).is_some_and(|mesh| is_within(mesh, &transform, &bounds));
         if is_inside != mesh.is_inside {
             self.replace_mesh(index, Some(PlacedMesh { is_inside, ..mesh }));
         }
@@ -264,11 +278,51 @@ impl Scene {
     }
 
     /// Stores an occluder mesh, in coordinates of its own, and returns its id. Any number of objects can
-    /// share the mesh. A mesh cannot be removed from the scene.
+    /// share the mesh. It stays until it is [removed](Self::remove_mesh), used or not.
     pub fn add_mesh(&mut self, mesh: OccluderMesh) -> MeshId {
-        let id = MeshId { index: self.meshes.len() as u32, scene: self.first_generation };
-        self.meshes.push((id, mesh));
-        id
+        self.meshes.add(mesh, self.first_generation)
+    }
+
+    /// Removes a mesh that [`add_mesh`](Self::add_mesh) stored. The id names no mesh from now on, and a later
+    /// mesh may reuse its index with another generation.
+    ///
+    /// Objects that have the mesh keep it, and hide others with it, until they get another or lose it: the
+    /// memory is freed with the last of them, at once if there is none. A level that streams removes meshes
+    /// and objects in any order; a mesh for one object alone can be removed right after
+    /// [`set_mesh`](Self::set_mesh).
+    ///
+    /// ```
+    /// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};
+    /// let bounds = Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0]);
+    /// let mut scene = Scene::new();
+    /// let (wall, mesh) = (scene.insert(bounds), scene.add_mesh(OccluderMesh::cuboid(&bounds)?));
+    /// scene.set_mesh(wall, mesh, Affine3A::IDENTITY)?;
+    /// scene.remove_mesh(mesh)?;
+    /// assert!(scene.remove_mesh(mesh).is_err() && scene.has_mesh(wall));
+    /// scene.remove(wall)?;
+    /// assert_eq!(scene.mesh_count(), 0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownMesh`] if `mesh` is not in the scene.
+    pub fn remove_mesh(&mut self, mesh: MeshId) -> Result<(), SceneError> {
+        if self.meshes.remove(mesh) { Ok(()) } else { Err(SceneError::UnknownMesh(mesh)) }
+    }
+
+    /// Returns the number of meshes that the scene holds: those that were added and not removed, those that
+    /// an object keeps, and those that were [prepared](Self::prepare_occluders) from the triangles of an
+    /// object that still has them.
+    pub fn mesh_count(&self) -> usize {
+        self.meshes.count()
+    }
+
+    /// Returns the number of objects that have a mesh, flagged as occluders or not.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownMesh`] if `mesh` is not in the scene.
+    pub fn mesh_users(&self, mesh: MeshId) -> Result<usize, SceneError> {
+        self.meshes.users(mesh).ok_or(SceneError::UnknownMesh(mesh))
     }
 
     /// Gives an object an occluder mesh, replacing its former one, and the transform from mesh coordinates to
@@ -288,7 +342,7 @@ impl Scene {
     /// not, and [`SceneError::NonFiniteTransform`] if an element of `transform` is NaN or infinite.
     pub fn set_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Affine3A) -> Result<(), SceneError> {
         self.slot(id)?;
-        self.mesh(mesh).ok_or(SceneError::UnknownMesh(mesh))?;
+        self.meshes.users(mesh).ok_or(SceneError::UnknownMesh(mesh))?;
         if !transform.is_finite() {
             return Err(SceneError::NonFiniteTransform(id));
         }
@@ -303,15 +357,13 @@ impl Scene {
         Ok(())
     }
 
-    fn mesh(&self, id: MeshId) -> Option<&OccluderMesh> {
-        self.meshes.get(id.index as usize).filter(|(own, _)| *own == id).map(|(_, mesh)| mesh)
-    }
-
-    /// Gives an object an occluder mesh made from its triangles, in scene coordinates. The mesh is taken from
-    /// the object again when its triangles change.
-    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId) -> Result<(), SceneError> {
+    /// Gives an object an occluder mesh made from its triangles, in scene coordinates. The mesh is the
+    /// object's own, and is dropped when its triangles change.
+    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: OccluderMesh) -> Result<(), SceneError> {
         self.slot(id)?;
+        let mesh = self.add_mesh(mesh);
         self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: true, is_inside: false }));
+        self.meshes.remove(mesh);
         self.check_mesh(id.index);
         self.log.push(id, self.generations.len());
         Ok(())
@@ -328,13 +380,31 @@ impl Scene {
     /// [out of the object's bounds](Self::occluders_outside_bounds).
     pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
         let slot = self.slot(id).ok()?;
-        if !self.tree.payload(slot).occluder {
+        if self.tree.occluders[slot.node()] >> slot.lane() & 1 == 0 {
             return None;
         }
+        self.flagged_occluder(id)
+    }
+
+    /// Returns what [`occluder`](Self::occluder) does, for an object that is in the scene and flagged as an
+    /// occluder.
+    pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
         let placement = self.placements.get(id.index)?;
         let mesh = placement.mesh.filter(|mesh| mesh.is_inside)?;
         let transform = if mesh.is_prepared { &Affine3A::IDENTITY } else { &placement.transform };
-        Some((self.mesh(mesh.id)?, transform))
+        Some((self.meshes.of_object(mesh.id)?, transform))
+    }
+
+    /// Loads into the cache what is asked of the occluders of a leaf. The processor waits for many cache
+    /// misses at once, whereas asking one occluder after the other would wait for each.
+    pub(crate) fn fetch_occluders(&self, ids: &[ObjectId; 64], mask: u64) {
+        let mut sum = 0;
+        for lane in lanes(mask) {
+            if let Some((mesh, transform)) = self.flagged_occluder(ids[lane]) {
+                sum ^= transform.translation.x.to_bits() ^ mesh.fetched();
+            }
+        }
+        core::hint::black_box(sum);
     }
 
     /// Returns the number of objects that are flagged as [occluders](Self::set_occluder), with a mesh or

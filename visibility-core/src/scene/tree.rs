@@ -11,6 +11,7 @@
 
 mod bounding;
 mod detail_bounds;
+mod history;
 mod moving;
 pub(super) mod pack;
 mod refit;
@@ -19,6 +20,8 @@ mod scratch;
 mod slot;
 
 pub(crate) use detail_bounds::{DetailBounds, diagonal_squared};
+use history::History;
+pub(crate) use history::Token;
 pub(super) use scratch::Scratch;
 pub(crate) use slot::{NONE, Slot};
 
@@ -74,11 +77,12 @@ pub(crate) struct Tree {
     /// Draw range and HLOD parent of each object, indexed by object index. Shorter than the index range, and
     /// empty until an object first gets either.
     pub(crate) details: Vec<Detail>,
+    history: History,
     pub(super) scratch: Scratch,
 }
 
 impl Tree {
-    pub(crate) const fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             root: NONE,
             bounds: Vec::new(),
@@ -94,12 +98,14 @@ impl Tree {
             detail_bounds: Vec::new(),
             detailed: Vec::new(),
             details: Vec::new(),
+            history: History::default(),
             scratch: Scratch::EMPTY,
         }
     }
 
     /// Removes all nodes but keeps their memory. `slots` and `details` are left as they are.
     pub(super) fn clear(&mut self) {
+        (0..self.node_count()).for_each(|node| self.before_change(node));
         self.root = NONE;
         self.bounds.clear();
         self.occupied.clear();
@@ -179,6 +185,7 @@ impl Tree {
     /// updated.
     pub(super) fn write(&mut self, slot: Slot, bounds: &Aabb, payload: Payload) {
         let (node, lane) = (slot.node(), slot.lane());
+        self.before_change(node);
         self.bounds[node].set(lane, bounds);
         self.occupied[node] |= 1 << lane;
         self.ids[node][lane] = payload.id;
@@ -201,6 +208,7 @@ impl Tree {
     /// Makes a node the child in a lane of an inner node, with the hull of the child as the lane's bounds.
     /// The boxes of the nodes above are not updated.
     pub(super) fn attach(&mut self, parent: Slot, child: u32) {
+        self.before_change(parent.node());
         let hull = self.bounds[child as usize].hull();
         self.bounds[parent.node()].set(parent.lane(), &hull);
         self.occupied[parent.node()] |= 1 << parent.lane();
@@ -210,6 +218,7 @@ impl Tree {
     }
 
     fn clear_lane(&mut self, slot: Slot) {
+        self.before_change(slot.node());
         self.bounds[slot.node()].set(slot.lane(), &Aabb::EMPTY);
         self.occupied[slot.node()] &= !(1 << slot.lane());
         self.occluders[slot.node()] &= !(1 << slot.lane());
@@ -301,6 +310,26 @@ impl Tree {
         self.levels[leaf] == UNCULLED
     }
 
+    /// Returns a token by which a result of the present state is read after the tree has changed, as long as
+    /// the token lives. `None` on processors without atomic counts.
+    pub(crate) fn token(&self) -> Option<Token> {
+        self.history.token()
+    }
+
+    /// Returns the level and the ids of a node, as they were at the state of `token`; without a token as they
+    /// are.
+    pub(crate) fn contents_at(&self, node: usize, token: Option<&Token>) -> (u8, &[ObjectId; 64]) {
+        self.history.at(node, token).unwrap_or_else(|| (self.levels[node], &self.ids[node]))
+    }
+
+    /// Keeps the ids of a node before they are changed, if a result may still read them.
+    #[inline]
+    pub(super) fn before_change(&mut self, node: usize) {
+        if self.history.is_needed() {
+            self.history.copy(node, self.occupied.len(), self.levels[node], &self.ids[node]);
+        }
+    }
+
     /// Iterates over the pairs of node and lane from `(node, lane)` up to the root, beginning with that pair.
     pub(crate) fn path(&self, node: usize, lane: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
         let start = Slot::new(node as u32, lane);
@@ -324,6 +353,7 @@ impl Tree {
             + size_of_val(&self.detail_bounds[..])
             + size_of_val(&self.detailed[..])
             + size_of_val(&self.details[..])
+            + self.history.memory()
             + self.scratch.memory()
     }
 

@@ -1,6 +1,6 @@
 //! Traversal of a set's masks, leaf by leaf.
 
-use crate::scene::{NONE, Tree};
+use crate::scene::{NONE, Token, Tree};
 use crate::{ObjectId, Scene};
 use smallvec::SmallVec;
 
@@ -12,51 +12,76 @@ pub(super) struct LeafWalk<'a> {
     layers: u32,
     scene: &'a Scene,
     tree: &'a Tree,
-    /// Stack of the inner nodes from the root to the present leaf, each with a mask of the lanes that are
-    /// still to be visited.
-    path: SmallVec<[(usize, u64); 8]>,
-    /// The present leaf, meaningless in an empty tree, and the mask of its objects in the set that are still
-    /// to be visited.
+    /// Token of the state of the tree that is traversed; `None` for the present state.
+    token: Option<&'a Token>,
+    /// Stack of the children of the inner nodes from the root to the present leaf, each with a mask of the
+    /// lanes that are still to be visited.
+    path: SmallVec<[(&'a [ObjectId; 64], u64); 8]>,
+    /// The present leaf, meaningless in an empty tree.
     pub(super) leaf: usize,
+    /// The objects of the present leaf by lane, placeholders in an empty tree, and the mask of those in the
+    /// set that are still to be visited.
+    pub(super) ids: &'a [ObjectId; 64],
     pub(super) mask: u64,
 }
 
 impl<'a> LeafWalk<'a> {
     /// Begins a traversal of the set with these masks, or of all objects on `layers` if `masks` is `None`.
     pub(super) fn new(masks: Option<&'a [u64]>, layers: u32, scene: &'a Scene) -> Self {
-        let tree = scene.tree();
-        let mut walk = Self { masks, layers, scene, tree, path: SmallVec::new(), leaf: 0, mask: 0 };
-        if tree.root != NONE {
-            walk.enter(tree.root as usize);
+        Self::from_root(masks, layers, scene, scene.tree().root, None)
+    }
+
+    /// Begins a traversal of the set with these masks as the tree was at the state of `token`, with `root` as
+    /// its root.
+    pub(super) fn of_state(masks: &'a [u64], scene: &'a Scene, root: u32, token: &'a Token) -> Self {
+        Self::from_root(Some(masks), 0, scene, root, Some(token))
+    }
+
+    fn from_root(
+        masks: Option<&'a [u64]>,
+        layers: u32,
+        scene: &'a Scene,
+        root: u32,
+        token: Option<&'a Token>,
+    ) -> Self {
+        let (tree, path, ids) = (scene.tree(), SmallVec::new(), &[ObjectId::PLACEHOLDER; 64]);
+        let mut walk = Self { masks, layers, scene, tree, token, path, leaf: 0, ids, mask: 0 };
+        if root != NONE {
+            walk.enter(root as usize);
         }
         walk
     }
 
-    fn enter(&mut self, node: usize) {
+    /// Enters a node. Returns whether it is a leaf.
+    fn enter(&mut self, node: usize) -> bool {
         let mask = match self.masks {
             Some(masks) => masks[node],
             None => lanes_on_layers(self.scene, node, self.layers),
         };
-        if self.tree.levels[node] == 0 {
-            (self.leaf, self.mask) = (node, mask);
+        let (level, ids) = match self.token {
+            None => (self.tree.levels[node], &self.tree.ids[node]),
+            token => self.tree.contents_at(node, token),
+        };
+        if level == 0 {
+            (self.leaf, self.ids, self.mask) = (node, ids, mask);
         } else {
-            self.path.push((node, mask));
+            self.path.push((ids, mask));
         }
+        level == 0
     }
 
     /// Advances to the next leaf in hierarchy order and loads its mask of objects in the set, which may be 0.
     /// Returns false after the last leaf.
     pub(super) fn next_leaf(&mut self) -> bool {
-        while let Some((node, rest)) = self.path.last_mut() {
+        while let Some((children, rest)) = self.path.last_mut() {
             if *rest == 0 {
                 self.path.pop();
                 continue;
             }
             let lane = rest.trailing_zeros() as usize;
             *rest &= *rest - 1;
-            let child = self.tree.child(*node, lane);
-            self.enter(child);
-            if self.tree.levels[child] == 0 {
+            let child = children[lane].index();
+            if self.enter(child) {
                 return true;
             }
         }
@@ -76,7 +101,7 @@ impl Iterator for LeafWalk<'_> {
         }
         let lane = self.mask.trailing_zeros() as usize;
         self.mask &= self.mask - 1;
-        Some(self.tree.ids[self.leaf][lane])
+        Some(self.ids[lane])
     }
 
     /// Folds all remaining objects, one leaf at a time. Several times as fast as calling `next`; used by
@@ -85,13 +110,12 @@ impl Iterator for LeafWalk<'_> {
         let mut result = start;
         loop {
             if self.mask == u64::MAX {
-                result = self.tree.ids[self.leaf].iter().fold(result, |result, &id| f(result, id));
+                result = self.ids.iter().fold(result, |result, &id| f(result, id));
             } else {
-                // In an empty tree the mask is 0 and no leaf is read.
                 while self.mask != 0 {
                     let lane = self.mask.trailing_zeros() as usize;
                     self.mask &= self.mask - 1;
-                    result = f(result, self.tree.ids[self.leaf][lane]);
+                    result = f(result, self.ids[lane]);
                 }
             }
             if !self.next_leaf() {

@@ -1,4 +1,5 @@
-//! The finished set as a frame's result: a list of ids that survives changes of the scene.
+//! The finished set as a frame's result: it survives changes of the scene, and its ids are listed when they
+//! are first asked for.
 
 use super::{Listing, VisibleSet};
 use crate::scene::{NONE, lanes};
@@ -12,8 +13,6 @@ const WORDS_PER_ID: usize = 4;
 /// Why [`VisibleSet::write_bits`] failed. The slice is unchanged by a failed call.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum BitsError {
-    /// The set is not [finished](VisibleSet::is_finished), so it has no list of ids.
-    Unfinished,
     /// The slice is too short.
     TooShort {
         /// Number of `u32` words that the slice must have at least: one per 32 object indices of the scene.
@@ -24,7 +23,6 @@ pub enum BitsError {
 impl fmt::Display for BitsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unfinished => write!(f, "the set of visible objects is not finished"),
             Self::TooShort { needed } => write!(f, "bits of visible objects need {needed} words"),
         }
     }
@@ -33,30 +31,37 @@ impl fmt::Display for BitsError {
 impl core::error::Error for BitsError {}
 
 impl VisibleSet {
-    /// Ends a frame: lists the objects of the set, in the set's order if it has one and otherwise in the
-    /// order of the hierarchy with objects that are never culled last. If the set was made [with
-    /// changes](Self::with_changes), records them for [`newly_visible`](Self::newly_visible) and
-    /// [`newly_hidden`](Self::newly_hidden). [`Pipeline::cull`](crate::Pipeline::cull) calls this itself;
-    /// code that calls cullers without a pipeline calls it before the scene changes.
+    /// Ends a frame: from now on the set survives changes of the scene. Its order is the set's order if it
+    /// has one, and otherwise that of the hierarchy with objects that are never culled last.
+    /// [`Pipeline::cull`](crate::Pipeline::cull) calls this itself; code that calls cullers without a
+    /// pipeline calls it before the scene changes.
     ///
-    /// Takes about a nanosecond per object of the set.
+    /// If the set was made [with changes](Self::with_changes), lists its objects and records them for
+    /// [`newly_visible`](Self::newly_visible) and [`newly_hidden`](Self::newly_hidden): about a nanosecond
+    /// per object of the set. Otherwise takes constant time, and some nanoseconds per block of 64 objects
+    /// that are never culled. A set with an order is listed already.
     pub fn finish(&mut self, scene: &Scene) {
-        self.list(scene);
+        self.end(scene);
+        if self.changes.is_some() {
+            self.list_result(scene);
+        }
         if let Some(changes) = &mut self.changes {
             changes.record(scene, &self.ids);
         }
     }
 
     /// Makes the set finished, with its present content and order.
-    fn list(&mut self, scene: &Scene) {
+    fn end(&mut self, scene: &Scene) {
         self.refresh(scene);
-        if self.listing == Listing::Finished {
+        if self.is_finished() {
             return;
         }
         let tree = scene.tree();
-        let mut ids = core::mem::take(&mut self.ids);
-        if self.listing == Listing::Order {
+        let is_ordered = matches!(self.listing, Listing::Order);
+        if is_ordered {
+            let mut ids = core::mem::take(&mut self.ids);
             ids.retain(|&id| self.contains(scene, id));
+            self.ids = ids;
         }
         if self.everything {
             if tree.root != NONE {
@@ -67,44 +72,53 @@ impl VisibleSet {
         for &leaf in &tree.unculled {
             self.words[leaf as usize] = scene.lanes_on_layers(leaf as usize, self.layers);
         }
-        if self.listing == Listing::Masks {
+        self.unculled_leaves.clone_from(&tree.unculled);
+        self.index_limit = scene.index_limit();
+        let token = tree.token();
+        let survives = token.is_some();
+        self.listing =
+            if is_ordered { Listing::Finished } else { Listing::Unlisted { token, root: tree.root } };
+        if !survives {
+            self.list_result(scene);
+        }
+    }
+
+    /// Lists the objects of a finished set. Does nothing if the set is listed already, or not finished.
+    pub(super) fn list_result(&mut self, scene: &Scene) {
+        let mut ids = core::mem::take(&mut self.ids);
+        if let Listing::Unlisted { token, root } = &self.listing {
             ids.clear();
             // Enough for any set of this scene, so that later frames allocate nothing.
             ids.reserve(scene.len());
             let mut block = [ObjectId::PLACEHOLDER; 64];
-            let mut push = |leaf: usize, mask: u64| {
-                let leaf = &tree.ids[leaf];
-                if mask == u64::MAX {
-                    return ids.extend_from_slice(leaf);
+            let mut walk = self.leaves_of_result(scene, token.as_ref(), *root);
+            loop {
+                if walk.mask == u64::MAX {
+                    ids.extend_from_slice(walk.ids);
+                } else {
+                    let mut count = 0;
+                    for lane in lanes(walk.mask) {
+                        block[count % 64] = walk.ids[lane % 64];
+                        count += 1;
+                    }
+                    ids.extend_from_slice(&block[..count.min(64)]);
                 }
-                let mut count = 0;
-                for lane in lanes(mask) {
-                    block[count % 64] = leaf[lane % 64];
-                    count += 1;
+                if !walk.next_leaf() {
+                    break;
                 }
-                ids.extend_from_slice(&block[..count.min(64)]);
-            };
-            let mut walk = self.leaves(scene);
-            if tree.root != NONE && walk.mask != 0 {
-                push(walk.leaf, walk.mask);
             }
-            while walk.next_leaf() {
-                push(walk.leaf, walk.mask);
-            }
-            for &leaf in &tree.unculled {
-                push(leaf as usize, self.words[leaf as usize]);
-            }
+            drop(walk);
+            ids.extend(self.unculled_of_result(scene, token.as_ref()));
+            self.listing = Listing::Finished;
         }
         self.ids = ids;
-        self.index_limit = scene.index_limit();
-        self.listing = Listing::Finished;
     }
 
-    /// Returns whether the set holds the list of a frame's result: true after
-    /// [`Pipeline::cull`](crate::Pipeline::cull), [`finish`](Self::finish) and the methods that sort, until
-    /// the set is filled, cleared, united or culled again.
+    /// Returns whether the set is a frame's result, which survives changes of the scene: true after
+    /// [`Pipeline::cull`](crate::Pipeline::cull), [`finish`](Self::finish), [`ids`](Self::ids) and the
+    /// methods that sort, until the set is filled, cleared, united or culled again.
     pub fn is_finished(&self) -> bool {
-        self.listing == Listing::Finished
+        matches!(self.listing, Listing::Finished | Listing::Unlisted { .. })
     }
 
     /// Returns whether the set is finished for `scene`, whatever has changed there since. Clones are other
@@ -113,53 +127,97 @@ impl VisibleSet {
         self.is_finished() && self.layout.is_of_same_range(scene.layout())
     }
 
+    /// Finishes the set, and returns its objects that are still in the scene, each once, in the order that
+    /// [`iter`](Self::iter) follows. Lists them at the first call, in about a nanosecond per object; later
+    /// calls take constant time until the [layout](Scene::layout) of the scene changes.
+    pub fn ids(&mut self, scene: &Scene) -> &[ObjectId] {
+        self.list(scene);
+        &self.ids
+    }
+
+    /// Makes the set finished and listed, with its present content and order. Drops objects that were removed
+    /// from the scene.
+    fn list(&mut self, scene: &Scene) {
+        self.end(scene);
+        self.list_result(scene);
+    }
+
     /// Returns the visible objects as of the end of the last frame, each once, in the order that
-    /// [`iter`](Self::iter) follows. Objects removed from the scene since are still listed. Empty if the set
-    /// is not [finished](Self::is_finished), whatever it holds.
+    /// [`iter`](Self::iter) follows. Objects removed from the scene since are still listed. `None` if the set
+    /// is not finished, or not listed since: by [`ids`](Self::ids), by a method that sorts, by an order of
+    /// its cullers, or because it records [changes](Self::with_changes).
     ///
-    /// Needs no scene: a render thread can read the set while the scene changes.
-    pub fn ids(&self) -> &[ObjectId] {
-        if self.is_finished() { &self.ids } else { &[] }
+    /// Needs no scene: a render thread can read a listed set while the scene changes.
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, Scene, VisibleSet};
+    /// let mut scene = Scene::new();
+    /// let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    /// let mut visible = VisibleSet::new();
+    /// visible.finish(&scene); // or Pipeline::cull
+    /// assert_eq!(visible.listed(), None);
+    /// visible.ids(&scene);
+    /// scene.remove(id)?;
+    /// assert_eq!(visible.listed(), Some(&[id][..]));
+    /// # Ok::<(), visibility_core::scene::SceneError>(())
+    /// ```
+    pub fn listed(&self) -> Option<&[ObjectId]> {
+        matches!(self.listing, Listing::Finished).then_some(&self.ids[..])
     }
 
     /// Iterates over the objects in the set that are still in the scene: in the set's order if it has one,
-    /// otherwise in the order of the hierarchy, with objects that are never culled last.
+    /// otherwise in the order of the hierarchy, with objects that are never culled last. Makes no list.
     pub fn iter<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = ObjectId> + 'a {
         let (is_current, is_result) = (self.is_of_layout(scene), self.is_result_of(scene));
-        // Three sources, of which one is not empty: the list as it is, the list without what has left the set
-        // or the scene, and the masks.
+        // Four sources, of which one is not empty: the list as it is, the list or the nodes as they were
+        // without what has left the set or the scene, and the masks.
         let (mut whole, mut part, mut walk, mut unculled): (&[ObjectId], &[ObjectId], _, _) =
             (&[], &[], None, None);
-        if is_result && is_current {
-            whole = &self.ids;
-        } else if is_result || is_current && self.listing == Listing::Order {
-            part = &self.ids;
-        } else {
-            walk = Some(self.leaves(scene));
-            unculled = Some(self.unculled(scene));
+        let (mut old, mut own_unculled) = (None, None);
+        match &self.listing {
+            Listing::Unlisted { .. } if is_current => {
+                walk = Some(self.leaves(scene));
+                own_unculled = Some(self.unculled_of_result(scene, None));
+            }
+            Listing::Unlisted { token, root } if is_result => {
+                let token = token.as_ref();
+                let unculled = self.unculled_of_result(scene, token);
+                old = Some(self.leaves_of_result(scene, token, *root).chain(unculled));
+            }
+            Listing::Finished if is_current => whole = &self.ids,
+            Listing::Finished if is_result => part = &self.ids,
+            Listing::Order if is_current => part = &self.ids,
+            _ => {
+                walk = Some(self.leaves(scene));
+                unculled = Some(self.unculled(scene));
+            }
         }
         let stays =
             move |id: &ObjectId| if is_result { scene.contains(*id) } else { self.contains(scene, *id) };
-        let part = part.iter().copied().filter(stays);
-        let masks = walk.into_iter().flatten().chain(unculled.into_iter().flatten());
-        Listed { whole: whole.iter(), rest: part.chain(masks) }
+        let part = part.iter().copied().chain(old.into_iter().flatten()).filter(stays);
+        let unculled = unculled.into_iter().flatten().chain(own_unculled.into_iter().flatten());
+        Listed { whole: whole.iter(), rest: part.chain(walk.into_iter().flatten()).chain(unculled) }
     }
 
     /// Returns the number of objects in the set that are still in the scene. Takes constant time for a
-    /// finished set until the [layout](Scene::layout) of the scene changes, and then a few nanoseconds per
-    /// object of the set. For an unfinished set, takes time in proportion to the number of blocks of 64
-    /// objects that the set reaches.
+    /// listed set until the [layout](Scene::layout) of the scene changes, and then a few nanoseconds per
+    /// object of the set. Without a list, takes time in proportion to the number of blocks of 64 objects that
+    /// the set reaches, and, once the layout has changed, to the size of the set.
     pub fn count(&self, scene: &Scene) -> usize {
-        if self.is_result_of(scene) {
-            return match self.is_of_layout(scene) {
-                true => self.ids.len(),
-                false => self.ids.iter().filter(|&&id| scene.contains(id)).count(),
-            };
+        let (is_current, is_result) = (self.is_of_layout(scene), self.is_result_of(scene));
+        if is_result && !is_current {
+            return self.iter(scene).count();
+        }
+        if let Some(ids) = self.listed().filter(|_| is_result) {
+            return ids.len();
         }
         let mut walk = self.leaves(scene);
         let mut count = walk.mask.count_ones() as usize;
         while walk.next_leaf() {
             count += walk.mask.count_ones() as usize;
+        }
+        if is_result {
+            return count + self.unculled_of_result(scene, None).count();
         }
         count + self.unculled_count(scene) as usize
     }
@@ -172,15 +230,17 @@ impl VisibleSet {
     pub fn contains(&self, scene: &Scene, id: ObjectId) -> bool {
         let Some((leaf, lane)) = scene.leaf_of(id) else { return false };
         if self.is_result_of(scene) && !self.is_of_layout(scene) {
-            return self.ids.contains(&id);
+            return match self.listed() {
+                Some(ids) => ids.contains(&id),
+                None => self.iter(scene).any(|other| other == id),
+            };
         }
         self.holds(scene, leaf, lane)
     }
 
     /// Writes the set as bits for a GPU: bit `i % 32` of word `i / 32` is 1 if the object with
-    /// [index](ObjectId::index) `i` is visible. All other bits of the slice become 0. Takes a nanosecond per
-    /// object of the set, and the time to fill the slice with 0. An object inserted after culling has the bit
-    /// of a removed one whose index it reuses.
+    /// [index](ObjectId::index) `i` is in the set and still in the scene. All other bits of the slice become
+    /// 0. Takes a nanosecond per object of the set, and the time to fill the slice with 0. Makes no list.
     ///
     /// ```
     /// use visibility_core::{Aabb, Scene, VisibleSet};
@@ -188,29 +248,24 @@ impl VisibleSet {
     /// scene.insert_batch((0..40).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
     /// let mut visible = VisibleSet::new();
     /// visible.retain(&scene, |id, _| id.index() >= 31);
-    /// visible.finish(&scene);
     /// let mut bits = [0; 2];
-    /// visible.write_bits(&mut bits)?;
+    /// visible.write_bits(&scene, &mut bits)?;
     /// assert_eq!(bits, [1 << 31, 0xff]);
     /// # Ok::<(), visibility_core::visible_set::BitsError>(())
     /// ```
     ///
     /// # Errors
-    /// [`BitsError::Unfinished`] if the set is not [finished](Self::is_finished), and
-    /// [`BitsError::TooShort`] if the slice has less than one word per 32 object indices that the scene had
-    /// [in use](Scene::index_limit) at the end of the frame, rounded up.
-    pub fn write_bits(&self, bits: &mut [u32]) -> Result<(), BitsError> {
-        if !self.is_finished() {
-            return Err(BitsError::Unfinished);
-        }
-        let needed = self.index_limit.div_ceil(32);
+    /// [`BitsError::TooShort`] if the slice has less than one word per 32 object indices, rounded up, that
+    /// the scene has [in use](Scene::index_limit), or, for a [finished](Self::is_finished) set, had at the
+    /// end of the frame. The slice is then unchanged.
+    pub fn write_bits(&self, scene: &Scene, bits: &mut [u32]) -> Result<(), BitsError> {
+        let limit = if self.is_result_of(scene) { self.index_limit } else { scene.index_limit() };
+        let needed = limit.div_ceil(32);
         if bits.len() < needed {
             return Err(BitsError::TooShort { needed });
         }
         bits.fill(0);
-        for id in &self.ids {
-            bits[id.index() / 32] |= 1 << (id.index() % 32);
-        }
+        self.iter(scene).for_each(|id| bits[id.index() / 32] |= 1 << (id.index() % 32));
         Ok(())
     }
 
@@ -234,7 +289,7 @@ impl VisibleSet {
     /// let ids = scene.insert_batch((0..3).map(|i| Aabb::from_arrays([-i as f32; 3], [1.0; 3])));
     /// let mut visible = VisibleSet::new();
     /// visible.sort_by_index(&scene);
-    /// assert_eq!(visible.ids(), ids);
+    /// assert_eq!(visible.ids(&scene), ids);
     /// ```
     pub fn sort_by_index(&mut self, scene: &Scene) {
         self.list(scene);

@@ -20,7 +20,7 @@ pub(super) const KNOWN: &[Known] = &[
     },
     Known {
         name: "hzb-price",
-        what: "as hzb, drawing at most so many triangles of occluders to hide an object: hzb-price:8, by default 16",
+        what: "as hzb, drawing at most so many triangles of occluders to hide an object: hzb-price:8, by default 24",
         dials: &["64", "8", "2"],
         make: |dial, _| {
             let refused = || format!("its dial is a number of triangles, not `{}`", dial.unwrap_or_default());

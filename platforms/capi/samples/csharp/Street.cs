@@ -64,7 +64,7 @@ static class Vis
         [MarshalAs(UnmanagedType.U1)] bool withChanges, out IntPtr visible);
     [DllImport(Library)] public static extern void vis_visible_destroy(IntPtr visible);
     [DllImport(Library)] public static extern int vis_visible_indices(
-        IntPtr visible, [Out] uint[] indices, UIntPtr capacity, out UIntPtr count);
+        IntPtr visible, IntPtr scene, [Out] uint[] indices, UIntPtr capacity, out UIntPtr count);
 
     public static void Check(int status)
     {
@@ -120,9 +120,9 @@ static class Street
         Expect("in the frustum", frustum.Visible, 114);
         Expect("visible", sum.Visible, 14);
 
-        Vis.Check(Vis.vis_visible_indices(visible, null, UIntPtr.Zero, out UIntPtr count));
+        Vis.Check(Vis.vis_visible_indices(visible, scene, null, UIntPtr.Zero, out UIntPtr count));
         var draw = new uint[(int)count];
-        Vis.Check(Vis.vis_visible_indices(visible, draw, count, out count));
+        Vis.Check(Vis.vis_visible_indices(visible, scene, draw, count, out count));
         Expect("to draw", (ulong)draw.Length, 14);
 
         Vis.Check(Vis.vis_scene_remove(scene, ids[0]));

@@ -148,6 +148,7 @@ impl Tree {
         let mut layers = [[0; 64]; GROUP];
         let (mut occluders, mut detailed) = ([0; GROUP], [0; GROUP]);
         for (member, &node) in nodes.iter().enumerate() {
+            self.before_change(node as usize);
             ids[member] = self.ids[node as usize];
             layers[member] = self.layers[node as usize];
             occluders[member] = self.occluders[node as usize];

@@ -107,8 +107,8 @@ fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
         for (frame, view) in views.iter().enumerate() {
             pipeline.cull(&scene, view, &mut visible);
             visible.sort_by_index(&scene);
-            let found = hash(visible.ids().iter().map(|id| id.index() as u32));
-            print!("{name} {label} {frame} {} {found:08x}", visible.ids().len());
+            let found = hash(visible.iter(&scene).map(|id| id.index() as u32));
+            print!("{name} {label} {frame} {} {found:08x}", visible.count(&scene));
             if frame % JUDGED_EVERY == 0 {
                 let drawn = (0..).zip(source.objects.iter().map(|object| object.triangles.as_slice()));
                 let mut comparison = Comparison::default();

@@ -1,0 +1,95 @@
+//! The occluder meshes of a scene: a slot for each, with a count of the objects that have it, and a
+//! generation by which the id of a mesh that was removed is told from that of a mesh in the same slot.
+
+use super::MeshId;
+use crate::OccluderMesh;
+use alloc::vec::Vec;
+
+/// The occluder meshes of a scene by the index of their ids.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Meshes {
+    slots: Vec<Slot>,
+    /// Indices of the slots without a mesh.
+    free: Vec<u32>,
+}
+
+#[derive(Clone, Debug)]
+struct Slot {
+    /// `None` in a free slot.
+    mesh: Option<OccluderMesh>,
+    /// Generation of the present mesh, or of the next one in a free slot.
+    generation: u32,
+    /// Number of objects that have the mesh.
+    users: u32,
+    /// Whether the mesh goes with its last user, and its id names no mesh any more.
+    is_removed: bool,
+}
+
+impl Meshes {
+    /// Stores a mesh. `first_generation` is the generation of the first mesh of each slot.
+    pub(super) fn add(&mut self, mesh: OccluderMesh, first_generation: u32) -> MeshId {
+        let index = self.free.pop().unwrap_or_else(|| {
+            self.slots.push(Slot { mesh: None, generation: first_generation, users: 0, is_removed: false });
+            self.slots.len() as u32 - 1
+        });
+        let slot = &mut self.slots[index as usize];
+        slot.mesh = Some(mesh);
+        MeshId { index, generation: slot.generation }
+    }
+
+    /// Returns the slot of a mesh that is stored, removed or not.
+    fn slot(&self, id: MeshId) -> Option<&Slot> {
+        self.slots
+            .get(id.index as usize)
+            .filter(|slot| slot.mesh.is_some() && slot.generation == id.generation)
+    }
+
+    /// Returns the mesh that an object has. `None` for an id that names no mesh, though not if the mesh was
+    /// removed while the object had it.
+    pub(super) fn of_object(&self, id: MeshId) -> Option<&OccluderMesh> {
+        self.slot(id)?.mesh.as_ref()
+    }
+
+    /// Returns the number of objects that have a mesh. `None` for an id that names no mesh, or one that was
+    /// removed.
+    pub(super) fn users(&self, id: MeshId) -> Option<usize> {
+        self.slot(id).filter(|slot| !slot.is_removed).map(|slot| slot.users as usize)
+    }
+
+    /// Returns the number of meshes that are stored.
+    pub(super) fn count(&self) -> usize {
+        self.slots.len() - self.free.len()
+    }
+
+    /// Removes a mesh: at once if no object has it, otherwise with its last object. Returns false for an id
+    /// that names no mesh.
+    pub(super) fn remove(&mut self, id: MeshId) -> bool {
+        let is_known = self.users(id).is_some();
+        if is_known {
+            self.slots[id.index as usize].is_removed = true;
+            self.free_unused(id.index);
+        }
+        is_known
+    }
+
+    /// Counts an object that gets a mesh. `id` names a stored mesh.
+    pub(super) fn add_user(&mut self, id: MeshId) {
+        self.slots[id.index as usize].users += 1;
+    }
+
+    /// Takes out an object that had a mesh, counted by [`add_user`](Self::add_user).
+    pub(super) fn remove_user(&mut self, id: MeshId) {
+        self.slots[id.index as usize].users -= 1;
+        self.free_unused(id.index);
+    }
+
+    /// Frees the slot of a removed mesh that no object has.
+    fn free_unused(&mut self, index: u32) {
+        let slot = &mut self.slots[index as usize];
+        if slot.is_removed && slot.users == 0 {
+            *slot =
+                Slot { mesh: None, generation: slot.generation.wrapping_add(1), users: 0, is_removed: false };
+            self.free.push(index);
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! Contents of nodes at earlier layouts, for results of frames that were not listed before the scene changed.
+//!
+//! A result holds one mask per node, and the ids behind its bits are those of the layout that it was culled
+//! at. A node is copied before its first change after such a layout: an undo log. Each result holds a clone
+//! of its layout's token, so that the log keeps a copy only as long as some result may read it.
+
+use crate::ObjectId;
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+
+/// Token of a state of the tree. Results of that state hold clones, whose number tells whether any is left.
+#[cfg(target_has_atomic = "ptr")]
+pub(crate) type Token = alloc::sync::Arc<u64>;
+
+/// Processors without atomic counts have no tokens: results are listed at once.
+#[cfg(not(target_has_atomic = "ptr"))]
+pub(crate) type Token = core::convert::Infallible;
+
+/// The undo log of a tree's nodes.
+#[derive(Debug, Default)]
+pub(crate) struct History {
+    /// Token of the present state; its value is the state's number.
+    #[cfg(target_has_atomic = "ptr")]
+    present: Token,
+    /// Tokens of earlier states, oldest first, that results may hold.
+    #[cfg(target_has_atomic = "ptr")]
+    earlier: Vec<Token>,
+    /// A token that no result holds, for the next state.
+    #[cfg(target_has_atomic = "ptr")]
+    spare: Option<Token>,
+    /// Copies of nodes, oldest first.
+    copies: VecDeque<Copied>,
+    /// Number of copies that were dropped from the front of `copies` so far.
+    dropped: u64,
+    /// For each node, one more than the number of its newest copy, counted from the first copy ever. 0, and
+    /// past the end, for nodes without a copy. Meaningless if the copy is dropped.
+    newest: Vec<u64>,
+}
+
+/// What a node held at a state.
+#[derive(Debug)]
+struct Copied {
+    /// Number of the state: the newest one with a token when the copy was made.
+    state: u64,
+    /// `newest` of the node before this copy.
+    older: u64,
+    level: u8,
+    ids: [ObjectId; 64],
+}
+
+impl Clone for History {
+    /// Returns an empty log: the copy of a scene has no results.
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl History {
+    /// Returns the copy with a number of `newest`. `None` if there is none or it was dropped.
+    fn numbered(&self, number: u64) -> Option<&Copied> {
+        self.copies.get(usize::try_from(number.checked_sub(self.dropped + 1)?).ok()?)
+    }
+
+    fn newest(&self, node: usize) -> u64 {
+        self.newest.get(node).copied().unwrap_or(0)
+    }
+
+    /// Returns the number of bytes in use, without reserved capacity.
+    pub(super) fn memory(&self) -> usize {
+        self.copies.len() * size_of::<Copied>() + size_of_val(&self.newest[..])
+    }
+}
+
+#[cfg(target_has_atomic = "ptr")]
+impl History {
+    /// Returns a token for a result of the present state, which [`at`](Self::at) can read as long as the
+    /// token lives. `None` on processors without atomic counts.
+    pub(super) fn token(&self) -> Option<Token> {
+        Some(self.present.clone())
+    }
+
+    /// Returns whether a node must be [copied](Self::copy) before it is changed: if a result may read it.
+    #[inline]
+    pub(super) fn is_needed(&self) -> bool {
+        !self.earlier.is_empty() || Token::strong_count(&self.present) > 1
+    }
+
+    /// Copies the content of a node before it is changed, unless a copy of that content is there or no result
+    /// is left. `nodes` is the number of nodes of the tree.
+    #[cold]
+    pub(super) fn copy(&mut self, node: usize, nodes: usize, level: u8, ids: &[ObjectId; 64]) {
+        if Token::strong_count(&self.present) > 1 {
+            self.begin_state();
+        }
+        let Some(state) = self.earlier.last().map(|token| **token) else { return };
+        let older = self.newest(node);
+        if self.numbered(older).is_some_and(|copy| copy.state == state) {
+            return;
+        }
+        if self.earlier.iter().all(|token| Token::strong_count(token) == 1) {
+            return self.forget();
+        }
+        if self.newest.len() < nodes {
+            self.newest.resize(nodes, 0);
+        }
+        if self.copies.capacity() == 0 {
+            // Reserves what most frames need. Growing step by step, a scene in which little changes would
+            // allocate now and then for many frames.
+            self.copies.reserve(64.max(nodes / 8));
+        }
+        self.copies.push_back(Copied { state, older, level, ids: *ids });
+        self.newest[node] = self.dropped + self.copies.len() as u64;
+    }
+
+    /// Returns the level and the ids of a node as they were at the state of a token. `None` if they have not
+    /// changed since, or without a token.
+    pub(super) fn at(&self, node: usize, token: Option<&Token>) -> Option<(u8, &[ObjectId; 64])> {
+        let state = **token?;
+        let (mut number, mut content) = (self.newest(node), None);
+        while let Some(copy) = self.numbered(number).filter(|copy| copy.state >= state) {
+            content = Some((copy.level, &copy.ids));
+            number = copy.older;
+        }
+        content
+    }
+
+    /// Begins the next state, since the present one has results. Drops the copies that no result can read.
+    fn begin_state(&mut self) {
+        let Self { earlier, spare, copies, .. } = self;
+        earlier.retain_mut(|token| {
+            let is_held = Token::strong_count(token) > 1;
+            if !is_held {
+                *spare = Some(token.clone());
+            }
+            is_held
+        });
+        let next = *self.present + 1;
+        let oldest = earlier.first().map_or(*self.present, |token| **token);
+        while copies.front().is_some_and(|copy| copy.state < oldest) {
+            copies.pop_front();
+            self.dropped += 1;
+        }
+        let fresh = match spare.take() {
+            Some(mut token) => match Token::get_mut(&mut token) {
+                Some(number) => {
+                    *number = next;
+                    token
+                }
+                None => Token::new(next),
+            },
+            None => Token::new(next),
+        };
+        earlier.push(core::mem::replace(&mut self.present, fresh));
+    }
+
+    /// Drops all copies and earlier states: no result is left that could read them.
+    fn forget(&mut self) {
+        self.dropped += self.copies.len() as u64;
+        self.copies.clear();
+        self.spare = self.earlier.pop();
+        self.earlier.clear();
+    }
+}
+
+#[cfg(not(target_has_atomic = "ptr"))]
+impl History {
+    pub(super) fn token(&self) -> Option<Token> {
+        None
+    }
+
+    pub(super) fn is_needed(&self) -> bool {
+        false
+    }
+
+    pub(super) fn copy(&mut self, _node: usize, _nodes: usize, _level: u8, _ids: &[ObjectId; 64]) {}
+
+    pub(super) fn at(&self, _node: usize, _token: Option<&Token>) -> Option<(u8, &[ObjectId; 64])> {
+        None
+    }
+}
