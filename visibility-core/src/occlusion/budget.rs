@@ -12,8 +12,9 @@ const INITIAL_CREDIT: f32 = 2048.0;
 /// which boxes are partly hidden, where tests take longest).
 const TEST_WORK: f32 = 0.3;
 
-/// Greatest cost of an occluder, beyond what objects found hidden have paid so far, that is paid from the
-/// credit. A frame in which nothing is hidden draws no mesh that costs as much as all its objects.
+/// Greatest cost of an occluder that is paid from the credit, beyond what objects found hidden have paid so
+/// far, if it is more than half of what all objects behind are worth. So a frame of few objects draws no mesh
+/// that costs as much as all of them.
 const UNPROVEN_COST: f32 = 512.0;
 
 /// Expected gain of an occluder, as a multiple of its cost and of all loans that are open, from which it is
@@ -88,12 +89,14 @@ impl Budget {
         self.credit += earned - paid_back;
     }
 
-    /// Returns whether an occluder of `cost` can be paid if it is expected to hide objects worth `gain`: from
-    /// the credit, or on a loan if the gain is [large](LOAN_SAFETY) against the cost and the open loans. So
-    /// no occluder is too expensive for what lies behind it.
-    pub(super) fn can_pay(&self, cost: f32, gain: f32) -> bool {
-        let is_in_credit = cost <= self.credit && cost <= UNPROVEN_COST + self.earned;
-        cost <= self.limit && (is_in_credit || LOAN_SAFETY * (cost + self.debt) <= gain)
+    /// Returns whether an occluder of `cost` that covers a `share` of the view can be paid, if all objects
+    /// that may lie behind it are worth `behind`: from the credit, or on a loan if what it is expected to hide
+    /// is worth [much more](LOAN_SAFETY) than the cost and the open loans. So no occluder is too expensive
+    /// for what lies behind it.
+    pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
+        let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
+        let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;
+        cost <= self.limit && (cost <= self.credit && is_in_proportion || is_on_loan)
     }
 
     /// Pays for an occluder that [can be paid](Self::can_pay).

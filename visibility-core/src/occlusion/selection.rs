@@ -225,11 +225,10 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         let Some((mesh, transform)) = occluder else { return };
         let cost = self.map.cost(mesh) as f32;
         let worth = self.budget.worth(self.undecided.max(LEAST_BEHIND));
-        // What the occluder hides if it covers the whole view, as far as that is certain to be there.
-        let gain = self.budget.worth(self.undecided);
+        let behind = self.budget.worth(self.undecided);
         // In a degenerate view a share may be NaN, which counts as the whole view.
         let share = |angle: f32| (angle * self.share_per_area).min(1.0);
-        let pays = |budget: &Budget, share: f32| cost <= worth * share && budget.can_pay(cost, gain * share);
+        let pays = |budget: &Budget, share: f32| cost <= worth * share && budget.can_pay(cost, share, behind);
         let is_worth_it = pays(&self.budget, share(solid_angle(mesh, transform, &self.eye)))
             || pays(&self.budget, 1.0) && is_near(mesh, transform, &self.eye) && {
                 let estimated = mesh.triangles().len().min(MOST_ESTIMATED);
