@@ -90,9 +90,9 @@ impl Budget {
     }
 
     /// Returns whether an occluder of `cost` that covers a `share` of the view can be paid, if all objects
-    /// that may lie behind it are worth `behind`: from the credit, or on a loan if what it is expected to hide
-    /// is worth [much more](LOAN_SAFETY) than the cost and the open loans. So no occluder is too expensive
-    /// for what lies behind it.
+    /// that may lie behind it are worth `behind`: from the credit, or on a loan if what it is expected to
+    /// hide is worth [much more](LOAN_SAFETY) than the cost and the open loans. So no occluder is too
+    /// expensive for what lies behind it.
     pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
         let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
         let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;

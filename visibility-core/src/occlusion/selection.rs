@@ -10,9 +10,9 @@
 //! triangles is at most `price * s * n`. (The share is the area facing the eye over the squared distance, as
 //! in Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997. That formula is
 //! for occluders that are small from the eye. From within a room, a courtyard or beside a long wall, the
-//! triangles are looked at one by one if the formula says no.) In addition, all work is paid from a [`Budget`],
-//! which each object found hidden raises by the price: where nothing is hidden, as seen by a bird, the search
-//! ends after its initial credit.
+//! triangles are looked at one by one if the formula says no.) In addition, all work is paid from a
+//! [`Budget`], which each object found hidden raises by the price: where nothing is hidden, as seen by a
+//! bird, the search ends after its initial credit.
 
 use super::budget::Budget;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
