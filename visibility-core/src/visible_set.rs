@@ -337,6 +337,21 @@ impl VisibleSet {
         lanes(mask).map(|lane| self.keep_below(is_current, scene, scene.tree().child(node, lane))).sum()
     }
 
+    /// Returns the number of leaves with candidates in and below `node`, whose bit must be set in all nodes
+    /// above it. `is_current` tells whether this set's masks were made for the scene's present layout; if
+    /// not, every object on the set's layers is a candidate.
+    pub(crate) fn leaves_below(&self, is_current: bool, scene: &Scene, node: usize) -> u32 {
+        let level = scene.tree().levels[node];
+        if level == 0 {
+            return 1;
+        }
+        let mask = self.mask_if(is_current, scene, node);
+        if level == 1 {
+            return mask.count_ones();
+        }
+        lanes(mask).map(|lane| self.leaves_below(is_current, scene, scene.tree().child(node, lane))).sum()
+    }
+
     /// Marks an object for removal by [`drop_now`](Self::drop_now). `id` must be in the scene that
     /// [`begin_drops`](Self::begin_drops) was called with.
     pub(crate) fn drop_later(&mut self, id: ObjectId) {

@@ -263,6 +263,12 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         self.scene
     }
 
+    /// Returns the number of leaves with candidates in and below a node that this walk has neither visited
+    /// nor accepted. 1 for every node of another hierarchy than the scene's own.
+    pub(crate) fn leaves_below(&self, node: usize) -> u32 {
+        if H::IS_OF_SCENE { self.visible.leaves_below(self.is_current, self.scene, node) } else { 1 }
+    }
+
     /// Calls `test` with each block of children of `node` (`None`: the top of the hierarchy) and a mask of
     /// the candidates among the children; bit i stands for lane i. `test` returns the mask of the children to
     /// keep; all other candidates are removed, with everything below them. A culler must call `visit` or

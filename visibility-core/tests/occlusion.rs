@@ -610,6 +610,158 @@ fn where_nothing_is_hidden_little_is_drawn() {
     assert!(in_view > 150_000, "{in_view} in view are no test");
     assert!(stats.visible as usize * 10 > in_view * 9, "{stats:?}");
     assert!(map.costs.get() < 2_500 && map.added < 250, "{} of {} were drawn", map.added, map.costs.get());
+    assert!(stats.tests as usize * 8 < in_view, "{stats:?}: {in_view} objects are not all tested in vain");
+}
+
+/// A closed wall of 5,000 triangles across the view, 20 m away.
+fn fine_wall() -> OccluderMesh {
+    let (columns, rows) = (50, 25);
+    let at = |x: f32, column: usize, row: usize| {
+        Vec3::new(x, column as f32 / columns as f32 * 60.0 - 30.0, row as f32 / rows as f32 * 40.0 - 20.0)
+    };
+    let mut triangles: Vec<Triangle> = Vec::new();
+    let mut quad = |p: [Vec3; 4]| triangles.extend([[p[0], p[1], p[2]], [p[0], p[2], p[3]]]);
+    for column in 0..columns {
+        for row in 0..rows {
+            let corners = [(0, 0), (0, 1), (1, 1), (1, 0)].map(|(i, j)| (column + i, row + j));
+            quad(corners.map(|(i, j)| at(20.0, i, j)));
+            let [a, b, c, d] = corners.map(|(i, j)| at(21.0, i, j));
+            quad([d, c, b, a]);
+        }
+    }
+    // Sides between the two faces.
+    for column in 0..columns {
+        let [a, b] = [column, column + 1];
+        quad([at(20.0, a, 0), at(20.0, b, 0), at(21.0, b, 0), at(21.0, a, 0)]);
+        quad([at(20.0, b, rows), at(20.0, a, rows), at(21.0, a, rows), at(21.0, b, rows)]);
+    }
+    for row in 0..rows {
+        let [a, b] = [row, row + 1];
+        quad([at(20.0, 0, b), at(20.0, 0, a), at(21.0, 0, a), at(21.0, 0, b)]);
+        quad([at(20.0, columns, a), at(20.0, columns, b), at(21.0, columns, b), at(21.0, columns, a)]);
+    }
+    OccluderMesh::from_triangles(&triangles).unwrap()
+}
+
+/// Makes a scene of a wall of one mesh and `count` objects behind it. Returns it with the number of
+/// triangles.
+fn behind_one_mesh(count: usize) -> (Scene, usize) {
+    let (mut scene, mesh) = (Scene::new(), fine_wall());
+    assert!(mesh.is_closed());
+    let triangles = mesh.triangles().len();
+    let wall = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+    let mesh = scene.add_mesh(mesh);
+    scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+    scene.insert_batch((0..count).map(|i| {
+        let min =
+            Vec3::new(30.0 + (i / 400) as f32, (i % 20) as f32 * 0.5 - 5.0, (i / 20 % 20) as f32 * 0.3 - 3.0);
+        Aabb::new(min, min + 0.2)
+    }));
+    scene.rebuild();
+    (scene, triangles)
+}
+
+/// No first occluder is too expensive for what is there to hide: a mesh of 5,000 triangles is drawn before
+/// 20,000 objects, and not before 200, whose drawing costs less.
+#[test]
+fn an_expensive_mesh_is_drawn_before_many_objects() {
+    for (count, left) in [(20_000, 1), (200, 201)] {
+        let (scene, triangles) = behind_one_mesh(count);
+        assert!(triangles > 5_000, "{triangles}");
+        let seen = visible(&mut pipeline(), &scene, &along_x());
+        assert_eq!(seen.len(), left, "{count} objects behind the wall");
+    }
+}
+
+/// A frame keeps to its limit of work: no occluder that costs more, and no more boxes tested than it pays
+/// for.
+#[test]
+fn a_limit_bounds_the_work_of_a_frame() {
+    let (scene, triangles) = behind_one_mesh(20_000);
+    for (limit, left) in [(triangles as u32, 20_001), (4 * triangles as u32, 1)] {
+        let culler = OcclusionCuller::new(PlainMap::new(96, 60)).with_work_limit(limit);
+        let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
+        assert_eq!(visible(&mut pipeline, &scene, &along_x()).len(), left, "at most {limit}");
+    }
+    let city = city(100);
+    let view = view_from(DVec3::new(-8.0, 3.0, 40.0), DVec3::new(800.0, 30.0, 0.0));
+    let mut last = 0;
+    for limit in [0, 50, 500, 5_000] {
+        let mut set = VisibleSet::new();
+        set.fill(&city, &view);
+        FrustumCuller::new().cull(&city, &view, &mut set);
+        let mut culler = OcclusionCuller::new(Counting::new()).with_work_limit(limit);
+        let stats = culler.cull(&city, &view, &mut set);
+        let work = culler.map().added as f64 * 12.0 + culler.map().tests.get() as f64 * 0.3;
+        // The last node is tested in full.
+        assert!(work <= f64::from(limit) + 64.0, "{work} of {limit}: {stats:?}");
+        assert!(stats.tests >= last, "more work is of no use: {stats:?}");
+        last = stats.tests;
+    }
+}
+
+/// A map that begins each frame with a wall of its own: what the wall hides is neither offered nor drawn.
+#[test]
+fn occluders_behind_what_the_map_holds_already_are_not_looked_at() {
+    struct Walled(Counting);
+    impl OcclusionMap for Walled {
+        fn name(&self) -> &str {
+            "walled"
+        }
+
+        fn accuracy(&self) -> Accuracy {
+            self.0.accuracy()
+        }
+
+        fn begin(&mut self, view: &View, origin: DVec3) {
+            self.0.begin(view, origin);
+            let wall = Aabb::from_arrays([-2.0, -90.0, -90.0], [-1.0, 90.0, 90.0]);
+            self.0.map.add(&OccluderMesh::cuboid(&wall).unwrap(), &Affine3A::IDENTITY);
+        }
+
+        fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+            self.0.add(occluder, transform);
+        }
+
+        fn cost(&self, occluder: &OccluderMesh) -> usize {
+            self.0.cost(occluder)
+        }
+
+        fn flush(&mut self) {
+            self.0.flush();
+        }
+
+        fn test(&self, bounds: &Aabb) -> Occlusion {
+            self.0.test(bounds)
+        }
+    }
+    let scene = city(40);
+    let view = view_from(DVec3::new(-8.0, 3.0, 1.7), DVec3::new(100.0, 3.0, 1.7));
+    let mut set = VisibleSet::new();
+    set.fill(&scene, &view);
+    FrustumCuller::new().cull(&scene, &view, &mut set);
+    let mut culler = OcclusionCuller::new(Walled(Counting::new()));
+    let stats = culler.cull(&scene, &view, &mut set);
+    assert_eq!((stats.visible, stats.occluders), (0, 0), "{stats:?}");
+    let map = &culler.map().0;
+    assert_eq!((map.costs.get(), map.added), (0, 0));
+    assert!(stats.tests < 200, "{stats:?}");
+}
+
+/// The answer to a view does not depend on the frames before: backing off is a matter of one frame.
+#[test]
+fn the_same_view_has_the_same_answer_after_any_frames() {
+    let scene = city(100);
+    let views = [
+        view_from(DVec3::new(-8.0, 3.0, 1.7), DVec3::new(100.0, 30.0, 1.7)),
+        view_from(DVec3::new(-400.0, 0.0, 1000.0), DVec3::new(800.0, 0.0, 0.0)),
+        view_from(DVec3::new(500.0, 5.0, 20.0), DVec3::new(900.0, 30.0, 1.7)),
+    ];
+    let alone = views.map(|view| visible(&mut pipeline(), &scene, &view));
+    let mut kept = pipeline();
+    for frame in [1, 1, 1, 0, 2, 0, 1, 2] {
+        assert_eq!(visible(&mut kept, &scene, &views[frame]), alone[frame], "view {frame}");
+    }
 }
 
 /// Another hierarchy over the same objects: the nodes differ, what is looked at does not grow.

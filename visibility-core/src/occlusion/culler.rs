@@ -6,6 +6,7 @@
 //! hierarchy on the scene").
 
 use super::OcclusionMap;
+use super::budget::{Budget, LeafSampling};
 use super::selection::{OccluderSearch, Queue};
 use crate::culler::Lack;
 use crate::scene::lanes;
@@ -25,8 +26,15 @@ const DEFAULT_PRICE: u32 = 24;
 ///
 /// # Cost
 /// Occluders are drawn nearest first, and only if they are expected to hide enough objects for their
-/// [price](Self::with_price). Hidden nodes and occluders are skipped. The work is proportional to the nodes
-/// and occluders that are seen, plus at most a constant for occluders that turn out to hide nothing.
+/// [price](Self::with_price). Hidden nodes and occluders are skipped. Work is counted in triangles, with the
+/// z-buffer about a tenth of a microsecond each, and is paid by the objects found hidden: it is proportional
+/// to the nodes and occluders that are seen, plus at most a constant for occluders that turn out to hide
+/// nothing. A frame that has spent this constant and found nearly nothing hidden backs off: it tests the
+/// objects of fewer and fewer leaves of the hierarchy and reports the others.
+/// [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
+///
+/// The answer depends on scene, set, view and settings alone, not on earlier frames, unless the map itself
+/// remembers them.
 ///
 /// ```
 /// # use visibility_core::{
@@ -54,6 +62,8 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     /// Price: the number of occluder triangles that may be drawn for each object that they are expected to
     /// hide. With 0 no occluder is drawn.
     price: u32,
+    /// Most work of a frame, in triangles.
+    work_limit: u32,
     /// Memory of the search for occluders. Its content does not outlive a frame.
     queue: Queue,
     /// The scene of the last frame, which the map's memory of earlier frames belongs to.
@@ -70,7 +80,8 @@ impl<M: OcclusionMap> OcclusionCuller<M> {
 impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// Creates a culler that walks another hierarchy over the objects of the scene.
     pub fn over(map: M, hierarchy: H) -> Self {
-        Self { map, hierarchy, price: DEFAULT_PRICE, queue: Queue::new(), scene: SceneCursor::START }
+        let (queue, scene) = (Queue::new(), SceneCursor::START);
+        Self { map, hierarchy, price: DEFAULT_PRICE, work_limit: u32::MAX, queue, scene }
     }
 
     /// Sets how many triangles of occluders, as [`OcclusionMap::cost`] counts them, are drawn to hide one
@@ -78,6 +89,14 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// With 0 no occluder of the scene is drawn, for maps that are filled otherwise.
     pub fn with_price(self, triangles_per_object: u32) -> Self {
         Self { price: triangles_per_object, ..self }
+    }
+
+    /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond. No
+    /// bound (`u32::MAX`) by default. A frame that reaches the bound draws no more occluders, tests no more
+    /// objects and reports the rest. The bound is kept up to the tests of one node, and does not cover
+    /// emptying the map, which takes longer the larger the map is.
+    pub fn with_work_limit(self, triangles: u32) -> Self {
+        Self { work_limit: triangles, ..self }
     }
 
     /// Returns the occlusion map, with the occluders of the last frame still in it.
@@ -112,8 +131,13 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         self.scene = SceneCursor::at(scene);
         self.map.begin(view, scene.origin());
         let mut walk = Walk::new(scene, &self.hierarchy, visible);
-        OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), self.price).run(&mut walk);
-        keep_unhidden(&mut self.map, &mut walk, None);
+        let budget = Budget::new(self.price, self.work_limit);
+        let budget =
+            OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), budget).run(&mut walk);
+        // A map that answers later must be asked about every leaf, or it would never learn of some.
+        let is_sampled = budget.is_spent_in_vain() && self.map.answers_at_once();
+        let sampling = is_sampled.then(LeafSampling::default);
+        Sweep { map: &mut self.map, budget, sampling }.keep_unhidden(&mut walk, None);
         walk.finish()
     }
 
@@ -126,26 +150,42 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 }
 
-/// Drops the objects below a node (`None`: all objects) that the map hides. Returns whether any object is
-/// left below the node; always true in another hierarchy than the scene's own.
-fn keep_unhidden<M: OcclusionMap, H: BoxHierarchy>(
-    map: &mut M,
-    walk: &mut Walk<H>,
-    node: Option<usize>,
-) -> bool {
-    walk.visit(node, |walk, block, candidates| {
-        walk.stats.tests += u64::from(candidates.count_ones());
-        let answer = map.test_64_mut(block.boxes(), candidates);
-        let mut mask = candidates & !answer.hidden;
-        for lane in lanes(mask & !block.objects(candidates)) {
-            let Child::Node(child) = block.child(lane) else { continue };
-            let any = if answer.visible >> lane & 1 != 0 {
-                walk.accept(child)
-            } else {
-                keep_unhidden(map, walk, Some(child))
-            };
-            mask &= !(u64::from(!any) << lane);
-        }
-        mask
-    })
+/// The walk after the search, which tests all that is left against the map, as far as the budget allows.
+struct Sweep<'a, M> {
+    map: &'a mut M,
+    budget: Budget,
+    /// Choice of the leaves that are tested. `None`: all.
+    sampling: Option<LeafSampling>,
+}
+
+impl<M: OcclusionMap> Sweep<'_, M> {
+    /// Drops the objects below a node (`None`: all objects) that the map hides, but for leaves that are left
+    /// out. Returns whether any object is left below the node; always true in another hierarchy than the
+    /// scene's own.
+    fn keep_unhidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, node: Option<usize>) -> bool {
+        walk.visit(node, |walk, block, candidates| {
+            let objects = block.objects(candidates);
+            let is_leaf = objects == candidates;
+            if is_leaf && self.sampling.as_mut().is_some_and(|sampling| !sampling.tests_next()) {
+                return candidates;
+            }
+            walk.stats.tests += u64::from(candidates.count_ones());
+            self.budget.spend_tests(candidates.count_ones());
+            let answer = self.map.test_64_mut(block.boxes(), candidates);
+            if is_leaf && let Some(sampling) = &mut self.sampling {
+                sampling.record(answer.hidden != 0);
+            }
+            let mut mask = candidates & !answer.hidden;
+            for lane in lanes(mask & !objects) {
+                let Child::Node(child) = block.child(lane) else { continue };
+                let any = if answer.visible >> lane & 1 != 0 || self.budget.is_at_limit() {
+                    walk.accept(child)
+                } else {
+                    self.keep_unhidden(walk, Some(child))
+                };
+                mask &= !(u64::from(!any) << lane);
+            }
+            mask
+        })
+    }
 }

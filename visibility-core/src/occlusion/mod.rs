@@ -6,6 +6,7 @@
 //! Applications", 2003, sections 5 and 6). Each implements [`OcclusionMap`]. [`OcclusionCuller`] chooses
 //! occluders, walks the hierarchy and removes hidden objects.
 
+mod budget;
 mod clip_plane_test;
 mod culler;
 mod mesh;

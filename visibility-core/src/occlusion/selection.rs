@@ -10,10 +10,11 @@
 //! triangles is at most `price * s * n`. (The share is the area facing the eye over the squared distance, as
 //! in Coorg and Teller, "Real-Time Occlusion Culling for Models with Large Occluders", 1997. That formula is
 //! for occluders that are small from the eye. From within a room, a courtyard or beside a long wall, the
-//! triangles are looked at one by one if the formula says no.) In addition, all work is paid from a credit,
-//! which each object found hidden raises by the price. Where nothing is hidden, as seen by a bird, the search
-//! ends after [`INITIAL_CREDIT`].
+//! triangles are looked at one by one if the formula says no.) In addition, all work is paid from a
+//! [`Budget`], which each object found hidden raises by the price: where nothing is hidden, as seen by a
+//! bird, the search ends after its initial credit.
 
+use super::budget::Budget;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
 use crate::scene::lanes;
 use crate::walk::{BoxHierarchy, Child, Walk};
@@ -29,16 +30,8 @@ use glam::{Affine3A, DVec3, DVec4, Vec3};
 /// fewer waste flushes (measured with the z-buffer).
 const BATCH: u32 = 8;
 
-/// Work, in triangles, that a frame may spend before an object is found hidden, beyond the price of one. It
-/// must last until the first batch has been drawn and the boxes behind have been tested.
-const INITIAL_CREDIT: f32 = 2048.0;
-
-/// Work of testing the children of a node, in triangles (measured with the z-buffer). Testing or refusing one
-/// box counts as one triangle.
-const BLOCK_WORK: f32 = 6.0;
-
-/// Number of objects that an unopened node stands for: those of a full leaf. Higher nodes hold more.
-const OBJECTS_PER_NODE: f32 = 64.0;
+/// Number of objects that an unopened leaf stands for: those of a full one.
+const OBJECTS_PER_LEAF: u32 = 64;
 
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
@@ -53,6 +46,10 @@ const NEAR_RADII: f32 = 2.0;
 /// Number of triangles whose solid angles are estimated by the work of drawing one.
 const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
+/// Most triangles of a mesh whose solid angles are estimated. Of a larger mesh every second, third, ...
+/// triangle stands for its neighbours in the list.
+const MOST_ESTIMATED: usize = 2048;
+
 /// A node or an occluder that waits in the queue of [`OccluderSearch`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
@@ -61,19 +58,9 @@ pub(super) struct Waiting {
     /// Number of flushes before `bounds` was tested last.
     tested: u32,
     child: Child,
+    /// Number of objects that the entry stands for, an estimate.
+    objects: f32,
     bounds: Aabb,
-}
-
-impl Waiting {
-    /// Returns the number of objects that the entry stands for.
-    fn objects(&self) -> f32 {
-        objects_of(matches!(self.child, Child::Node(_)))
-    }
-}
-
-/// Returns the number of objects that a child stands for, which is a node or an object.
-fn objects_of(is_node: bool) -> f32 {
-    if is_node { OBJECTS_PER_NODE } else { 1.0 }
 }
 
 impl Ord for Waiting {
@@ -115,15 +102,13 @@ pub(super) struct OccluderSearch<'a, M> {
     depth_row: DVec4,
     clip_planes: ViewPlanes,
     queue: &'a mut Queue,
-    /// Triangles that hiding one object is worth.
-    price: f32,
+    /// Work of the frame, which the walk after the search goes on with.
+    budget: Budget,
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.
     share_per_area: f32,
-    /// Work that may still be spent, in triangles. The search ends when it is 0 or less.
-    credit: f32,
     /// Objects not found hidden so far, as far as none of them is known to lie in front of the occluders to
-    /// come. Unopened nodes count as [`OBJECTS_PER_NODE`].
+    /// come. Unopened leaves count as [`OBJECTS_PER_LEAF`].
     undecided: f32,
     /// Number of flushes in this frame.
     flushes: u32,
@@ -133,18 +118,23 @@ pub(super) struct OccluderSearch<'a, M> {
 
 impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     /// Prepares a search for a map on which [`OcclusionMap::begin`] has been called with the same `view` and
-    /// `origin`. With a `price` of 0 the search adds no occluder.
-    pub(super) fn new(map: &'a mut M, queue: &'a mut Queue, view: &View, origin: DVec3, price: u32) -> Self {
+    /// `origin`. Without credit in the budget the search adds no occluder.
+    pub(super) fn new(
+        map: &'a mut M,
+        queue: &'a mut Queue,
+        view: &View,
+        origin: DVec3,
+        budget: Budget,
+    ) -> Self {
         let eye = view.eye(origin);
         Self {
             map,
             clip_planes: view.clip_planes_from(origin),
             depth_row: view.clip_from(origin).row(3),
             queue,
-            price: price as f32,
+            budget,
             share_per_area: share_per_area(view, &eye, origin),
             eye,
-            credit: if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 },
             undecided: 0.0,
             flushes: 0,
             unflushed: 0,
@@ -152,20 +142,20 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     }
 
     /// Adds the occluders of the frame to the map and flushes it. In the scene's own hierarchy, also drops
-    /// the objects and nodes that it finds hidden on the way.
-    pub(super) fn run<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>) {
+    /// the objects and nodes that it finds hidden on the way. Returns what is left of the budget.
+    pub(super) fn run<H: BoxHierarchy>(mut self, walk: &mut Walk<H>) -> Budget {
         self.queue.clear();
-        if self.credit > 0.0 {
+        if self.budget.has_credit() {
             // The map may begin the frame with occluders of its own.
             self.flush();
             self.open(walk, None);
         }
-        while self.credit > 0.0
+        while self.budget.has_credit()
             && let Some(Reverse(next)) = self.queue.pop()
         {
-            self.undecided -= next.objects();
+            self.undecided -= next.objects;
             if self.has_become_hidden(walk, &next) {
-                self.credit += self.price * next.objects();
+                self.budget.earn(next.objects);
                 continue;
             }
             match next.child {
@@ -176,6 +166,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         self.map.flush();
         // The walk that follows counts what is left.
         walk.stats.visible = 0;
+        self.budget
     }
 
     /// Tests the box of an entry again if the map has been flushed since the last test.
@@ -183,7 +174,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         if next.tested == self.flushes {
             return false;
         }
-        self.credit -= 1.0;
+        self.budget.spend(1.0);
         walk.stats.tests += 1;
         self.map.test_mut(&next.bounds) == Occlusion::Hidden
     }
@@ -196,7 +187,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         }
         walk.visit(node, |walk, block, candidates| {
             let hidden = if self.map.answers_at_once() {
-                self.credit -= BLOCK_WORK;
+                self.budget.spend_tests(candidates.count_ones());
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.map.test_64_mut(block.boxes(), candidates).hidden
             } else {
@@ -206,15 +197,20 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             if let Some((_, ids)) = block.leaf() {
                 walk.scene().fetch_occluders(ids, found & block.occluders());
             }
-            for (mask, is_node) in [(candidates & !objects, true), (objects, false)] {
-                let count = |mask: u64| mask.count_ones() as f32 * objects_of(is_node);
-                self.credit += self.price * count(mask & hidden);
-                self.undecided += count(mask & found);
+            self.budget.earn((hidden & objects).count_ones() as f32);
+            self.undecided += (found & objects).count_ones() as f32;
+            for lane in lanes(hidden & !objects) {
+                self.budget.earn(objects_of(walk, block.child(lane)));
             }
             for lane in lanes(found & (!objects | block.occluders())) {
                 let (child, bounds) = (block.child(lane), block.boxes().get(lane));
+                let objects = objects_of(walk, child);
+                if let Child::Node(_) = child {
+                    self.undecided += objects;
+                }
                 let distance_key = distance_key(&self.eye, &bounds);
-                self.queue.push(Reverse(Waiting { distance_key, tested: self.flushes, child, bounds }));
+                let tested = self.flushes;
+                self.queue.push(Reverse(Waiting { distance_key, tested, child, objects, bounds }));
             }
             // In another hierarchy, dropping a node means listing all objects below it: once is enough.
             if H::IS_OF_SCENE { found } else { candidates }
@@ -223,24 +219,25 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
 
     /// Adds the occluder of an object that is not hidden, if the object has one and it is worth its cost.
     fn consider<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, id: ObjectId) {
-        self.credit -= 1.0;
+        self.budget.spend(1.0);
         let occluder =
             if H::IS_OF_SCENE { walk.scene().flagged_occluder(id) } else { walk.scene().occluder(id) };
         let Some((mesh, transform)) = occluder else { return };
         let cost = self.map.cost(mesh) as f32;
-        let worth = self.price * self.undecided.max(LEAST_BEHIND);
-        let pays = |angle: f32| {
-            // In a degenerate view a share may be NaN, which counts as the whole view.
-            cost <= worth * (angle * self.share_per_area).min(1.0)
-        };
-        let is_worth_it = cost <= self.credit
-            && (pays(solid_angle(mesh, transform, &self.eye))
-                || cost <= worth && is_near(mesh, transform, &self.eye) && {
-                    self.credit -= mesh.triangles().len() as f32 / ESTIMATED_PER_DRAWN;
-                    pays(solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row))
-                });
+        let worth = self.budget.worth(self.undecided.max(LEAST_BEHIND));
+        let behind = self.budget.worth(self.undecided);
+        // In a degenerate view a share may be NaN, which counts as the whole view.
+        let share = |angle: f32| (angle * self.share_per_area).min(1.0);
+        let pays = |budget: &Budget, share: f32| cost <= worth * share && budget.can_pay(cost, share, behind);
+        let is_worth_it = pays(&self.budget, share(solid_angle(mesh, transform, &self.eye)))
+            || pays(&self.budget, 1.0) && is_near(mesh, transform, &self.eye) && {
+                let estimated = mesh.triangles().len().min(MOST_ESTIMATED);
+                self.budget.spend(estimated as f32 / ESTIMATED_PER_DRAWN);
+                let angle = solid_angle_by_triangles(mesh, transform, &self.eye, self.depth_row);
+                pays(&self.budget, share(angle))
+            };
         if is_worth_it && mesh.is_inside(&self.clip_planes, transform) {
-            self.credit -= cost;
+            self.budget.pay(cost);
             walk.stats.occluders += 1;
             self.map.add(mesh, transform);
             self.unflushed += 1;
@@ -327,7 +324,8 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
     let Eye::Point(eye) = eye else { return 0.0 };
     let mirrored = transform.matrix3.determinant() < 0.0;
     let (mut fronts, mut backs) = (0.0, 0.0);
-    for t in mesh.triangles() {
+    let stride = mesh.triangles().len().div_ceil(MOST_ESTIMATED).max(1);
+    for t in mesh.triangles().iter().step_by(stride) {
         let corners = t.map(|i| transform.transform_point3(mesh.positions()[i as usize]).as_dvec3());
         if corners.iter().all(|p| depth_row.dot(p.extend(1.0)) < 0.0) {
             continue;
@@ -338,7 +336,15 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
         let front = (a.dot(b.cross(c)) < 0.0) != mirrored;
         *(if front { &mut fronts } else { &mut backs }) += angle;
     }
-    (if mesh.is_two_sided() { f64::max(fronts, backs) } else { fronts }) as f32
+    (if mesh.is_two_sided() { f64::max(fronts, backs) } else { fronts }) as f32 * stride as f32
+}
+
+/// Returns the number of objects that a child which the walk has not visited stands for, an estimate.
+fn objects_of<H: BoxHierarchy>(walk: &Walk<H>, child: Child) -> f32 {
+    match child {
+        Child::Node(node) => (walk.leaves_below(node) * OBJECTS_PER_LEAF) as f32,
+        Child::Object(_) => 1.0,
+    }
 }
 
 /// Returns a number that grows with the distance of a box from the eye: the squared distance of its nearest

@@ -1,0 +1,143 @@
+//! Work that a frame may spend on occlusion, counted in triangles and paid by the objects found hidden.
+//!
+//! The budget never knows the time. It counts work in *triangles*, the cost of drawing one triangle of an
+//! occluder: with the z-buffer about a tenth of a microsecond. The same frame therefore spends the same on
+//! every machine.
+
+/// Work, in triangles, that a frame may spend before an object is found hidden, beyond the price of one. It
+/// must last until the first batch has been drawn and the boxes behind have been tested.
+const INITIAL_CREDIT: f32 = 2048.0;
+
+/// Work of testing one box of a block of siblings, in triangles (measured with the z-buffer in scenes in
+/// which boxes are partly hidden, where tests take longest).
+const TEST_WORK: f32 = 0.3;
+
+/// Greatest cost of an occluder that is paid from the credit, beyond what objects found hidden have paid so
+/// far, if it is more than half of what all objects behind are worth. So a frame of few objects draws no mesh
+/// that costs as much as all of them.
+const UNPROVEN_COST: f32 = 512.0;
+
+/// Expected gain of an occluder, as a multiple of its cost and of all loans that are open, from which it is
+/// drawn on a loan.
+const LOAN_SAFETY: f32 = 4.0;
+
+/// Greatest share of the initial credit that hidden objects may have paid in a frame in which nearly nothing
+/// is hidden.
+const NEARLY_NOTHING: f32 = 0.25;
+
+/// Work of one frame, in triangles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    /// Work that hiding one object is worth.
+    price: f32,
+    /// Work that the search for occluders may still spend before more objects are found hidden. The search
+    /// ends when it is 0 or less.
+    credit: f32,
+    /// Work that all objects found hidden so far are worth.
+    earned: f32,
+    /// Cost of the occluders drawn on loans that objects found hidden have not paid back yet.
+    debt: f32,
+    /// Work that the frame may still spend at all.
+    limit: f32,
+}
+
+impl Budget {
+    /// Creates the budget of a frame from the price of an object and the most work that the frame may spend.
+    /// With a price of 0 there is no credit.
+    pub(super) fn new(price: u32, limit: u32) -> Self {
+        let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
+        Self { price: price as f32, credit, earned: 0.0, debt: 0.0, limit: limit as f32 }
+    }
+
+    /// Returns the work that hiding `objects` is worth.
+    pub(super) fn worth(&self, objects: f32) -> f32 {
+        self.price * objects
+    }
+
+    /// Returns whether the search for occluders may go on.
+    pub(super) fn has_credit(&self) -> bool {
+        self.credit > 0.0 && !self.is_at_limit()
+    }
+
+    /// Returns whether the frame has spent all that it may.
+    pub(super) fn is_at_limit(&self) -> bool {
+        self.limit <= 0.0
+    }
+
+    /// Returns whether the search has spent its credit and found nearly nothing hidden, as a bird does.
+    pub(super) fn is_spent_in_vain(&self) -> bool {
+        self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
+    }
+
+    /// Spends work.
+    pub(super) fn spend(&mut self, work: f32) {
+        self.credit -= work;
+        self.limit -= work;
+    }
+
+    /// Spends the work of testing boxes of a block of siblings.
+    pub(super) fn spend_tests(&mut self, boxes: u32) {
+        self.spend(TEST_WORK * boxes as f32);
+    }
+
+    /// Enters objects found hidden. They pay loans back first.
+    pub(super) fn earn(&mut self, objects: f32) {
+        let earned = self.worth(objects);
+        let paid_back = self.debt.min(earned);
+        self.earned += earned;
+        self.debt -= paid_back;
+        self.credit += earned - paid_back;
+    }
+
+    /// Returns whether an occluder of `cost` that covers a `share` of the view can be paid, if all objects
+    /// that may lie behind it are worth `behind`: from the credit, or on a loan if what it is expected to
+    /// hide is worth [much more](LOAN_SAFETY) than the cost and the open loans. So no occluder is too
+    /// expensive for what lies behind it.
+    pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
+        let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
+        let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;
+        cost <= self.limit && (cost <= self.credit && is_in_proportion || is_on_loan)
+    }
+
+    /// Pays for an occluder that [can be paid](Self::can_pay).
+    pub(super) fn pay(&mut self, cost: f32) {
+        if cost > self.credit {
+            self.debt += cost;
+            self.credit += cost;
+        }
+        self.spend(cost);
+    }
+}
+
+/// Number of consecutive leaves without a hidden object after which leaves are left out.
+const MOST_MISSES: u32 = 8;
+
+/// Greatest number of leaves left out between two that are tested.
+const MOST_LEFT_OUT: u32 = 32;
+
+/// Choice of the leaves whose objects are tested after a search that was [in vain](Budget::is_spent_in_vain).
+///
+/// [`MOST_MISSES`] leaves in a row without a hidden object are tested, and then fewer and fewer: one of two,
+/// one of three, down to one of 33. A hidden object in a tested leaf makes the choice begin anew. Objects in
+/// leaves left out stay visible.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LeafSampling {
+    /// Number of tested leaves in a row in which no object was hidden.
+    misses: u32,
+    /// Number of leaves left out since the last tested one.
+    left_out: u32,
+}
+
+impl LeafSampling {
+    /// Returns whether the next leaf is to be tested, which [`record`](Self::record) is then told of.
+    pub(super) fn tests_next(&mut self) -> bool {
+        let tests = self.left_out >= self.misses.saturating_sub(MOST_MISSES).min(MOST_LEFT_OUT);
+        self.left_out = if tests { 0 } else { self.left_out + 1 };
+        tests
+    }
+
+    /// Enters whether any object of a tested leaf was hidden.
+    pub(super) fn record(&mut self, is_any_hidden: bool) {
+        self.misses = if is_any_hidden { 0 } else { self.misses.saturating_add(1) };
+    }
+}
