@@ -29,9 +29,9 @@ fn cuboid(bounds: &Aabb, inwards: bool) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Returns a floor of `cells` x `cells` squares around the origin, `size` metres wide, some of which are divided
-/// in two strips (T-junctions) or missing, or have a corner a little off the plane. Walls stand on some of their
-/// sides.
+/// Returns a floor of `cells` x `cells` squares around the origin, `size` metres wide, some of which are
+/// divided in two strips (T-junctions) or missing, or have a corner a little off the plane. Walls stand on
+/// some of their sides.
 fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     let step = size / cells as f32;
     let at = |i: usize, j: usize| Vec3::new(i as f32 * step - size * 0.5, j as f32 * step - size * 0.5, 0.0);
@@ -55,8 +55,8 @@ fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Returns a random level: rooms, boxes that touch, sheets, a ground. Triangles of the same level hide from one
-/// side or from both.
+/// Returns a random level: rooms, boxes that touch, sheets, a ground. Triangles of the same level hide from
+/// one side or from both.
 fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
     let mut out = Vec::new();
     let mut add = |random: &mut Random, triangles: Vec<[Vec3; 3]>| {
@@ -177,7 +177,8 @@ fn reported(triangles: &[LevelTriangle], boxes: &[Aabb], view: &View) -> usize {
     ids.iter().filter(|&&id| visible.contains(&scene, id)).count()
 }
 
-/// A wall of closed panels side by side, as kits have it, hides what one wall hides, whatever its panels' width.
+/// A wall of closed panels side by side, as kits have it, hides what one wall hides, whatever its panels'
+/// width.
 #[test]
 fn a_wall_of_panels_hides_what_one_wall_hides() {
     let boxes: Vec<Aabb> = (0..50)

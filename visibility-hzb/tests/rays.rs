@@ -21,8 +21,8 @@ fn points(random: &mut Random) -> [[f64; 2]; 6] {
     ]
 }
 
-/// Asserts that view rays through covered pixels of `hzb` meet one of `faces` no farther than the pixel's depth
-/// key. Returns the number of rays and the number of covered pixels. `what` names the case in messages.
+/// Asserts that view rays through covered pixels of `hzb` meet one of `faces` no farther than the pixel's
+/// depth key. Returns the number of rays and the number of covered pixels. `what` names the case in messages.
 pub(crate) fn check(faces: &[Face], view: &View, hzb: &Hzb, random: &mut Random, what: &str) -> [u64; 2] {
     let size = [hzb.width(), hzb.height()];
     let [mut samples, mut pixels] = [0; 2];

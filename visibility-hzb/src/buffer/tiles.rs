@@ -110,8 +110,8 @@ impl Tiles {
         self.mark_dirty(row, [column, column + 1]);
     }
 
-    /// Appends the depth planes of an occluder to `depth_planes`. Returns their index, at least 1 and valid until
-    /// [`clear`](Self::clear).
+    /// Appends the depth planes of an occluder to `depth_planes`. Returns their index, at least 1 and valid
+    /// until [`clear`](Self::clear).
     #[inline(always)]
     pub(crate) fn add_depth_planes(&mut self, planes: DepthPlanes) -> u32 {
         self.depth_planes.push(planes);
@@ -242,8 +242,8 @@ impl Tiles {
         }
     }
 
-    /// Covers all pixels of the tile at `column` and `row` as [`cover`](Self::cover) does, by an occluder whose
-    /// `depth_key` is above the tile's `tile_min`. Layers of the tile stay as they are.
+    /// Covers all pixels of the tile at `column` and `row` as [`cover`](Self::cover) does, by an occluder
+    /// whose `depth_key` is above the tile's `tile_min`. Layers of the tile stay as they are.
     #[inline(always)]
     pub(crate) fn cover_tile(&mut self, row: usize, column: usize, depth_key: f32, depth_planes_index: u32) {
         let tile = row * self.columns + column;
