@@ -65,6 +65,8 @@ pub use visibility_exact as exact;
 pub use visibility_hzb as hzb;
 #[cfg(feature = "measure")]
 pub use visibility_measure as measure;
+#[cfg(feature = "hzb")]
+pub use visibility_occluders as occluders;
 #[cfg(feature = "plp")]
 pub use visibility_plp as plp;
 #[cfg(feature = "portals")]

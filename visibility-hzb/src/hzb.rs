@@ -169,7 +169,31 @@ impl Hzb {
     }
 
     /// Sets the occluders of a level, which are drawn at the beginning of each frame. Their positions are
-    /// relative to `origin`, in world space.
+    /// relative to `origin`, a point of the world, wherever the scene's origin is later. They hide as their
+    /// triangles would, so a level must not contain what moves or opens; that stays an
+    /// [occluder](visibility_core::Object::occluder) of the scene. Objects whose triangles are in the level need
+    /// not be occluders. Replaces an earlier level.
+    ///
+    /// Preparing takes time in proportion to the level. A frame then takes time for the clusters that are in
+    /// view, large enough and not hidden. [`OcclusionMap::begin`] draws them.
+    ///
+    /// ```
+    /// use std::sync::Arc;
+    /// use visibility_core::glam::{DVec3, Vec3};
+    /// use visibility_core::{Aabb, OcclusionMap, Pose, View, occlusion::Occlusion};
+    /// use visibility_hzb::Hzb;
+    /// use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+    /// // A wall of two triangles.
+    /// let [a, b, c, d] = [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]].map(|[y, z]| Vec3::new(5.0, y, z));
+    /// let wall = [[a, b, c], [a, c, d]].map(|corners| LevelTriangle { corners, two_sided: true });
+    /// let level = LevelOccluders::new(&wall, LevelSettings::default())?;
+    /// let mut hzb = Hzb::default().with_level(Arc::new(level), DVec3::ZERO);
+    /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    /// hzb.begin(&View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY)?, DVec3::ZERO);
+    /// hzb.flush();
+    /// assert_eq!(hzb.test(&Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0])), Occlusion::Hidden);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn with_level(self, level: Arc<LevelOccluders>, origin: DVec3) -> Self {
         Self { level: Some(PreparedLevel::new(level, origin)), ..self }
     }

@@ -35,7 +35,7 @@
 //! - A pixel counts as covered only if all of its square is, up to the corners, whatever rounding does. A
 //!   covered pixel holds the farthest depth that the occluder can have in the pixel. Boxes and other convex
 //!   solids are drawn by their outlines (proof in `setup/screen_shape.rs`), meshes of any form by the rule in
-//!   `raster/mesh_raster.rs`. Tests cast rays through the corners of covered pixels.
+//!   `raster/mesh_raster.rs`, occluders of a level by that in `level/mod.rs`. Tests cast rays through the corners of covered pixels.
 //! - A box is hidden only if every pixel that it can meet, rounded outwards, holds something strictly nearer
 //!   than the nearest point of the box, rounded nearer.
 //! - So the size of the buffer changes time and tightness, never correctness. 512 x 288 is a good size for a
@@ -48,6 +48,8 @@
 //! - A box or another convex occluder takes some 20 ns if it is out of view or hidden by nearer ones, else
 //!   100 to 300 ns, and a few more for each tile of its outline. So occluders should come roughly from front
 //!   to back, as the driver adds them.
+//! - The occluders of a level ([`Hzb::with_level`]), which are made of its triangles beforehand, take about a
+//!   third of that time and hide more, since they have no seams.
 //! - Other meshes take about 100 ns a triangle. Meshes that consist of boxes
 //!   ([`OccluderMesh::parts`](visibility_core::OccluderMesh::parts)) take as long as these.
 //! - 64 boxes are tested in 100 to 200 ns.
@@ -55,6 +57,7 @@
 //! # How the code is laid out
 //! - `setup`: an occluder becomes a shape on the screen, with bounds on rounding.
 //! - `raster`: shapes and meshes are drawn into tiles.
+//! - `level`: the occluders of a level are drawn into tiles.
 //! - `buffer`: tiles of 8 x 8 pixels, and the pyramid above them.
 //! - `query`: boxes are projected and tested.
 //! - `hom`: occlusion maps over the same tiles.

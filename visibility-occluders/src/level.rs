@@ -7,8 +7,8 @@ use crate::regions::{Region, Regions};
 use crate::t_junctions::insert_t_junctions;
 use alloc::vec::Vec;
 use core::fmt;
-use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, ObjectId, Scene};
 
 /// Settings by which the occluders of a level are made.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -211,6 +211,29 @@ impl LevelOccluders {
             level.push_cluster(&faces, polygons.map(|i| kept[i]).zip(own), magnitude.as_dvec3());
         }
         Ok(level)
+    }
+
+    /// Makes the occluders of a scene's level from the triangles ([`Scene::set_triangles`]) of the occluders that
+    /// stand still, as `stands_still` tells; see-through objects have none. Triangles of
+    /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are relative
+    /// to [`Scene::origin`].
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn of_scene(
+        scene: &Scene,
+        mut stands_still: impl FnMut(ObjectId) -> bool,
+        settings: LevelSettings,
+    ) -> Result<Self, LevelError> {
+        let mut triangles = Vec::new();
+        for id in scene.ids().filter(|&id| stands_still(id)) {
+            let (Ok(object), Ok(own)) = (scene.object(id), scene.triangles(id)) else { continue };
+            if object.occluder && !object.see_through {
+                let two_sided = !object.one_sided;
+                triangles.extend(own.iter().map(|&corners| LevelTriangle { corners, two_sided }));
+            }
+        }
+        Self::new(&triangles, settings)
     }
 
     /// Appends a cluster of regions, each given with its outline. `magnitude` bounds all coordinates.

@@ -2,7 +2,7 @@
 
 use super::clip::{ClipScratch, End};
 use super::edges::Edges;
-use super::fill::fill;
+use super::fill::{BARELY_NEARER, DepthBound, FillScratch, fill};
 use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame};
 use super::prepared::{Boxes, NO_POLYGON, Polygons, PreparedLevel};
 use super::union::UnionTiles;
@@ -48,8 +48,7 @@ pub(crate) struct LevelScratch {
     candidates: Vec<Candidate>,
     vertices: Vertices,
     edges: Edges,
-    across: Vec<[f32; WIDTH]>,
-    active: Vec<u32>,
+    fill: FillScratch,
     clip: ClipScratch,
     union: UnionTiles,
     /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab. NaN for a
@@ -76,7 +75,7 @@ pub(crate) fn draw_level(
     for i in 0..scratch.candidates.len() {
         let candidate = scratch.candidates[i];
         if let Some(rectangle) = &candidate.rectangle
-            && !rectangle_may_be_seen(tiles, rectangle, candidate.nearest * (1.0 / 1.05))
+            && !rectangle_may_be_seen(tiles, rectangle, candidate.nearest / BARELY_NEARER)
         {
             continue;
         }
@@ -204,10 +203,7 @@ fn draw_cluster(
                     scratch.waiting.push(neighbour);
                 }
             }
-            let polygons = &level.polygons[blocks.start + at / WIDTH];
-            let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(polygons.middle[axis][at % WIDTH])));
-            let radius = f64::from(polygons.radius[at % WIDTH]);
-            match draw_polygon(level, frame, coverage, cluster, at, middle, radius, scratch, tiles) {
+            match draw_polygon(level, frame, coverage, index, at, scratch, tiles) {
                 Some(any) => drawn |= any,
                 None => whole = false,
             }
@@ -261,22 +257,19 @@ fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// Draws polygon `at` of a cluster. `middle` is the middle of the box around it, `radius` the greatest distance
-/// of a vertex from there. Returns whether it may have covered a pixel, or `None` if it could not be drawn.
+/// Draws polygon `at` of the cluster with index `index`. Returns whether it may have covered a pixel, or `None` if it could not be drawn.
 #[inline(always)]
-#[expect(clippy::too_many_arguments)]
 fn draw_polygon(
     level: &PreparedLevel,
     frame: &LevelFrame,
     coverage: Coverage,
-    cluster: &OccluderCluster,
+    index: usize,
     at: usize,
-    middle: DVec3,
-    radius: f64,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> Option<bool> {
-    let LevelScratch { vertices, edges, across, active, clip, union, far_sides, .. } = scratch;
+    let LevelScratch { vertices, edges, fill: fill_scratch, clip, union, far_sides, .. } = scratch;
+    let cluster = level.level.clusters().get(index)?;
     let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at)?;
     let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
@@ -329,13 +322,17 @@ fn draw_polygon(
     if !(bend <= MAX_BEND_PX && error <= f64::from(MAX_ERROR_PX)) {
         return None;
     }
-    let depth = depth_plane(frame, polygon.normal, middle, radius, far);
+    let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
+    let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(lanes.middle[axis][at % WIDTH])));
+    let plane = depth_plane(frame, polygon.normal, middle, f64::from(lanes.radius[at % WIDTH]), far);
+    // A face may be as far behind its outline as the slab is thick.
     let floor = if frame.perspective {
         down((1.0 / (most_w + 2.0 * thickness * frame.w_per_metre)) * (1.0 - 1e-7))
     } else {
         f32::NEG_INFINITY
     };
-    Some(fill(edges, frame.slack, depth, floor, coverage, across, active, joined.then_some(union), tiles))
+    let depth = DepthBound { plane, floor };
+    Some(fill(edges, frame.slack, &depth, coverage, fill_scratch, joined.then_some(union), tiles))
 }
 
 /// Returns whether a polygon may cover pixels that hold nothing as near: one between the columns and rows `low`
@@ -348,7 +345,8 @@ fn may_be_seen(frame: &LevelFrame, tiles: &Tiles, low: [f32; 2], high: [f32; 2],
         (end - first >= 1.0).then(|| [first as u32, (end as u32 + 1).min(size[axis] as u32)])
     };
     let (Some(columns), Some(lines)) = (range(0), range(1)) else { return false };
-    !frame.perspective || rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / (1.05 * w))
+    !frame.perspective
+        || rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / (BARELY_NEARER * w))
 }
 
 /// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`

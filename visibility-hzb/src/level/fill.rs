@@ -13,6 +13,10 @@ use alloc::vec::Vec;
 /// Width in pixels of the part of a row of tiles that is filled at once: one bit of a word for each column.
 const WINDOW: usize = 64;
 
+/// Factor of depth keys by which a polygon must be nearer than what a tile holds to be drawn there: what is
+/// nearer by less hides next to nothing more.
+pub(super) const BARELY_NEARER: f32 = 1.05;
+
 /// Row numbers 0 to 7 within a tile.
 const ROWS: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
@@ -95,18 +99,32 @@ fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
     masks
 }
 
+/// Bounds on the depth keys of a polygon.
+pub(super) struct DepthBound {
+    /// Least key in a tile: `a * column + b * row + c` for the tile at tile column `column` and tile row `row`.
+    pub(super) plane: [f32; 3],
+    /// Lower bound on all keys.
+    pub(super) floor: f32,
+}
+
+/// Scratch of [`fill`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct FillScratch {
+    /// Part of the depth key that depends on the tile column, [`WIDTH`] tiles at a time.
+    across: Vec<[f32; WIDTH]>,
+    /// Indices of the edges that meet a row of tiles.
+    active: Vec<u32>,
+}
+
 /// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
-/// `slack` pixels of. `plane` gives the least depth key in a tile: `a * column + b * row + c` for the tile at
-/// tile column `column` and tile row `row`. Returns whether a tile may have changed. `active` is scratch.
+/// `slack` pixels of. The polygon is added to `union` if there is one. Returns whether a tile may have changed.
 #[inline(always)]
 pub(super) fn fill(
     edges: &Edges,
     slack: f32,
-    plane: [f32; 3],
-    floor: f32,
+    &DepthBound { plane, floor }: &DepthBound,
     coverage: Coverage,
-    across: &mut Vec<[f32; WIDTH]>,
-    active: &mut Vec<u32>,
+    FillScratch { across, active }: &mut FillScratch,
     mut union: Option<&mut UnionTiles>,
     tiles: &mut Tiles,
 ) -> bool {
@@ -159,7 +177,7 @@ pub(super) fn fill(
             let count = (x1 - column) as u32;
             for i in 0..WIDTH {
                 keys[i] = greatest(across[i] + offset, floor);
-                open[i] = u8::from(keys[i] > values[i] * 1.05);
+                open[i] = u8::from(keys[i] > values[i] * BARELY_NEARER);
             }
             if let Some(union) = union.as_deref_mut() {
                 union.lower([column, row], base, &keys, &open, x1);

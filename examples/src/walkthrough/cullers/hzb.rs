@@ -5,8 +5,9 @@ use super::known::{Known, Made};
 use crate::arguments::parse_size;
 use crate::walkthrough::World;
 use std::sync::Arc;
+use visibility_core::ObjectId;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};
-use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+use visibility_occluders::{LevelOccluders, LevelSettings};
 
 pub(super) const KNOWN: &[Known] = &[
     Known {
@@ -22,8 +23,8 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, _| made(dial, Coverage::Sampled),
     },
     Known {
-        name: "level",
-        what: "as hzb, with the occluders of the level: its triangles welded and joined into polygons",
+        name: "hzb-level",
+        what: "as hzb, drawing the level as a whole: its opaque triangles welded and joined into polygons beforehand",
         dials: &["512x288"],
         make: |dial, world| {
             let level = level(world)?;
@@ -44,12 +45,8 @@ pub(super) const KNOWN: &[Known] = &[
 
 /// Returns the occluders of the level: those of all opaque objects that stand still.
 fn level(world: &World) -> Result<Arc<LevelOccluders>, String> {
-    let still = world.source.objects.iter().filter(|object| object.opaque && !object.door);
-    let triangles: Vec<LevelTriangle> = still
-        .flat_map(|object| object.triangles.iter().map(|&corners| (corners, !object.one_sided)))
-        .map(|(corners, two_sided)| LevelTriangle { corners, two_sided })
-        .collect();
-    let level = LevelOccluders::new(&triangles, LevelSettings::default());
+    let stands_still = |id: ObjectId| !world.source.objects[id.index()].door;
+    let level = LevelOccluders::of_scene(&world.scene, stands_still, LevelSettings::default());
     level.map(Arc::new).map_err(|error| error.to_string())
 }
 
