@@ -171,8 +171,8 @@ impl Hzb {
     /// Sets the occluders of a level, which are drawn at the beginning of each frame. Their positions are
     /// relative to `origin`, a point of the world, wherever the scene's origin is later. They hide as their
     /// triangles would, so a level must not contain what moves or opens; that stays an
-    /// [occluder](visibility_core::Object::occluder) of the scene. Objects whose triangles are in the level need
-    /// not be occluders. Replaces an earlier level.
+    /// [occluder](visibility_core::Object::occluder) of the scene. Objects whose triangles are in the level
+    /// need not be occluders. Replaces an earlier level.
     ///
     /// Preparing takes time in proportion to the level. A frame then takes time for the clusters that are in
     /// view, large enough and not hidden. [`OcclusionMap::begin`] draws them.
@@ -184,7 +184,8 @@ impl Hzb {
     /// use visibility_hzb::Hzb;
     /// use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
     /// // A wall of two triangles.
-    /// let [a, b, c, d] = [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]].map(|[y, z]| Vec3::new(5.0, y, z));
+    /// let corners = [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]];
+    /// let [a, b, c, d] = corners.map(|[y, z]| Vec3::new(5.0, y, z));
     /// let wall = [[a, b, c], [a, c, d]].map(|corners| LevelTriangle { corners, two_sided: true });
     /// let level = LevelOccluders::new(&wall, LevelSettings::default())?;
     /// let mut hzb = Hzb::default().with_level(Arc::new(level), DVec3::ZERO);

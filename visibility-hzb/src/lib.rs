@@ -35,7 +35,8 @@
 //! - A pixel counts as covered only if all of its square is, up to the corners, whatever rounding does. A
 //!   covered pixel holds the farthest depth that the occluder can have in the pixel. Boxes and other convex
 //!   solids are drawn by their outlines (proof in `setup/screen_shape.rs`), meshes of any form by the rule in
-//!   `raster/mesh_raster.rs`, occluders of a level by that in `level/mod.rs`. Tests cast rays through the corners of covered pixels.
+//!   `raster/mesh_raster.rs`, occluders of a level by that in `level/mod.rs`. Tests cast rays through the
+//!   corners of covered pixels.
 //! - A box is hidden only if every pixel that it can meet, rounded outwards, holds something strictly nearer
 //!   than the nearest point of the box, rounded nearer.
 //! - So the size of the buffer changes time and tightness, never correctness. 512 x 288 is a good size for a

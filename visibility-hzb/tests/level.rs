@@ -4,14 +4,15 @@
 use crate::common::{Face, faces, occluder, view};
 use crate::rays::{check, room, sheets};
 use std::sync::Arc;
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::{DMat4, DVec3, Vec3};
 use visibility_core::{
     Aabb, FrustumCuller, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
-    geometry::Plane, view::Window,
+    geometry::Plane, simd::Simd, view::Window,
 };
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 use visibility_testing::Random;
+use visibility_testing::allocations::ALLOCATIONS;
 
 /// Returns the two triangles of the quadrilateral `a`, `b`, `c`, `d`.
 fn quad([a, b, c, d]: [Vec3; 4]) -> [[Vec3; 3]; 2] {
@@ -110,13 +111,28 @@ fn view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
     let eye = a + (b - a) * random.fine_unit() + (c - a) * 0.5 * random.fine_unit() + normal * beside;
     let towards =
         if random.one_in(2) { random.direction() } else { b - a + normal * 0.1 * random.fine_unit() };
-    let pose = Pose::look_at(eye, eye + towards.normalize_or(DVec3::X), random.direction());
+    let mut pose = Pose::look_at(eye, eye + towards.normalize_or(DVec3::X), random.direction());
+    if random.one_in(4) {
+        // Along an axis, so that some edges are level and some upright.
+        pose = Pose::look_at(eye, eye + random.pick(&[DVec3::X, DVec3::NEG_Y]), DVec3::Z);
+    }
     let near = [1e-3, 0.02, 0.3][random.below(3)];
     if random.one_in(5) {
         let window = Window { left: -4.0, right: 5.0, bottom: -3.0, top: 2.5 };
         return View::orthographic(pose, window, near - 1.0, 60.0).unwrap();
     }
-    View::perspective(pose, random.fine_range(0.3, 2.4), 1.6, near, f64::INFINITY).unwrap()
+    let view = View::perspective(pose, random.fine_range(0.3, 2.4), 1.6, near, f64::INFINITY).unwrap();
+    if random.one_in(6) {
+        // A near plane that is tilted, as for mirrors: some points beyond it, beside the picture, are behind
+        // the eye.
+        let m = view.clip_from(view.origin());
+        let [x, y, z, w] = [m.row(0), m.row(1), m.row(2), m.row(3)];
+        let tilted = z + x * random.fine_range(-0.3, 0.3) + y * random.fine_range(-0.15, 0.15);
+        let m = DMat4::from_cols(x, y, tilted, w).transpose();
+        let oblique = View::from_clip_from_world(m, view.depth()).unwrap();
+        return oblique.relative_to(view.origin()).unwrap();
+    }
+    view
 }
 
 /// Casts rays at random levels until `samples` rays are cast.
@@ -164,6 +180,85 @@ fn pixels_that_many_levels_cover_are_covered() {
     for seed in 100..110 {
         cast(seed, 50_000_000);
     }
+}
+
+/// The eye between the faces of a polygon that is not quite flat sees through it: the polygon hides nothing.
+/// Nor does it so close to the polygon that a ray might meet a face at less than half the distance.
+#[test]
+fn a_polygon_around_the_eye_hides_nothing() {
+    let mut random = Random(33);
+    let settings = LevelSettings::default().with_flatness(0.01).with_kept_area(1.0);
+    let mut covered = 0;
+    for _ in 0..400 {
+        let cells = random.below(5) + 2;
+        let bend = random.fine_range(0.0, 0.05);
+        let at: Vec<Vec3> = (0..(cells + 1) * (cells + 1))
+            .map(|k| {
+                let [i, j] = [k % (cells + 1), k / (cells + 1)].map(|k| k as f32 / cells as f32 * 8.0 - 4.0);
+                Vec3::new(i, j, random.fine_range(-bend, bend) as f32)
+            })
+            .collect();
+        let mut triangles = Vec::new();
+        for k in 0..cells * cells {
+            let a = k / cells * (cells + 1) + k % cells;
+            let two_sided = random.one_in(2);
+            let corners = [a, a + 1, a + cells + 2, a + cells + 1].map(|i| at[i]);
+            triangles.extend(quad(corners).map(|corners| LevelTriangle { corners, two_sided }));
+        }
+        let level = level(&triangles, settings);
+        let mut hzb = Hzb::new(120, 80).unwrap().with_level(level, DVec3::ZERO);
+        for _ in 0..4 {
+            let eye = DVec3::new(
+                random.fine_range(-4.0, 4.0),
+                random.fine_range(-4.0, 4.0),
+                random.fine_range(-3.0, 3.0) * bend,
+            );
+            let along = DVec3::new(
+                random.fine_unit() - 0.5,
+                random.fine_unit() - 0.5,
+                0.3 * random.fine_unit() - 0.15,
+            );
+            let pose = Pose::look_at(eye, eye + along.normalize_or(DVec3::X), DVec3::Z);
+            let near = [1e-4, 1e-2, 0.1][random.below(3)];
+            let view = View::perspective(pose, 1.2, 1.5, near, f64::INFINITY).unwrap();
+            hzb.begin(&view, DVec3::ZERO);
+            hzb.flush();
+            covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "eye in the slab")[1];
+        }
+    }
+    assert!(covered > 1000, "{covered} pixels are covered");
+}
+
+/// All instruction sets give the same pixels, and a warm frame allocates nothing.
+#[test]
+fn instruction_sets_agree_and_warm_frames_allocate_nothing() {
+    let mut random = Random(34);
+    let mut covered = 0;
+    for round in 0..40 {
+        let triangles = triangles(&mut random);
+        let level = level(&triangles, LevelSettings::default().with_max_cluster_edges([16, 96][round % 2]));
+        let new = Hzb::new(200, 120).unwrap().with_level(level, DVec3::ZERO);
+        let mut maps: Vec<Hzb> = Simd::available().map(|simd| new.clone().with_simd(simd)).collect();
+        let views: [View; 3] = std::array::from_fn(|_| view_within(&mut random, &triangles));
+        for pass in 0..2 {
+            for view in &views {
+                for map in &mut maps {
+                    let before = ALLOCATIONS.get();
+                    map.begin(view, DVec3::ZERO);
+                    map.flush();
+                    assert!(pass == 0 || ALLOCATIONS.get() == before, "round {round}");
+                }
+                let pixels = |map: &Hzb| {
+                    let at = (0..120).flat_map(|row| (0..200).map(move |column| (column, row)));
+                    at.map(|(column, row)| map.depth_key(column, row).to_bits()).collect::<Vec<_>>()
+                };
+                let first = pixels(&maps[0]);
+                covered += first.iter().filter(|&&key| f32::from_bits(key) > f32::NEG_INFINITY).count();
+                assert!(maps.iter().all(|map| pixels(map) == first), "round {round}");
+            }
+        }
+    }
+    assert!(covered > 100_000, "{covered} pixels are covered");
 }
 
 /// Returns the number of `hidden` boxes that a pipeline with a level of `triangles` reports from `view`.

@@ -3,6 +3,7 @@
 use crate::clusters::{Item, divide};
 use crate::faces::{Faces, LevelTriangle, open_sides};
 use crate::outlines::{OutlineEdge, outline, straighten};
+use crate::pieces::divide_regions;
 use crate::regions::{Region, Regions};
 use crate::t_junctions::insert_t_junctions;
 use alloc::vec::Vec;
@@ -181,7 +182,7 @@ impl LevelOccluders {
         let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
         let flatness = settings.flatness * f64::from(magnitude.max_element());
         let mut regions = Regions::find(&faces, &sides, flatness);
-        regions.divide(&faces, settings.max_cluster_edges);
+        divide_regions(&mut regions, &faces, settings.max_cluster_edges);
         report.polygons = regions.regions.len();
         let mut kept: Vec<&Region> = regions.regions.iter().collect();
         report.area_left_out = leave_out_smallest(&mut kept, settings.kept_area);
@@ -213,10 +214,10 @@ impl LevelOccluders {
         Ok(level)
     }
 
-    /// Makes the occluders of a scene's level from the triangles ([`Scene::set_triangles`]) of the occluders that
-    /// stand still, as `stands_still` tells; see-through objects have none. Triangles of
-    /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are relative
-    /// to [`Scene::origin`].
+    /// Makes the occluders of a scene's level from the triangles ([`Scene::set_triangles`]) of the occluders
+    /// that stand still, as `stands_still` tells; see-through objects have none. Triangles of
+    /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are
+    /// relative to [`Scene::origin`].
     ///
     /// # Errors
     /// As [`new`](Self::new).

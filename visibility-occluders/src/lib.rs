@@ -15,6 +15,7 @@ mod clusters;
 mod faces;
 mod level;
 mod outlines;
+mod pieces;
 mod regions;
 mod t_junctions;
 

@@ -44,9 +44,10 @@ struct Passage {
     edges: [u32; 2],
 }
 
-/// Removes vertices in the middle of straight lines: an outline goes on past a vertex that lies, exactly, between
-/// its two neighbours, unless another outline shares the edge on one side of the vertex only. So outlines that
-/// share an edge share it afterwards too. Returns the number of vertices removed, counted by outline.
+/// Removes vertices in the middle of straight lines: an outline goes on past a vertex that lies, exactly,
+/// between its two neighbours, unless another outline shares the edge on one side of the vertex only. So
+/// outlines that share an edge share it afterwards too. Returns the number of vertices removed, counted by
+/// outline.
 pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -> usize {
     // All edges of all outlines; an edge that was joined to the one before has `alive` false.
     let mut edges: Vec<OutlineEdge> = outlines.iter().flatten().copied().collect();
@@ -92,8 +93,8 @@ pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -
                 let own = neighbours(&passages[i]);
                 own == [a, b] || own == [b, a]
             }));
-            // Edges at the vertex that lead to one of the two neighbours: two for each of these passages, if no
-            // other outline has one.
+            // Edges at the vertex that lead to one of the two neighbours: two for each of these passages, if
+            // no other outline has one.
             let mut shared = 0;
             for passage in &passages[first..end] {
                 shared += neighbours(passage).iter().filter(|&&n| n == a || n == b).count();

@@ -1,7 +1,6 @@
 //! Planar regions: neighbouring faces in one plane, to be drawn as one polygon.
 
 use crate::faces::{Faces, Side};
-use crate::outlines::{outline, straighten};
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
@@ -109,52 +108,6 @@ impl Regions {
         }
         found
     }
-}
-
-impl Regions {
-    /// Divides regions whose outlines have more than `max_edges` edges, straight vertices aside, by the middles of
-    /// their faces, along the axis in which these extend farthest. A region of one face stays whole.
-    pub(crate) fn divide(&mut self, faces: &Faces, max_edges: usize) {
-        let mut waiting: Vec<Region> = core::mem::take(&mut self.regions);
-        waiting.reverse();
-        while let Some(mut region) = waiting.pop() {
-            let [first, end] = region.members.map(|index| index as usize);
-            if end - first < 2 || edge_count(faces, self, &region) <= max_edges {
-                self.regions.push(region);
-                continue;
-            }
-            let middle = |member: &Member| {
-                let corners = faces.corners_of(&faces.faces[member.face as usize]);
-                corners.iter().fold(DVec3::ZERO, |sum, &v| sum + faces.at(v)) / corners.len() as f64
-            };
-            let members = &mut self.members[first..end];
-            let low = members.iter().map(middle).fold(DVec3::INFINITY, DVec3::min);
-            let high = members.iter().map(middle).fold(DVec3::NEG_INFINITY, DVec3::max);
-            let (axis, half) = ((high - low).max_position(), members.len() / 2);
-            members.select_nth_unstable_by(half, |a, b| {
-                middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.face.cmp(&b.face))
-            });
-            for range in [[first, first + half], [first + half, end]] {
-                (region.extent, region.area) = ([f64::INFINITY, f64::NEG_INFINITY], 0.0);
-                for member in &self.members[range[0]..range[1]] {
-                    let face = &faces.faces[member.face as usize];
-                    region.area += face.area;
-                    for &vertex in faces.corners_of(face) {
-                        let along = region.normal.dot(faces.at(vertex));
-                        region.extent = [region.extent[0].min(along), region.extent[1].max(along)];
-                    }
-                }
-                waiting.push(Region { members: range.map(|index| index as u32), ..region.clone() });
-            }
-        }
-    }
-}
-
-/// Returns the number of edges of a region's outline without vertices in the middle of straight lines.
-fn edge_count(faces: &Faces, regions: &Regions, region: &Region) -> usize {
-    let mut outline = [outline(faces, regions, region)];
-    straighten(&faces.vertices, &mut outline);
-    outline[0].len()
 }
 
 /// Returns whether the face of `side` must be turned to continue a region beyond the edge that it shares with

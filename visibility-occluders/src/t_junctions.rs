@@ -94,11 +94,11 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
     across.cmpgt(reach + rounding).any()
 }
 
-/// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge, which
-/// are others afterwards. Returns the number of corners inserted. Takes some microseconds for an edge.
+/// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge,
+/// which are others afterwards. Returns the number of corners inserted. Takes some microseconds for an edge.
 ///
-/// Edges that two faces share are taken too: closed pieces that stand side by side, as those of a kit do, have
-/// no others.
+/// Edges that two faces share are taken too: closed pieces that stand side by side, as those of a kit do,
+/// have no others.
 pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> usize {
     let tree = PointTree::new((0..faces.vertices.len() as u32).collect(), &faces.vertices);
     let at = |vertex: u32| faces.vertices[vertex as usize];

@@ -15,7 +15,8 @@ type Point = [f64; 5];
 pub(super) struct End {
     /// The point in homogeneous screen coordinates.
     pub(super) point: Point,
-    /// Column and row of a plain vertex, which takes part in no cut and is at that very place in all outlines.
+    /// Column and row of a plain vertex, which takes part in no cut and is at that very place in all
+    /// outlines.
     pub(super) plain: Option<[f32; 2]>,
 }
 
@@ -36,9 +37,9 @@ pub(super) struct ClipScratch {
 }
 
 impl ClipScratch {
-    /// Cuts off the parts of a flat outline where value `of` of its points is at most `limit`. All cuts lie on
-    /// one line. An edge along that line from each cut to the first keeps the outline closed: on either side
-    /// of the line an odd number of edges is to the left of a point as before.
+    /// Cuts off the parts of a flat outline where value `of` of its points is at most `limit`. All cuts lie
+    /// on one line. An edge along that line from each cut to the first keeps the outline closed: on either
+    /// side of the line an odd number of edges is to the left of a point as before.
     #[inline(always)]
     fn cut(&mut self, of: usize, limit: f64) {
         self.cut.clear();

@@ -3,10 +3,10 @@
 use super::clip::{ClipScratch, End};
 use super::edges::Edges;
 use super::fill::{BARELY_NEARER, DepthBound, FillScratch, fill};
-use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame};
+use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame, MAX_BEND_PX, MAX_ERROR_PX};
 use super::prepared::{Boxes, NO_POLYGON, Polygons, PreparedLevel};
 use super::union::UnionTiles;
-use super::vertices::{MAX_ERROR_PX, Vertices};
+use super::vertices::Vertices;
 use crate::buffer::tile_layout::{Rectangle, SIDE};
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
@@ -24,10 +24,6 @@ use visibility_occluders::{OccluderCluster, OccluderPolygon};
 
 /// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
 const LEAST_AREA_PX: f32 = 24.0;
-
-/// Maximum distance in pixels by which an outline moves on the screen if its vertices are moved within the
-/// polygon's slab. Polygons with a greater one are not drawn.
-pub(super) const MAX_BEND_PX: f64 = 1.0 / 64.0;
 
 /// A cluster that may be seen.
 #[derive(Clone, Copy, Debug)]
@@ -239,11 +235,13 @@ fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
             facing += towards * polygons.normal[axis][i];
             squared += towards * towards;
         }
-        // The distance is cubed: once for the length of `towards` in `facing`.
-        let cubed = squared * squared.sqrt();
+        // A polygon covers `area * facing * pixels_per_area` over the cube of the distance: once for the
+        // length of `towards` in `facing`. Both sides are squared.
+        let pixels = polygons.area[i] * facing * frame.pixels_per_area;
+        let cubed = squared * squared * squared;
         let radius = polygons.radius[i];
         let close = frame.perspective & (squared <= 4.0 * radius * radius);
-        let large = polygons.area[i] * facing.abs() * frame.pixels_per_area >= LEAST_AREA_PX * cubed;
+        let large = pixels * pixels >= LEAST_AREA_PX * LEAST_AREA_PX * cubed;
         let mut inside = polygons.area[i] > 0.0;
         for side in &frame.sides {
             let mut beyond = side[3] + side[4] * radius;
@@ -257,7 +255,8 @@ fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// Draws polygon `at` of the cluster with index `index`. Returns whether it may have covered a pixel, or `None` if it could not be drawn.
+/// Draws polygon `at` of the cluster with index `index`. Returns whether it may have covered a pixel, or
+/// `None` if it could not be drawn.
 #[inline(always)]
 fn draw_polygon(
     level: &PreparedLevel,
@@ -335,8 +334,8 @@ fn draw_polygon(
     Some(fill(edges, frame.slack, &depth, coverage, fill_scratch, joined.then_some(union), tiles))
 }
 
-/// Returns whether a polygon may cover pixels that hold nothing as near: one between the columns and rows `low`
-/// and `high`, at least `w` away. An estimate: it decides what is drawn only.
+/// Returns whether a polygon may cover pixels that hold nothing as near: one between the columns and rows
+/// `low` and `high`, at least `w` away. An estimate: it decides what is drawn only.
 #[inline(always)]
 fn may_be_seen(frame: &LevelFrame, tiles: &Tiles, low: [f32; 2], high: [f32; 2], w: f32) -> bool {
     let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];

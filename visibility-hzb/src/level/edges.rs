@@ -24,8 +24,8 @@ pub(super) struct Edges16 {
     pub(super) high: [f32; WIDTH],
     /// Width of an edge that counts as level, else 0.
     pub(super) level: [f32; WIDTH],
-    /// All bits of an edge at which the union of the cluster's polygons may end; 0 of an edge that two of them
-    /// share.
+    /// All bits of an edge at which the union of the cluster's polygons may end; 0 of an edge that two of
+    /// them share.
     pub(super) ends_union: [u64; WIDTH],
 }
 
@@ -54,8 +54,8 @@ impl Edges {
         self.ends_union.clear();
     }
 
-    /// Appends an edge between two points, given by column and row. `shared` tells whether another drawn polygon
-    /// of the cluster has the edge, between the same two points.
+    /// Appends an edge between two points, given by column and row. `shared` tells whether another drawn
+    /// polygon of the cluster has the edge, between the same two points.
     #[inline(always)]
     pub(super) fn push(&mut self, [ax, ay]: [f32; 2], [bx, by]: [f32; 2], shared: bool) {
         let lane = self.count % WIDTH;

@@ -55,6 +55,17 @@ struct Window {
 }
 
 impl Window {
+    /// Adds lane `i` of `edges`, which lies to the left of the window. `top` is the window's first row of
+    /// pixels.
+    #[inline(always)]
+    fn pass(&mut self, edges: &Edges16, i: usize, top: f32) {
+        let (y, bottom) = (edges.top[i], edges.bottom[i]);
+        for row in 0..SIDE {
+            let centre = top + ROWS[row] + 0.5;
+            self.odd[row] ^= if (y < centre) & (centre <= bottom) { u64::MAX } else { 0 };
+        }
+    }
+
     /// Adds lane `i` of `edges` to the window that begins at column `left` and row `top`, both in pixels.
     /// Pixels within `slack` of the edge are near it.
     #[inline(always)]
@@ -101,7 +112,8 @@ fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
 
 /// Bounds on the depth keys of a polygon.
 pub(super) struct DepthBound {
-    /// Least key in a tile: `a * column + b * row + c` for the tile at tile column `column` and tile row `row`.
+    /// Least key in a tile: `a * column + b * row + c` for the tile at tile column `column` and tile row
+    /// `row`.
     pub(super) plane: [f32; 3],
     /// Lower bound on all keys.
     pub(super) floor: f32,
@@ -117,7 +129,8 @@ pub(super) struct FillScratch {
 }
 
 /// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
-/// `slack` pixels of. The polygon is added to `union` if there is one. Returns whether a tile may have changed.
+/// `slack` pixels of. The polygon is added to `union` if there is one. Returns whether a tile may have
+/// changed.
 #[inline(always)]
 pub(super) fn fill(
     edges: &Edges,
@@ -197,15 +210,29 @@ pub(super) fn fill(
                 let left = (first * SIDE) as f32;
                 for &edge in active.iter() {
                     let Some(lanes) = edges.drawn.get(edge as usize / WIDTH) else { continue };
-                    window.add(lanes, edge as usize % WIDTH, left, top, slack);
+                    let lane = edge as usize % WIDTH;
+                    // What lies beside the window comes near no pixel of it.
+                    if lanes.low[lane] - slack >= left + WINDOW as f32 {
+                        continue;
+                    }
+                    if lanes.high[lane] + slack + 1.0 < left {
+                        window.pass(lanes, lane, top);
+                    } else {
+                        window.add(lanes, lane, left, top, slack);
+                    }
                 }
-                let (mut covered, mut shared) = (window.odd, 0);
+                let (mut covered, mut shared, mut any, mut all) = (window.odd, 0, 0, u64::MAX);
                 let keep = if coverage == Coverage::Sampled { 0 } else { u64::MAX };
                 for row in 0..SIDE {
                     covered[row] &= !((window.near_end[row] | window.near_shared[row]) & keep);
                     shared |= window.near_shared[row];
+                    any |= covered[row];
+                    all &= covered[row];
                 }
-                let masks = tiles_of(&covered);
+                if any | shared == 0 {
+                    continue;
+                }
+                let masks = if all == u64::MAX { [u64::MAX; SIDE] } else { tiles_of(&covered) };
                 if let Some(union) = union.as_deref_mut()
                     && shared != 0
                 {

@@ -1,14 +1,19 @@
 //! The view of a frame, as the raster of a level's occluders needs it.
 
-use super::draw::MAX_BEND_PX;
 use super::prepared::PreparedLevel;
-use super::vertices::MAX_ERROR_PX;
 use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, project_object};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, View};
+
+/// Maximum error of a vertex in pixels. Vertices with a greater one are projected anew in `f64`.
+pub(super) const MAX_ERROR_PX: f32 = 1.0 / 64.0;
+
+/// Maximum distance in pixels by which an outline moves on the screen if its vertices are moved within the
+/// polygon's slab. Polygons with a greater one are not drawn.
+pub(super) const MAX_BEND_PX: f64 = 1.0 / 64.0;
 
 /// Unit round-off of `f32`.
 const U32: f64 = f32::EPSILON as f64 / 2.0;
@@ -53,8 +58,8 @@ pub(crate) struct LevelFrame {
     /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
     /// by one metre, times its `w`.
     pub(super) pixels_per_metre: f64,
-    /// The sides of the view: `a x + b y + c z + d + e r` is negative for a ball of radius `r` about the point `x`,
-    /// `y`, `z` that is beyond the side. Not rounded conservatively.
+    /// The sides of the view: `a x + b y + c z + d + e r` is negative for a ball of radius `r` about the
+    /// point `x`, `y`, `z` that is beyond the side. Not rounded conservatively.
     pub(super) sides: [[f32; 5]; 5],
     /// Greatest change of `w` over one metre.
     pub(super) w_per_metre: f64,
@@ -79,7 +84,7 @@ impl LevelFrame {
         let (eye, depth) = if perspective {
             (projection.anchor, w.length_squared())
         } else {
-            (x.cross(y).normalize_or_zero(), projection.rows[2].constant.powi(2))
+            (x.cross(y).normalize_or_zero(), projection.rows[2].constant * projection.rows[2].constant)
         };
         // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and has the
         // constant of its row at the eye. A polygon whose slab is no thicker than the eye's distance from it

@@ -3,31 +3,31 @@
 //!
 //! # The rule
 //! A polygon covers the pixels whose centre has an odd number of the outline's edges to the left, and that no
-//! edge comes near: within the *slack* of the closed pixel. Its depth key is that of the plane at the side of the
-//! polygon's slab that is away from the eye. Pixels along an edge that two polygons of a cluster share would stay
-//! bare. So, in the tiles that such an edge comes near, the polygons that hang together by edges are covered
-//! once more as a whole (`union.rs`): pixels that an odd number of them covers at the centre, and that no other
-//! edge comes near, at the least key of these polygons.
+//! edge comes near: within the *slack* of the closed pixel. Its depth key is that of the plane at the side of
+//! the polygon's slab that is away from the eye. Pixels along an edge that two polygons of a cluster share
+//! would stay bare. So, in the tiles that such an edge comes near, the polygons that hang together by edges
+//! are covered once more as a whole (`union.rs`): pixels that an odd number of them covers at the centre, and
+//! that no other edge comes near, at the least key of these polygons.
 //!
 //! # Why it is sound
-//! An outline winds round a line as often as the line goes through faces from front to back, less the times from
-//! back to front ([`LevelOccluders`](visibility_occluders::LevelOccluders)). It does so for all lines through a
-//! pixel that no edge meets alike, and if the number is odd it is not 0: each of the lines goes through a face,
-//! within the slab. The same holds for several polygons together. An edge that two of them share is in their sum
-//! an even number of times, and where it comes near a pixel both are in the sum: they take the same numbers for
-//! its ends, and decide by the same slack for which tiles they count. A tile in which one is left out, because
-//! it holds something nearer, is left out of the sum.
+//! An outline winds round a line as often as the line goes through faces from front to back, less the times
+//! from back to front ([`LevelOccluders`](visibility_occluders::LevelOccluders)). It does so for all lines
+//! through a pixel that no edge meets alike, and if the number is odd it is not 0: each of the lines goes
+//! through a face, within the slab. The same holds for several polygons together. An edge that two of them
+//! share is in their sum an even number of times, and where it comes near a pixel both are in the sum: they
+//! take the same numbers for its ends, and decide by the same slack for which tiles they count. A tile in
+//! which one is left out, because it holds something nearer, is left out of the sum.
 //!
-//! A polygon that hides from its front alone has all faces turned to the front, by less than a right angle. On
-//! the plane its outline winds round a point at least 0 times. Moving each vertex from the plane to its place
-//! moves the outline on the screen by no more than the *bend*, which is part of the slack, so the same holds
-//! for the lines of a pixel: an odd number means that more faces are gone through from the front.
+//! A polygon that hides from its front alone has all faces turned to the front, by less than a right angle.
+//! On the plane its outline winds round a point at least 0 times. Moving each vertex from the plane to its
+//! place moves the outline on the screen by no more than the *bend*, which is part of the slack, so the same
+//! holds for the lines of a pixel: an odd number means that more faces are gone through from the front.
 //!
-//! *Depth*: a ray reaches the far side of the slab after the face. *Near plane*: outlines are cut at twice the
-//! near distance of the eye, in the polygon's plane, along one straight line that counts as an edge. A face that
-//! a ray meets lies in the slab, which the ray crosses between half the distance of the plane and that distance,
-//! since a polygon whose slab is thicker than the eye's distance from it is not drawn. So the face is beyond the
-//! near plane.
+//! *Depth*: a ray reaches the far side of the slab after the face. *Near plane*: outlines are cut at twice
+//! the near distance of the eye, in the polygon's plane, along one straight line that counts as an edge. A
+//! face that a ray meets lies in the slab, which the ray crosses between half the distance of the plane and
+//! that distance, since a polygon whose slab is thicker than the eye's distance from it is not drawn. So the
+//! face is beyond the near plane.
 //!
 //! *Guard band*: what is above, below or to the right of it has no pixel to the right. What is to its left
 //! becomes an edge along its side, in the same rows.
@@ -35,12 +35,12 @@
 //! # The error bound
 //! With `u = 2^-24` and `L` the greatest coordinate of the guard band: vertices are off by up to 1/64 pixel
 //! (`points` of `box_projection.rs`, or the bounds of `screen_projection.rs` for outlines that are cut). The
-//! column of an edge at a row is a quotient, a product and a sum: `12u L`; rounding rows and columns to a window
-//! takes `4u L`. The slack is twice the first, the greatest bend, and `64u L`.
+//! column of an edge at a row is a quotient, a product and a sum: `12u L`; rounding rows and columns to a
+//! window takes `4u L`. The slack is twice the first, the greatest bend, and `64u L`.
 //!
 //! Both ends of an edge are the same `f32` in all outlines that have the vertex, and where it is cut, in both
-//! parts. So an outline crosses each row of centres an even number of times, and away from its edges the number
-//! to the left of a centre is that of the exact outline.
+//! parts. So an outline crosses each row of centres an even number of times, and away from its edges the
+//! number to the left of a centre is that of the exact outline.
 
 mod clip;
 mod draw;

@@ -7,8 +7,8 @@ use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_occluders::{LevelOccluders, OccluderCluster, OccluderPolygon};
 
-/// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, by coordinate: least x, y, z, greatest x, y, z.
-/// Lanes without a box repeat the last box.
+/// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, by coordinate: least x, y, z, greatest x, y,
+/// z. Lanes without a box repeat the last box.
 pub(crate) type Boxes = [[f32; WIDTH]; 6];
 
 /// Up to [`WIDTH`] polygons of one cluster, by coordinate. Lanes without a polygon have no area.
@@ -122,8 +122,8 @@ impl PreparedLevel {
     }
 }
 
-/// Writes the neighbours at the edges of a cluster. Polygons that hide from one side only are neighbours if they
-/// run through their edge in opposite directions, so that they face the same way.
+/// Writes the neighbours at the edges of a cluster. Polygons that hide from one side only are neighbours if
+/// they run through their edge in opposite directions, so that they face the same way.
 fn find_neighbours(level: &LevelOccluders, cluster: &OccluderCluster, neighbours: &mut [u32]) {
     let [first, end] = cluster.polygons.map(|index| index as usize);
     let mut sides: Vec<([u32; 2], u32, u32)> = Vec::new();

@@ -8,8 +8,8 @@ use alloc::vec::Vec;
 /// What the polygons of one cluster contribute to each tile. Between two clusters nothing.
 #[derive(Clone, Debug, Default)]
 pub(super) struct UnionTiles {
-    /// Least depth key of the polygons that may meet each tile, row by row. Infinity where none does, negative
-    /// infinity where a polygon was left out.
+    /// Least depth key of the polygons that may meet each tile, row by row. Infinity where none does,
+    /// negative infinity where a polygon was left out.
     least: Vec<f32>,
     /// Pixels of each tile whose centres an odd number of polygons cover.
     odd: Vec<u64>,
@@ -39,9 +39,9 @@ impl UnionTiles {
         self.used = UNUSED;
     }
 
-    /// Lowers the least depth keys of the [`WIDTH`] tiles from `column` on, as far as column `end`, in row `row`,
-    /// which begins at tile `base`: to `keys`, and to negative infinity where a polygon is not `open`: it is
-    /// left out, since the tile holds nearer ones.
+    /// Lowers the least depth keys of the [`WIDTH`] tiles from `column` on, as far as column `end`, in row
+    /// `row`, which begins at tile `base`: to `keys`, and to negative infinity where a polygon is not `open`:
+    /// it is left out, since the tile holds nearer ones.
     #[inline(always)]
     pub(super) fn lower(
         &mut self,
@@ -61,8 +61,8 @@ impl UnionTiles {
         }
     }
 
-    /// Lets the union cover nothing in the tiles that meet the columns and rows from `low` to `high`: a polygon
-    /// there is left out.
+    /// Lets the union cover nothing in the tiles that meet the columns and rows from `low` to `high`: a
+    /// polygon there is left out.
     #[inline(always)]
     pub(super) fn leave_out(&mut self, low: [f32; 2], high: [f32; 2], tiles: &Tiles) {
         // Casts limit numbers below 0 to 0.
@@ -80,10 +80,10 @@ impl UnionTiles {
         }
     }
 
-    /// Adds a polygon to those of the eight tiles from tile `first` on that an edge comes near which the polygon
-    /// shares with another: byte i of `shared` is not 0 for tile i. Only the first `count` tiles are in the
-    /// row. `odd` are the pixels of each tile whose centres
-    /// the polygon covers, `near_end` those near an edge at which the union may end.
+    /// Adds a polygon to those of the eight tiles from tile `first` on that an edge comes near which the
+    /// polygon shares with another: byte i of `shared` is not 0 for tile i. Only the first `count` tiles are
+    /// in the row. `odd` are the pixels of each tile whose centres the polygon covers, `near_end` those near
+    /// an edge at which the union may end.
     #[inline(always)]
     pub(super) fn add(
         &mut self,

@@ -1,14 +1,11 @@
 //! The vertices of a cluster on the screen, in `f32`.
 
-use super::frame::LevelFrame;
+use super::frame::{LevelFrame, MAX_ERROR_PX};
 use crate::lanes::{WIDTH, greatest, least};
 use crate::query::box_projection::ScreenPoints;
 use crate::rounding::up;
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
-
-/// Maximum error of a vertex in pixels. Vertices with a greater one are projected anew in `f64`.
-pub(super) const MAX_ERROR_PX: f32 = 1.0 / 64.0;
 
 /// Vertices of one cluster on the screen.
 #[derive(Clone, Debug, Default)]
