@@ -33,7 +33,7 @@ impl Reading {
     }
 }
 
-// Beside the scene's other methods it would keep crates that have no such `eprintln` from taking their module.
+// Beside the scene's other methods it would need `eprintln` in every crate that takes their module.
 impl SceneSource {
     /// Prints the scene's notes on standard error, a line each.
     pub fn print_notes(&self) {
