@@ -1,6 +1,8 @@
 //! How a scene file is read: the unit of its coordinates, the axis that points up, and whether triangles are
 //! drawn from both sides.
 
+use crate::SceneSource;
+use crate::eprintln;
 use clap::Args;
 use glam::Vec3;
 
@@ -28,6 +30,16 @@ impl Reading {
     /// Returns the length of the unit in metres.
     pub fn metres(&self) -> f64 {
         self.unit.unwrap_or(1.0)
+    }
+}
+
+// Beside the scene's other methods it would need `eprintln` in every crate that takes their module.
+impl SceneSource {
+    /// Prints the scene's notes on standard error, a line each.
+    pub fn print_notes(&self) {
+        for note in &self.notes {
+            eprintln!("{}: {note}", self.name);
+        }
     }
 }
 

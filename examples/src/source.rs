@@ -5,7 +5,6 @@
 //! Triangles are neither indexed nor shared between objects: a triangle soup is the simplest form from which
 //! to fill the cullers' scene.
 
-use crate::eprintln;
 use crate::error::SourceError;
 use crate::walk::Walk;
 use glam::{DVec3, Vec3};
@@ -291,13 +290,6 @@ impl SceneSource {
             }
             object
         }));
-    }
-
-    /// Prints the scene's notes on standard error, a line each.
-    pub fn print_notes(&self) {
-        for note in &self.notes {
-            eprintln!("{}: {note}", self.name);
-        }
     }
 
     /// Returns how the triangles of all objects are drawn.

@@ -1,5 +1,6 @@
-//! Surfaces of glTF files as a renderer draws them: what is seen through glass is seen, and what is behind the
-//! back of a one-sided face too. Every culler and every method from a region follows, and so does the judge.
+//! Surfaces of glTF files as a renderer draws them: what is seen through glass is seen, and what is behind
+//! the back of a one-sided face too. Every culler and every method from a region follows, and so does the
+//! judge.
 
 use clap::Parser;
 use serde_json::{Value, json};

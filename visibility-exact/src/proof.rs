@@ -44,8 +44,8 @@ impl Proof {
 pub(crate) enum Step {
     /// A polygon is halved; the two nodes of the halves follow.
     Halves { of_p: bool, across: bool },
-    /// P is cut by the plane of a one-sided triangle. The node of the part before its front follows, then that
-    /// of the rest.
+    /// P is cut by the plane of a one-sided triangle. The node of the part before its front follows, then
+    /// that of the rest.
     Split { triangle: u32 },
     /// All segments cross a surface.
     Surface {

@@ -52,8 +52,8 @@ pub(crate) struct Budget {
 const DEPTH: u32 = 28;
 /// Depth from which nodes are divided by occluder edges, on every third level.
 const DIVIDE_FROM: u32 = 3;
-/// Most cuts of P by planes of one-sided triangles on the way to a node. Each rounds a corner four times more:
-/// [`SceneTriangles::position_error`] has room for these.
+/// Most cuts of P by planes of one-sided triangles on the way to a node. Each rounds a corner four times
+/// more: [`SceneTriangles::position_error`] has room for these.
 pub(crate) const SPLITS: u32 = 8;
 /// Number of triangles on a line from which surfaces are grown.
 const STARTS: usize = 4;
@@ -281,8 +281,8 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Returns whether a triangle occludes for all points of P. Remembers it in [`across`](Self::across) if it
-    /// does for some.
+    /// Returns whether a triangle occludes for all points of P. Remembers it in [`across`](Self::across) if
+    /// it does for some.
     pub(crate) fn blocks(&mut self, sight: &Sight, t: u32) -> bool {
         let Some(front) = self.triangles.front(t) else { return true };
         let facing = sight.facing(front, self.clearance, self.pad());

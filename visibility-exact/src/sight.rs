@@ -130,7 +130,8 @@ impl Sight {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
     }
 
-    /// Returns how P lies to the front of a one-sided triangle, for a clearance `c`. Heights are known to `pad`.
+    /// Returns how P lies to the front of a one-sided triangle, for a clearance `c`. Heights are known to
+    /// `pad`.
     ///
     /// Without clearance an answer holds for all segments, so that P must be before the triangle for certain.
     /// With a clearance positions are what they are, and over a plane that is perpendicular to an axis their

@@ -117,7 +117,8 @@ impl TriangleTree {
     }
 
     /// Collects up to `most` triangles that the segment from p to q certainly crosses, but for one-sided ones
-    /// that p is certainly behind. Returns whether there may be others that it touches; true if the search ended at `most`, or because it touched too many.
+    /// that p is certainly behind. Returns whether there may be others that it touches; true if the search
+    /// ended at `most`, or because it touched too many.
     pub(crate) fn crossed(&self, p: DVec3, q: DVec3, skip: u32, most: usize, hits: &mut Vec<u32>) -> bool {
         hits.clear();
         let (mut unsure, mut touched) = (false, 0);

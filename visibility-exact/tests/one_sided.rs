@@ -1,6 +1,6 @@
-//! One-sided triangles: from behind they are neither seen nor in the way. Worlds on an integer grid with solids
-//! and plates of either kind, around a viewcell that the planes of many pass through. Hidden targets are shot
-//! at from all of it, in exact arithmetic.
+//! One-sided triangles: from behind they are neither seen nor in the way. Worlds on an integer grid with
+//! solids and plates of either kind, around a viewcell that the planes of many pass through. Hidden targets
+//! are shot at from all of it, in exact arithmetic.
 
 use crate::common::grid::{FINE, Point, misses_triangle, on_grid, rounded, triangle_on_grid};
 use crate::common::{Triangle, faces, few_rays};

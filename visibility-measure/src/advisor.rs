@@ -189,7 +189,7 @@ impl<'a> Advisor<'a> {
             facts.depth_complexity += share * seen.depth_complexity();
             seen.objects().iter().for_each(|object| is_seen[object.key as usize] = object.is_visible());
             let occluders = scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder));
-            let occluders = occluders.map(|id| (id.index() as u32, triangles(id)));
+            let occluders = occluders.filter_map(|id| DrawnObject::of_scene(scene, id));
             surfaces.draw(view, scene.origin(), occluders)?;
             let limit = surfaces.box_limit(scene, |id| is_seen[id.index()]);
             facts.box_limit += share * limit.count() as f64;
@@ -362,6 +362,20 @@ mod tests {
         // The first triangle is seen, although its box is now another place's.
         scene.set_bounds(ids[0], Aabb::from_arrays([-9.0; 3], [-8.0; 3])).unwrap();
         assert_eq!(limit(&scene), Ok(1.0));
+    }
+
+    #[test]
+    fn the_back_of_a_one_sided_occluder_hides_no_box() {
+        let (mut scene, views) = (scene(), views());
+        let ids: Vec<ObjectId> = scene.ids().collect();
+        scene.set_occluder(ids[0], true).unwrap();
+        scene.insert(Aabb::from_arrays([6.0, -0.5, -0.5], [7.0, 0.0, 0.0]));
+        let limit =
+            |scene: &Scene| Advisor::new(scene, &views, DrawCost::default()).unwrap().facts().box_limit;
+        assert_eq!(limit(&scene), 1.0);
+        // The first triangle turns its back to the eye: the second is seen, and no box is behind anything.
+        scene.set_one_sided(ids[0], true).unwrap();
+        assert_eq!(limit(&scene), 3.0);
     }
 
     #[test]

@@ -86,8 +86,8 @@ impl ImageProjection {
         if self.parallel { DEPTH_TIE } else { 0.0 }
     }
 
-    /// Tests whether the eye is before the front of a triangle: its corners run counter-clockwise as seen from
-    /// the eye. False in the plane of the triangle, where nothing of it shows, and for NaN.
+    /// Tests whether the eye is before the front of a triangle: its corners run counter-clockwise as seen
+    /// from the eye. False in the plane of the triangle, where nothing of it shows, and for NaN.
     pub(crate) fn sees_front(&self, triangle: &[Vec3; 3]) -> bool {
         let [a, b, c] = triangle.map(|p| p.as_dvec3());
         let normal = (b - a).cross(c - a);

@@ -52,8 +52,9 @@ impl<'a> DrawnObject<'a> {
 /// Image that holds, for each pixel, the number of the triangle seen through the pixel's centre.
 ///
 /// Memory: 12 bytes per pixel, 4 bytes per triangle drawn, about 40 bytes per pixel for each further object
-/// that the pixel shows in a tie, and 24 bytes per pixel once a see-through object was drawn. All memory is reused from frame to frame. Drawing costs 10 to 20 ns
-/// per triangle and about 1 ns for each pixel of each triangle, hidden or not.
+/// that the pixel shows in a tie, and 24 bytes per pixel once a see-through object was drawn. All memory is
+/// reused from frame to frame. Drawing costs 10 to 20 ns per triangle and about 1 ns for each pixel of each
+/// triangle, hidden or not.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Pose, View};
@@ -97,8 +98,8 @@ impl ItemBuffer {
 
     /// Draws objects, replacing the previous frame, and counts their pixels.
     ///
-    /// Each object is a [`DrawnObject`], or a pair of a key, by which the caller identifies the object, and its
-    /// triangles in metres relative to `origin`. `origin` is a point of the world in metres, usually the
+    /// Each object is a [`DrawnObject`], or a pair of a key, by which the caller identifies the object, and
+    /// its triangles in metres relative to `origin`. `origin` is a point of the world in metres, usually the
     /// scene's origin. Objects are numbered from 0 in the order given, and triangles from 0 through all
     /// objects. The caller chooses which objects to draw: [`View::layers`] is ignored. A triangle with a NaN
     /// or infinite coordinate, or without area on the screen, covers no pixel.
@@ -175,16 +176,16 @@ impl ItemBuffer {
     }
 
     /// Returns, for each pixel, the number of the opaque triangle seen through the pixel's centre, or
-    /// [`NONE`](crate::NONE) if no opaque triangle is seen. Row by row from the top of the image, each row from the
-    /// left. The centre of column `i` is at NDC `x / w = (2 * i + 1) / width - 1`, the centre of row `j` at
-    /// `y / w = 1 - (2 * j + 1) / height`. If triangles tie for a pixel, the pixel has the nearest of them by
-    /// rounding, or the first drawn among equals.
+    /// [`NONE`](crate::NONE) if no opaque triangle is seen. Row by row from the top of the image, each row
+    /// from the left. The centre of column `i` is at NDC `x / w = (2 * i + 1) / width - 1`, the centre of row
+    /// `j` at `y / w = 1 - (2 * j + 1) / height`. If triangles tie for a pixel, the pixel has the nearest of
+    /// them by rounding, or the first drawn among equals.
     pub fn items(&self) -> &[u32] {
         &self.image.items
     }
 
-    /// Returns the number of the nearest see-through triangle of a pixel, before the opaque triangle if there is
-    /// one. [`NONE`](crate::NONE) if none certainly shows, or the pixel lies outside of the image.
+    /// Returns the number of the nearest see-through triangle of a pixel, before the opaque triangle if there
+    /// is one. [`NONE`](crate::NONE) if none certainly shows, or the pixel lies outside of the image.
     pub fn see_through_item(&self, column: u32, row: u32) -> u32 {
         if column >= self.width() || row >= self.height() {
             return NONE;
@@ -200,8 +201,8 @@ impl ItemBuffer {
         &self.image.depth_keys
     }
 
-    /// Returns the opaque object seen in a pixel, as an index into [`SampledVisibility::objects`]. `None` if the
-    /// pixel shows no opaque object or lies outside of the image.
+    /// Returns the opaque object seen in a pixel, as an index into [`SampledVisibility::objects`]. `None` if
+    /// the pixel shows no opaque object or lies outside of the image.
     pub fn object_at(&self, column: u32, row: u32) -> Option<usize> {
         if column >= self.width() || row >= self.height() {
             return None;

@@ -39,9 +39,9 @@
 //!
 //! # How triangles are drawn
 //! A renderer's rules decide what shows. Triangles are opaque and drawn from both sides, unless a
-//! [`DrawnObject`] says otherwise: a see-through object shows in every pixel in which it is before the nearest
-//! opaque triangle, and that triangle shows through it; a one-sided object shows, and covers, where it turns
-//! its front to the eye. All arithmetic is `f64`, starting from the view's own clip matrix:
+//! [`DrawnObject`] says otherwise: a see-through object shows in every pixel in which it is before the
+//! nearest opaque triangle, and that triangle shows through it; a one-sided object shows, and covers, where
+//! it turns its front to the eye. All arithmetic is `f64`, starting from the view's own clip matrix:
 //! - Triangles are clipped in homogeneous coordinates, before any division. Points behind the eye, in the
 //!   eye, or 1e30 m away need no special cases.
 //! - Triangles are filled row by row between edges. A pixel is covered if its centre is. Two triangles that

@@ -163,8 +163,8 @@ impl Image {
         (self.layers, self.claims_full) = (0, false);
     }
 
-    /// Ends the opaque triangles: all that is drawn until [`clear`](Self::clear) is see-through, hides nothing,
-    /// and shows in each pixel in which it is before the opaque triangle.
+    /// Ends the opaque triangles: all that is drawn until [`clear`](Self::clear) is see-through, hides
+    /// nothing, and shows in each pixel in which it is before the opaque triangle.
     pub(crate) fn begin_see_through(&mut self) {
         self.veils.resize(self.width * self.height, Veil::NONE);
         for claim in &self.claims {
@@ -283,9 +283,10 @@ impl Image {
         }
     }
 
-    /// Counts the pixels of columns `first..end` of a row in which the see-through triangle `item` shows before
-    /// the opaque triangle. If `covers` is false, or the two are equally near, or objects tie for the opaque
-    /// triangle, the pixel is tied: rounding alone decides whether the see-through triangle shows there.
+    /// Counts the pixels of columns `first..end` of a row in which the see-through triangle `item` shows
+    /// before the opaque triangle. If `covers` is false, or the two are equally near, or objects tie for the
+    /// opaque triangle, the pixel is tied: rounding alone decides whether the see-through triangle shows
+    /// there.
     fn veil_span(
         &mut self,
         row: usize,

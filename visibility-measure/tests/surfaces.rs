@@ -14,8 +14,8 @@ struct Made {
     one_sided: bool,
 }
 
-/// Returns the distance at which a ray meets a triangle, whether it meets the front, and the least barycentric
-/// coordinate of the point.
+/// Returns the distance at which a ray meets a triangle, whether it meets the front, and the least
+/// barycentric coordinate of the point.
 fn meet(start: DVec3, direction: DVec3, t: &[Vec3; 3]) -> (f64, bool, f64) {
     let [a, b, c] = t.map(|p| p.as_dvec3());
     let normal = (b - a).cross(c - a);
@@ -132,7 +132,8 @@ fn what_ties_with_a_pane_is_not_charged() {
         seen.compare(|_, key| key == 0, &mut hidden);
         (seen.objects().to_vec(), hidden)
     };
-    // Before the wall it shows in each pixel, once; in its plane, rounding alone decides; behind, it is hidden.
+    // Before the wall it shows in each pixel, once; in its plane, rounding alone decides; behind, it is
+    // hidden.
     let (objects, hidden) = draw(&mut buffer, &decal(0.4));
     assert_eq!((objects[1].pixels, objects[1].tied_pixels, objects[0].pixels), (64, 0, 64));
     assert_eq!((hidden.false_hidden_keys, hidden.wrong_pixels), (vec![1], 64));

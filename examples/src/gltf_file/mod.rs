@@ -413,8 +413,8 @@ impl Corners {
     }
 }
 
-/// Returns whether a renderer draws what is behind a surface through it: its alpha mode blends or masks, or it
-/// transmits light. Extensions that transmit light have a factor of 0 by default, for none.
+/// Returns whether a renderer draws what is behind a surface through it: its alpha mode blends or masks, or
+/// it transmits light. Extensions that transmit light have a factor of 0 by default, for none.
 fn is_see_through(material: &gltf::Material<'_>) -> bool {
     const TRANSMITTING: [(&str, &str); 3] = [
         ("KHR_materials_transmission", "transmissionFactor"),

@@ -122,7 +122,9 @@ fn world_objects(scene: &Scene) -> Vec<SourceObject> {
 /// Cullers made from a world that then moves: what was made in advance is not synced.
 #[test]
 fn known_cullers_hide_nothing_seen_after_the_origin_moved() {
-    for entry in cullers::entries().into_iter().filter(|entry| !entry.contains('+')) {
+    // The occluders of a level stand still in the world, by the caller's word: here all objects move.
+    let moves = |entry: &String| !entry.contains('+') && !entry.starts_with("hzb-level");
+    for entry in cullers::entries().into_iter().filter(moves) {
         let mut count = Count::default();
         for seed in 0..2 {
             let mut rng = Random(seed);

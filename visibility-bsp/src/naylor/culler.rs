@@ -14,10 +14,11 @@ use visibility_core::{Accuracy, CullStats, Culler, Object, ObjectId, Scene, View
 /// within the tolerance below.
 ///
 /// Triangles are seen from both sides, those of [one-sided](visibility_core::Object::one_sided) objects from
-/// their front: from behind they are not seen, and hide nothing. The triangles of objects flagged as occluders hide what lies behind
-/// them; the triangles of other objects are visible but hide nothing. Triangles in one plane do not hide each
-/// other. An object counts as visible if it has no triangles, has a triangle that is not finite or has no
-/// area, or has changed since the last [`sync`](SceneTree::sync) of the tree.
+/// their front: from behind they are not seen, and hide nothing. The triangles of objects flagged as
+/// occluders hide what lies behind them; the triangles of other objects are visible but hide nothing.
+/// Triangles in one plane do not hide each other. An object counts as visible if it has no triangles, has a
+/// triangle that is not finite or has no area, or has changed since the last [`sync`](SceneTree::sync) of the
+/// tree.
 ///
 /// # Tolerance
 /// A gap or a visible part narrower than 1e-7 of half the image (1/8000 of a pixel at 2560 pixels across) may

@@ -157,8 +157,8 @@ pub struct Object {
 }
 
 impl Object {
-    /// Creates an object with the given bounds on all layers, with cost 1, that can be culled, is no occluder,
-    /// and is drawn opaque from both sides.
+    /// Creates an object with the given bounds on all layers, with cost 1, that can be culled, is no
+    /// occluder, and is drawn opaque from both sides.
     pub const fn new(bounds: Aabb) -> Self {
         Self {
             bounds,

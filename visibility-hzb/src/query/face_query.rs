@@ -8,7 +8,7 @@ use crate::rounding::up;
 
 /// Maximum number of tiles that a tested box may meet. Larger boxes are not tested by their faces: most are
 /// nodes of a hierarchy, whose children are tested anyway.
-const MAX_FACE_TEST_TILES: u32 = 100000;
+const MAX_FACE_TEST_TILES: u32 = 64;
 
 /// Returns whether the tiles hide a box in every pixel of `rectangle`, the rectangle around the box. `sides`
 /// are the box's least x, y, z and greatest x, y, z in scene coordinates. `nearest` is an upper bound on the

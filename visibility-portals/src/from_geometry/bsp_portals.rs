@@ -116,8 +116,8 @@ fn subtract_covers(
     open.append(&mut parts);
 }
 
-/// Returns whether lines from one side of a piece of a plane pass more of it than its open parts: through backs
-/// of one-sided covers, in a strip wider than the tolerance.
+/// Returns whether lines from one side of a piece of a plane pass more of it than its open parts: through
+/// backs of one-sided covers, in a strip wider than the tolerance.
 fn leaks(
     piece: &[DVec3],
     covers: &[Cover],

@@ -54,10 +54,10 @@ pub struct PolygonSettings<'a> {
     pub most_cells: usize,
     /// Rule that decides which regions are solid. Default [`Solid::Nothing`].
     pub solid: Solid<'a>,
-    /// For each polygon, whether it is drawn from its front alone, so that lines from behind pass it. Polygons
-    /// beyond the end block from both sides. Portals have no direction, so that regions from which lines pass
-    /// polygons from behind, and all regions that portals join to these, do not become cells: from there
-    /// everything is visible. The inside of a wall is such a region. Default empty.
+    /// For each polygon, whether it is drawn from its front alone, so that lines from behind pass it.
+    /// Polygons beyond the end block from both sides. Portals have no direction, so that regions from which
+    /// lines pass polygons from behind, and all regions that portals join to these, do not become cells: from
+    /// there everything is visible. The inside of a wall is such a region. Default empty.
     pub one_sided: &'a [bool],
 }
 
