@@ -157,7 +157,9 @@ fn cast(seed: u64, samples: u64) {
         for _ in 0..4 {
             let view =
                 if random.one_in(3) { view(&mut random) } else { view_within(&mut random, &triangles) };
-            hzb.begin(&view.relative_to(view.origin() + shift).unwrap(), shift);
+            // The level stays where it is in the world, wherever the scene's origin is.
+            let origin = if random.one_in(2) { shift } else { shift + random.vector(1e3) };
+            hzb.begin(&view.relative_to(view.origin() + shift).unwrap(), origin);
             hzb.flush();
             let [s, p] = check(&faces, &view, &hzb, &mut random, &format!("seed {seed}, round {rounds}"));
             cast += s;
