@@ -73,7 +73,7 @@ fn results(c: &mut Criterion) {
             ids.sort_unstable();
         });
     });
-    // Of a listed set, and of one that only has masks.
+    // Rows of a set with a list, and of a set that has masks alone.
     for (name, set) in [("listed", &visible), ("masks", &again)] {
         group.bench_function(format!("write bits, {name}"), |b| {
             b.iter(|| set.write_bits(&scene, black_box(&mut bits)));

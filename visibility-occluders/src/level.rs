@@ -35,7 +35,7 @@ impl LevelSettings {
     }
 
     /// Sets the least share of the area of all polygons that is kept, from 0 to 1. The smallest polygons are
-    /// left out. 0.99 by default: the last hundredth of the area is mostly in most of the polygons.
+    /// left out. 0.98 by default: the last hundredths of the area are in most of the polygons.
     #[must_use]
     pub fn with_kept_area(self, share: f64) -> Self {
         Self { kept_area: share.clamp(0.0, 1.0), ..self }

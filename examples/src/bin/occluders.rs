@@ -13,9 +13,10 @@ struct Arguments {
     /// Scene: a recipe such as `office:2,16`, or a file (.vscn, .glb, .gltf).
     scene: String,
 
-    /// Share of the area of all polygons to keep, from 0 to 1. The smallest polygons are left out.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.99)]
-    keep: f64,
+    /// Share of the area of all polygons to keep, from 0 to 1. The smallest polygons are left out. By default
+    /// as much as the z-buffer draws.
+    #[arg(long, value_name = "SHARE")]
+    keep: Option<f64>,
 
     /// How far a polygon may be off its plane, as a fraction of the greatest coordinate. By default some
     /// roundings.
@@ -43,7 +44,10 @@ fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
             object.triangles.iter().map(move |&corners| LevelTriangle { corners, two_sided })
         })
         .collect();
-    let mut settings = LevelSettings::default().with_kept_area(arguments.keep);
+    let mut settings = LevelSettings::default();
+    if let Some(share) = arguments.keep {
+        settings = settings.with_kept_area(share);
+    }
     if let Some(flatness) = arguments.flatness {
         settings = settings.with_flatness(flatness);
     }

@@ -24,7 +24,7 @@ pub(super) struct Document {
     pub transforms: Vec<LocalTransform>,
     /// Whether a pointer of `KHR_animation_pointer` moves the node, by index. Where to is not read.
     pub is_pointed_at: Vec<bool>,
-    /// What is in the file and not read.
+    /// Counts of the parts of the file that are not read.
     pub unread: Unread,
 }
 
@@ -130,7 +130,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Document, SourceError> {
     }
     let mut first = None;
     root.validate(&root, JsonPath::new, &mut |place, error| {
-        // What is missing is found where it is needed: an accessor without a buffer view is zeros.
+        // A missing buffer view is an error only where it is needed: an accessor without one is zeros.
         if first.is_none() && error != Error::Missing {
             first = Some((place().to_string(), error.to_string()));
         }

@@ -1,4 +1,4 @@
-//! What is in a glTF file and not read, counted, so that nobody takes what is loaded for the whole file.
+//! Counts of the parts of a glTF file that are not read, so that nobody takes the scene for the whole file.
 
 use crate::json::list;
 use serde_json::Value;

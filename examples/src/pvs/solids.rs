@@ -92,7 +92,7 @@ mod tests {
         assert!(as_box(&slab).is_some());
         slab[1] = slab[0];
         assert!(as_box(&slab).is_none());
-        // Of a one-sided object that turns its backs outwards, no box is made.
+        // A one-sided object that turns its backs outwards makes no box.
         let mut source = SceneSource { objects: vec![source.objects[0].clone()], ..source };
         source.objects[0].one_sided = true;
         assert_eq!(super::boxes(&source).len(), 1);

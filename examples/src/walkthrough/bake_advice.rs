@@ -176,7 +176,7 @@ pub fn estimate(world: &World, views: &[View], advised: &str) -> Result<BakeEsti
 struct Found {
     /// Numbers of the viewcells among all places.
     ids: Vec<ViewcellId>,
-    /// What was found for each.
+    /// Baked sets, one for each of `ids`.
     cells: Vec<CellSandwich>,
     /// Time in seconds that the bake has taken.
     seconds: f64,
