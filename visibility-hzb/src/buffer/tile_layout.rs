@@ -20,6 +20,15 @@ pub(crate) struct Rectangle {
     pub(crate) lines: [u32; 2],
 }
 
+impl Rectangle {
+    /// Returns whether the rectangle is no wider or no higher than a pixel. A shape whose bounds, rounded
+    /// outwards, are so covers no pixel entirely.
+    #[inline(always)]
+    pub(crate) fn is_thin(&self) -> bool {
+        self.columns[1] - self.columns[0] <= 1 || self.lines[1] - self.lines[0] <= 1
+    }
+}
+
 /// A `u64` whose eight bytes are 1, one byte for each row of a tile. Multiplying by a byte repeats that byte
 /// in all rows.
 pub(crate) const LINES: u64 = 0x0101_0101_0101_0101;

@@ -102,10 +102,7 @@ fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut V
                 let boxes = project(&frame.projection32, &level.clusters[block]);
                 for lane in 0..WIDTH.min(count - block * WIDTH) {
                     let rectangle = boxes.known[lane].then(|| boxes.rectangle(lane));
-                    let thin = rectangle.is_some_and(|rectangle| {
-                        rectangle.columns[1] - rectangle.columns[0] <= 1
-                            || rectangle.lines[1] - rectangle.lines[0] <= 1
-                    });
+                    let thin = rectangle.is_some_and(|rectangle| rectangle.is_thin());
                     if boxes.outside[lane] || thin || large >> lane & 1 == 0 {
                         continue;
                     }

@@ -14,11 +14,9 @@ use crate::lanes::{WIDTH, any_below};
 pub(crate) fn may_be_seen<const N: usize>(tiles: &Tiles, seen: &ProjectedBoxes<N>, i: usize) -> bool {
     let i = i % N;
     let rectangle = seen.rectangle(i);
-    // A shape whose bounds, rounded outwards, are no wider than a pixel covers no pixel entirely.
-    let small =
-        rectangle.columns[1] - rectangle.columns[0] <= 1 || rectangle.lines[1] - rectangle.lines[0] <= 1;
     !seen.outside[i]
-        && (!seen.known[i] || (!small && rectangle_may_be_seen(tiles, &rectangle, seen.nearest[i])))
+        && (!seen.known[i]
+            || (!rectangle.is_thin() && rectangle_may_be_seen(tiles, &rectangle, seen.nearest[i])))
 }
 
 /// Returns the mask of the boxes, among the first `count`, that are neither certainly out of view nor hidden
