@@ -29,6 +29,15 @@ pub(super) struct Edges16 {
     pub(super) ends_union: [u64; WIDTH],
 }
 
+impl Edges16 {
+    /// Returns the column of lane `i` at `row`.
+    #[inline(always)]
+    pub(super) fn column(&self, i: usize, row: f32) -> f32 {
+        let column = self.x[i] + (row - self.top[i]) * self.slope[i];
+        least(greatest(column, self.low[i]), self.high[i])
+    }
+}
+
 /// The edges of one outline, as pushed and as drawn.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Edges {

@@ -45,6 +45,7 @@ fn within(column: f32) -> f32 {
 }
 
 /// Pixels of a window: a word for each row of pixels, a bit for each column.
+#[derive(Default)]
 struct Window {
     /// Pixels that an edge comes near at which the union of the cluster's polygons may end.
     near_end: [u64; SIDE],
@@ -55,36 +56,52 @@ struct Window {
 }
 
 impl Window {
-    /// Adds lane `i` of `edges`, which lies to the left of the window. `top` is the window's first row of
-    /// pixels.
+    /// Returns the window that begins at column `left` and row `top`, both in pixels. `row` are the edges of
+    /// that row of tiles, and pixels within `slack` of an edge are near it.
     #[inline(always)]
-    fn pass(&mut self, edges: &Edges16, i: usize, top: f32) {
-        let (y, bottom) = (edges.top[i], edges.bottom[i]);
-        for row in 0..SIDE {
-            let centre = top + ROWS[row] + 0.5;
-            self.odd[row] ^= if (y < centre) & (centre <= bottom) { u64::MAX } else { 0 };
+    fn new(edges: &Edges, row: &[RowEdges], left: f32, top: f32, slack: f32) -> Self {
+        let mut window = Self::default();
+        let mut passed = 0;
+        for own in row {
+            // What lies beside the window comes near no pixel of it.
+            let (mut crosses, mut meets) = ([0; WIDTH], [0; WIDTH]);
+            for i in 0..WIDTH {
+                let is_left = own.right[i] + 1.0 < left;
+                crosses[i] = if is_left { own.crosses[i] } else { 0 };
+                meets[i] = u8::from(!is_left & (own.left[i] < left + WINDOW as f32));
+            }
+            passed ^= crosses.iter().fold(0, |all, rows| all ^ rows);
+            let mut meets = bits(&meets);
+            let Some(lanes) = edges.drawn.get(own.chunk as usize) else { continue };
+            while meets != 0 {
+                window.add(lanes, meets.trailing_zeros() as usize % WIDTH, left, top, slack);
+                meets &= meets - 1;
+            }
         }
+        for row in 0..SIDE {
+            window.odd[row] ^= if passed >> row & 1 != 0 { u64::MAX } else { 0 };
+        }
+        window
     }
 
     /// Adds lane `i` of `edges` to the window that begins at column `left` and row `top`, both in pixels.
     /// Pixels within `slack` of the edge are near it.
     #[inline(always)]
     fn add(&mut self, edges: &Edges16, i: usize, left: f32, top: f32, slack: f32) {
-        let (x, y, slope) = (edges.x[i], edges.top[i], edges.slope[i]);
-        let (bottom, low, high, level) = (edges.bottom[i], edges.low[i], edges.high[i], edges.level[i]);
-        let at = |row: f32| least(greatest(x + (row - y) * slope, low), high) - left;
+        let (y, bottom, level) = (edges.top[i], edges.bottom[i], edges.level[i]);
         let (mut first, mut end, mut step) = ([0; SIDE], [0; SIDE], [0; SIDE]);
         for row in 0..SIDE {
             let line = top + ROWS[row];
             let (from, to) = (greatest(line - slack, y), least(line + 1.0 + slack, bottom));
-            let (p, q) = (at(from), at(to));
+            let (p, q) = (edges.column(i, from) - left, edges.column(i, to) - left);
             let (l, r) = (least(p, q) - slack, greatest(p, q) + slack + level);
             let meets = from <= to;
             first[row] = nearest(within(l) - 0.5);
             end[row] = if meets { nearest(within(r + 1.0) - 0.5) } else { 0 };
             let centre = line + 0.5;
             let crosses = (y < centre) & (centre <= bottom);
-            step[row] = if crosses { nearest(within(at(centre))) } else { WINDOW as u32 };
+            step[row] =
+                if crosses { nearest(within(edges.column(i, centre) - left)) } else { WINDOW as u32 };
         }
         let ends_union = edges.ends_union[i];
         for row in 0..SIDE {
@@ -94,6 +111,20 @@ impl Window {
             self.odd[row] ^= from(step[row]);
         }
     }
+}
+
+/// Edges that meet a row of tiles.
+#[derive(Clone, Copy, Debug)]
+struct RowEdges {
+    /// Index into [`Edges::drawn`].
+    chunk: u32,
+    /// Least column that each edge comes near in the row. Infinity for an edge that does not meet it.
+    left: [f32; WIDTH],
+    /// Greatest column that each edge comes near in the row. Negative infinity for an edge that does not meet
+    /// it.
+    right: [f32; WIDTH],
+    /// For each edge, the rows of pixels whose centres it crosses: bit i for row i of the tiles.
+    crosses: [u32; WIDTH],
 }
 
 /// Returns the mask of the pixels of each of the eight tiles of a window: bit `8 * y + x` for the pixel at
@@ -124,8 +155,8 @@ pub(super) struct DepthBound {
 pub(super) struct FillScratch {
     /// Part of the depth key that depends on the tile column, [`WIDTH`] tiles at a time.
     across: Vec<[f32; WIDTH]>,
-    /// Indices of the edges that meet a row of tiles.
-    active: Vec<u32>,
+    /// Edges that meet a row of tiles.
+    row: Vec<RowEdges>,
 }
 
 /// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
@@ -137,7 +168,7 @@ pub(super) fn fill(
     slack: f32,
     &DepthBound { plane, floor }: &DepthBound,
     coverage: Coverage,
-    FillScratch { across, active }: &mut FillScratch,
+    FillScratch { across, row: row_edges }: &mut FillScratch,
     mut union: Option<&mut UnionTiles>,
     tiles: &mut Tiles,
 ) -> bool {
@@ -180,7 +211,8 @@ pub(super) fn fill(
         let y = if plane[1] < 0.0 { least(lower, below_end) } else { greatest(upper, above_end) };
         let offset = y * plane[1] + constant;
         let top = (row * SIDE) as f32;
-        let mut chosen = false;
+        // Tile columns that the outline may come near in this row; none before they are known.
+        let (mut chosen, mut meets) = (false, [0, 0]);
         let mut column = x0;
         while column < x1 {
             // Tiles that the outline may meet and that hold nothing as near.
@@ -195,32 +227,21 @@ pub(super) fn fill(
             if let Some(union) = union.as_deref_mut() {
                 union.lower([column, row], base, &keys, &open, x1);
             }
-            let open = bits(&open) & if count < WIDTH as u32 { (1 << count) - 1 } else { u32::MAX };
-            let mut left_open = open;
+            let open = bits(&open) & first_tiles(count);
+            if open != 0 && !chosen {
+                chosen = true;
+                let [left, right] = choose(edges, top, slack, row_edges);
+                meets = [first((left - 1.0) / STEP), end((right + 1.0) / STEP, tiles.columns)];
+            }
+            let mut left_open = open
+                & first_tiles(meets[1].saturating_sub(column) as u32)
+                & !first_tiles(meets[0].saturating_sub(column) as u32);
             while left_open != 0 {
                 let skipped = left_open.trailing_zeros() as usize % WIDTH;
                 let mut open = left_open >> skipped & 0xff;
                 left_open &= !(0xff << skipped);
-                if !chosen {
-                    chosen = true;
-                    choose(edges, top, slack, active);
-                }
-                let mut window = Window { near_end: [0; SIDE], near_shared: [0; SIDE], odd: [0; SIDE] };
                 let first = column + skipped;
-                let left = (first * SIDE) as f32;
-                for &edge in active.iter() {
-                    let Some(lanes) = edges.drawn.get(edge as usize / WIDTH) else { continue };
-                    let lane = edge as usize % WIDTH;
-                    // What lies beside the window comes near no pixel of it.
-                    if lanes.low[lane] - slack >= left + WINDOW as f32 {
-                        continue;
-                    }
-                    if lanes.high[lane] + slack + 1.0 < left {
-                        window.pass(lanes, lane, top);
-                    } else {
-                        window.add(lanes, lane, left, top, slack);
-                    }
-                }
+                let window = Window::new(edges, row_edges, (first * SIDE) as f32, top, slack);
                 let (mut covered, mut shared, mut any, mut all) = (window.odd, 0, 0, u64::MAX);
                 let keep = if coverage == Coverage::Sampled { 0 } else { u64::MAX };
                 for row in 0..SIDE {
@@ -262,20 +283,53 @@ pub(super) fn fill(
     planes_index != 0
 }
 
-/// Replaces `active` by the indices of the edges that meet the row of tiles from row `top` of pixels on.
+/// Returns a mask of the first `count` of [`WIDTH`] tiles.
 #[inline(always)]
-fn choose(edges: &Edges, top: f32, slack: f32, active: &mut Vec<u32>) {
-    active.clear();
+fn first_tiles(count: u32) -> u32 {
+    if count < WIDTH as u32 { (1 << count) - 1 } else { u32::MAX }
+}
+
+/// Replaces `row` by the edges that meet the row of tiles from row `top` of pixels on. Returns the least and
+/// the greatest column that the outline may cover or come near. The latter is infinity for an outline that is
+/// cut at the right.
+#[inline(always)]
+fn choose(edges: &Edges, top: f32, slack: f32, row: &mut Vec<RowEdges>) -> [f32; 2] {
+    row.clear();
     let (first, last) = (top - slack, top + SIDE as f32 + slack);
-    for (chunk, lanes) in edges.drawn.iter().enumerate() {
-        let mut meets = [0; WIDTH];
+    let (mut least_left, mut most_right) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
+    let mut odd = [0; WIDTH];
+    for (chunk, lanes) in (0..).zip(&edges.drawn) {
+        let (mut left, mut right) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let (mut crosses, mut any) = ([0; WIDTH], false);
         for i in 0..WIDTH {
-            meets[i] = u8::from((lanes.top[i] <= last) & (lanes.bottom[i] >= first));
+            let (from, to) = (greatest(first, lanes.top[i]), least(last, lanes.bottom[i]));
+            let meets = from <= to;
+            let (p, q) = (lanes.column(i, from), lanes.column(i, to));
+            left[i] = if meets { least(p, q) - slack } else { f32::INFINITY };
+            right[i] = if meets { greatest(p, q) + slack + lanes.level[i] } else { f32::NEG_INFINITY };
+            any |= meets;
         }
-        let mut meets = bits(&meets);
-        while meets != 0 {
-            active.push((chunk * WIDTH) as u32 + meets.trailing_zeros());
-            meets &= meets - 1;
+        if !any {
+            continue;
         }
+        for i in 0..WIDTH {
+            least_left[i] = least(left[i], least_left[i]);
+            most_right[i] = greatest(right[i], most_right[i]);
+            for row in 0..SIDE {
+                let centre = top + ROWS[row] + 0.5;
+                let is_crossed = (lanes.top[i] < centre) & (centre <= lanes.bottom[i]);
+                crosses[i] |= if is_crossed { 1 << row } else { 0 };
+            }
+            odd[i] ^= crosses[i];
+        }
+        row.push(RowEdges { chunk, left, right, crosses });
     }
+    let mut bounds = [f32::INFINITY, f32::NEG_INFINITY];
+    for i in 0..WIDTH {
+        bounds = [least(least_left[i], bounds[0]), greatest(most_right[i], bounds[1])];
+    }
+    if odd.iter().fold(0, |all, rows| all ^ rows) != 0 {
+        bounds[1] = f32::INFINITY;
+    }
+    bounds
 }
