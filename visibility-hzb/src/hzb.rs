@@ -6,7 +6,7 @@ use crate::buffer::tiles::Tiles;
 use crate::buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
 use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
-use crate::level::{LevelFrame, LevelScratch, PreparedLevel};
+use crate::level::{LevelFrame, LevelScratch, PreparedLevel, draw_level};
 use crate::query::box_face_planes::FacePlaneSetup;
 use crate::query::box_projection::ScreenProjection32;
 use crate::query::box_query::{BoxQuery, test_box};
@@ -418,7 +418,7 @@ impl OcclusionMap for Hzb {
             && let Some(frame) = LevelFrame::new(view, level, self.size, padded)
         {
             let (scratch, tiles) = (&mut self.level_scratch, &mut self.tiles);
-            self.nearest = self.simd.draw_level(level, &frame, self.coverage, scratch, tiles);
+            self.nearest = draw_level(self.simd, level, &frame, self.coverage, scratch, tiles);
             self.pyramid.update(&mut self.tiles);
         }
     }

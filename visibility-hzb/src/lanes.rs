@@ -36,6 +36,21 @@ pub(crate) fn bits(bytes: &[u8; WIDTH]) -> u32 {
     (low | high << 8) as u32
 }
 
+/// Returns the exclusive or of all lanes.
+#[inline(always)]
+pub(crate) fn xor(lanes: &[u32; WIDTH]) -> u32 {
+    // By halves, which compilers turn into a few vector instructions.
+    let mut halves = *lanes;
+    let mut half = WIDTH / 2;
+    while half > 0 {
+        for i in 0..half {
+            halves[i] ^= halves[i + half];
+        }
+        half /= 2;
+    }
+    halves[0]
+}
+
 /// Returns whether any of `values` is strictly less than `limit`. False for no values; NaN is not less.
 #[inline(always)]
 pub(crate) fn any_below(values: &[f32], limit: f32) -> bool {

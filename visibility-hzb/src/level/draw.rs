@@ -2,9 +2,10 @@
 
 use super::clip::{ClipScratch, End};
 use super::edges::Edges;
-use super::fill::{BARELY_NEARER, DepthBound, FillScratch, fill};
+use super::fill::FillScratch;
+use super::open_tiles::{BARELY_NEARER, DepthBound, TileKeys};
 use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame, MAX_BEND_PX, MAX_ERROR_PX};
-use super::prepared::{Boxes, NO_POLYGON, Polygons, PreparedLevel};
+use super::prepared::{Boxes, NO_POLYGON, Polygons, PreparedEdge, PreparedLevel};
 use super::union::UnionTiles;
 use super::vertices::Vertices;
 use crate::buffer::tile_layout::{Rectangle, SIDE};
@@ -12,14 +13,15 @@ use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::lanes::{WIDTH, bits, greatest, least};
 use crate::query::box_projection::project;
-use crate::query::occluder_query::rectangle_may_be_seen;
 use crate::rounding::down;
 use crate::setup::depth_plane::plane;
 use crate::setup::screen_projection::U;
 use crate::setup::screen_shape::tile_minimum_plane;
+use crate::simd::Kernels;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
+use visibility_core::simd::Simd;
 use visibility_occluders::{OccluderCluster, OccluderPolygon};
 
 /// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
@@ -27,7 +29,7 @@ const LEAST_AREA_PX: f32 = 24.0;
 
 /// A cluster that may be seen.
 #[derive(Clone, Copy, Debug)]
-struct Candidate {
+pub(crate) struct Candidate {
     /// Order of drawing: less is nearer. Bits of the greatest depth key, inverted.
     order: u32,
     /// Index of the cluster.
@@ -57,8 +59,8 @@ pub(crate) struct LevelScratch {
 }
 
 /// Draws a level into `tiles`. Returns an upper bound on the depth keys of what was drawn.
-#[inline(always)]
 pub(crate) fn draw_level(
+    simd: Simd,
     level: &PreparedLevel,
     frame: &LevelFrame,
     coverage: Coverage,
@@ -66,16 +68,16 @@ pub(crate) fn draw_level(
     tiles: &mut Tiles,
 ) -> f32 {
     scratch.union.prepare(tiles);
-    find_candidates(level, frame, &mut scratch.candidates);
+    simd.find_candidates(level, frame, &mut scratch.candidates);
     let mut nearest = f32::NEG_INFINITY;
     for i in 0..scratch.candidates.len() {
         let candidate = scratch.candidates[i];
         if let Some(rectangle) = &candidate.rectangle
-            && !rectangle_may_be_seen(tiles, rectangle, candidate.nearest / BARELY_NEARER)
+            && !simd.rectangle_may_be_seen(tiles, rectangle, candidate.nearest / BARELY_NEARER)
         {
             continue;
         }
-        if draw_cluster(level, frame, coverage, candidate.cluster as usize, scratch, tiles) {
+        if draw_cluster(simd, level, frame, coverage, candidate.cluster as usize, scratch, tiles) {
             nearest = greatest(candidate.nearest, nearest);
         }
     }
@@ -84,7 +86,7 @@ pub(crate) fn draw_level(
 
 /// Replaces `candidates` by the clusters that may be seen, nearest first.
 #[inline(always)]
-fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) {
+pub(crate) fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) {
     candidates.clear();
     let count = level.level.clusters().len();
     for (i, boxes) in level.groups.iter().enumerate() {
@@ -136,8 +138,8 @@ fn are_large(boxes: &Boxes, largest: &[f32; WIDTH], frame: &LevelFrame) -> u32 {
 }
 
 /// Draws a cluster. Returns whether it may have covered a pixel.
-#[inline(always)]
 fn draw_cluster(
+    simd: Simd,
     level: &PreparedLevel,
     frame: &LevelFrame,
     coverage: Coverage,
@@ -149,6 +151,42 @@ fn draw_cluster(
     if !is_inside_clip_planes(level, frame, cluster) {
         return false;
     }
+    let (first, end) = (cluster.polygons[0] as usize, cluster.polygons[1] as usize);
+    if !simd.begin_cluster(level, frame, index, scratch) {
+        return false;
+    }
+    let mut drawn = false;
+    for seed in 0..end - first {
+        // The polygons that hang together with this one, of those not drawn yet.
+        let mut whole = true;
+        scratch.waiting.clear();
+        if !scratch.far_sides[seed].is_nan() && !scratch.done[seed] {
+            scratch.done[seed] = true;
+            scratch.waiting.push(seed as u32);
+        }
+        let mut next = 0;
+        while let Some(&at) = scratch.waiting.get(next) {
+            next += 1;
+            match draw_polygon(simd, level, frame, coverage, index, at as usize, scratch, tiles) {
+                Some(any) => drawn |= any,
+                None => whole = false,
+            }
+        }
+        simd.finish_union(&mut scratch.union, whole, tiles);
+    }
+    drawn
+}
+
+/// Chooses the polygons of a cluster that are worth drawing, and projects its vertices. Returns whether there
+/// is any such polygon.
+#[inline(always)]
+pub(crate) fn begin_cluster(
+    level: &PreparedLevel,
+    frame: &LevelFrame,
+    index: usize,
+    scratch: &mut LevelScratch,
+) -> bool {
+    let Some(cluster) = level.level.clusters().get(index) else { return false };
     let blocks = level.first_polygons[index] as usize..level.first_polygons[index + 1] as usize;
     let (first, end) = (cluster.polygons[0] as usize, cluster.polygons[1] as usize);
     let mut any = false;
@@ -168,46 +206,14 @@ fn draw_cluster(
             }
         }
     }
-    if !any {
-        return false;
+    if any {
+        let vertices = cluster.vertices[0] as usize..cluster.vertices[1] as usize;
+        scratch.vertices.project(&level.level.vertices()[vertices], frame);
     }
-    let vertices = cluster.vertices[0] as usize..cluster.vertices[1] as usize;
-    scratch.vertices.project(&level.level.vertices()[vertices], frame);
-    let mut drawn = false;
-    for seed in 0..end - first {
-        // The polygons that hang together with this one, of those not drawn yet.
-        let mut whole = true;
-        scratch.waiting.clear();
-        if !scratch.far_sides[seed].is_nan() && !scratch.done[seed] {
-            scratch.done[seed] = true;
-            scratch.waiting.push(seed as u32);
-        }
-        let mut next = 0;
-        while let Some(&at) = scratch.waiting.get(next) {
-            next += 1;
-            let at = at as usize;
-            let edges = level.level.polygons()[first + at].edges;
-            for edge in edges[0]..edges[1] {
-                let neighbour = level.neighbours[edge as usize];
-                if neighbour != NO_POLYGON
-                    && !scratch.far_sides[neighbour as usize].is_nan()
-                    && !core::mem::replace(&mut scratch.done[neighbour as usize], true)
-                {
-                    scratch.waiting.push(neighbour);
-                }
-            }
-            match draw_polygon(level, frame, coverage, index, at, scratch, tiles) {
-                Some(any) => drawn |= any,
-                None => whole = false,
-            }
-        }
-        scratch.union.finish(whole, tiles);
-    }
-    drawn
+    any
 }
 
 /// Returns whether all polygons of a cluster lie certainly within the view's clip planes.
-#[inline(always)]
 fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &OccluderCluster) -> bool {
     frame.clip_planes.as_slice().iter().all(|plane| {
         let (normal, offset) = (plane.plane.normal, plane.plane.offset);
@@ -252,10 +258,10 @@ fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// Draws polygon `at` of the cluster with index `index`. Returns whether it may have covered a pixel, or
+/// Draws polygon `at` of the cluster with index `index`, and adds its neighbours to those that wait. Returns whether it may have covered a pixel, or
 /// `None` if it could not be drawn.
-#[inline(always)]
 fn draw_polygon(
+    simd: Simd,
     level: &PreparedLevel,
     frame: &LevelFrame,
     coverage: Coverage,
@@ -264,7 +270,8 @@ fn draw_polygon(
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> Option<bool> {
-    let LevelScratch { vertices, edges, fill: fill_scratch, clip, union, far_sides, .. } = scratch;
+    let LevelScratch { vertices, edges, fill: fill_scratch, clip, union, far_sides, done, waiting, .. } =
+        scratch;
     let cluster = level.level.clusters().get(index)?;
     let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at)?;
     let far = far_sides[at];
@@ -272,46 +279,43 @@ fn draw_polygon(
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
     edges.clear();
     clip.edges.clear();
-    let (mut joined, mut most_w, mut nearest_w) = (false, 0.0f64, f32::INFINITY);
-    let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-    for edge in outline {
-        let ends = level.level.edges()[edge];
-        let places = ends.map(|vertex| vertices.get(vertex as usize - first));
-        if let [Some(a), Some(b)] = places {
-            let neighbour = level.neighbours[edge];
-            let shared = neighbour != NO_POLYGON && !far_sides[neighbour as usize].is_nan();
+    let (mut joined, mut most_w, mut nearest_w) = (false, 0.0f32, f32::INFINITY);
+    let ([x, y], [least_w, own_most_w]) = (&vertices.places, &vertices.w);
+    for &PreparedEdge { ends, neighbour } in &level.edges[outline] {
+        let shared = neighbour != NO_POLYGON && !far_sides[neighbour as usize].is_nan();
+        if shared && !core::mem::replace(&mut done[neighbour as usize], true) {
+            waiting.push(neighbour);
+        }
+        let [a, b] = ends.map(|vertex| vertex as usize);
+        if vertices.plain[a] && vertices.plain[b] {
             joined |= shared;
-            edges.push(a, b, shared);
-            for end in 0..2 {
-                let [least_w, own_most_w] = vertices.w(ends[end] as usize - first);
-                nearest_w = least(least_w, nearest_w);
-                most_w = most_w.max(f64::from(own_most_w));
-                let [x, y] = [a, b][end];
-                (low[0], low[1]) = (least(x, low[0]), least(y, low[1]));
-                (high[0], high[1]) = (greatest(x, high[0]), greatest(y, high[1]));
-            }
+            edges.push([x[a], y[a]], [x[b], y[b]], shared);
+            // The other end begins another edge.
+            (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
             continue;
         }
         clip.edges.push([0, 1].map(|end| {
-            let p = level.level.vertices()[ends[end] as usize].as_dvec3();
+            let at = [a, b][end];
+            let p = level.level.vertices()[first + at].as_dvec3();
             let p = p - polygon.normal * (polygon.normal.dot(p) - far);
-            End { point: frame.object.at(p.to_array()), plain: places[end] }
+            let plain = vertices.plain[at].then(|| [x[at], y[at]]);
+            End { point: frame.object.at(p.to_array()), plain }
         }));
     }
-    let plain = clip.edges.is_empty();
-    if plain && !may_be_seen(frame, tiles, low, high, nearest_w) {
-        if joined {
-            union.leave_out(low.map(|side| side - frame.slack), high.map(|side| side + frame.slack), tiles);
-        }
-        return Some(false);
-    }
     let (mut error, mut least_w) = (f64::from(vertices.error), f64::from(vertices.least_w));
+    let (plain, mut most_w) = (clip.edges.is_empty(), f64::from(most_w));
     if !plain {
         let [own_error, own_w, most_own_w] = clip.clip(frame, edges);
         (error, least_w) = (error.max(own_error), least_w.min(own_w));
         most_w = most_w.max(most_own_w);
     }
-    edges.finish();
+    simd.finish_edges(edges);
+    if plain && !may_be_seen(simd, frame, tiles, edges.bounds, nearest_w) {
+        if joined {
+            union.leave_out(edges.shared_bounds, frame.slack, tiles);
+        }
+        return Some(false);
+    }
     let thickness = polygon.extent[1] - polygon.extent[0];
     let bend =
         if plain && polygon.two_sided { 0.0 } else { 1.25 * thickness * frame.pixels_per_metre / least_w };
@@ -327,22 +331,27 @@ fn draw_polygon(
     } else {
         f32::NEG_INFINITY
     };
-    let depth = DepthBound { plane, floor };
-    Some(fill(edges, frame.slack, &depth, coverage, fill_scratch, joined.then_some(union), tiles))
+    let Some(keys) = TileKeys::new(edges, frame.slack, &DepthBound { plane, floor }, tiles) else {
+        return Some(false);
+    };
+    let mut union = joined.then_some(union);
+    Some(
+        simd.find_open_tiles(&keys, tiles, union.as_deref_mut(), &mut fill_scratch.open)
+            && simd.fill(edges, frame.slack, &keys, coverage, fill_scratch, union, tiles),
+    )
 }
 
-/// Returns whether a polygon may cover pixels that hold nothing as near: one between the columns and rows
-/// `low` and `high`, at least `w` away. An estimate: it decides what is drawn only.
-#[inline(always)]
-fn may_be_seen(frame: &LevelFrame, tiles: &Tiles, low: [f32; 2], high: [f32; 2], w: f32) -> bool {
+/// Returns whether a polygon may cover pixels that hold nothing as near: one within `bounds` (least column,
+/// least row, greatest column, greatest row), at least `w` away. An estimate: it decides what is drawn only.
+fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], w: f32) -> bool {
     let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];
     let range = |axis: usize| {
-        let (first, end) = (greatest(low[axis], 0.0), least(high[axis], size[axis]));
+        let (first, end) = (greatest(bounds[axis], 0.0), least(bounds[axis + 2], size[axis]));
         (end - first >= 1.0).then(|| [first as u32, (end as u32 + 1).min(size[axis] as u32)])
     };
     let (Some(columns), Some(lines)) = (range(0), range(1)) else { return false };
     !frame.perspective
-        || rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / (BARELY_NEARER * w))
+        || simd.rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / (BARELY_NEARER * w))
 }
 
 /// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`
@@ -367,7 +376,6 @@ fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
 
 /// Returns the plane, over tile columns and rows, that is the least depth key of a polygon in a tile: that of
 /// the points whose coordinate along `normal` is `far`.
-#[inline(always)]
 fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, far: f64) -> [f32; 3] {
     let axis = normal.abs().min_position();
     let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;

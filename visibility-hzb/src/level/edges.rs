@@ -24,12 +24,17 @@ pub(super) struct Edges16 {
     pub(super) high: [f32; WIDTH],
     /// Width of an edge that counts as level, else 0.
     pub(super) level: [f32; WIDTH],
-    /// All bits of an edge at which the union of the cluster's polygons may end; 0 of an edge that two of
-    /// them share.
-    pub(super) ends_union: [u64; WIDTH],
+    /// Mask of the edges that two polygons of the cluster share: their union does not end there.
+    pub(super) shared: u32,
 }
 
 impl Edges16 {
+    /// No edges.
+    const NONE: Self = {
+        let none = [0.0; WIDTH];
+        Self { x: none, top: none, bottom: none, slope: none, low: none, high: none, level: none, shared: 0 }
+    };
+
     /// Returns the column of lane `i` at `row`.
     #[inline(always)]
     pub(super) fn column(&self, i: usize, row: f32) -> f32 {
@@ -40,11 +45,11 @@ impl Edges16 {
 
 /// The edges of one outline, as pushed and as drawn.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Edges {
+pub(crate) struct Edges {
     /// Ends of each edge: column and row of one end, then of the other, [`WIDTH`] edges at a time.
     ends: Vec<[[f32; WIDTH]; 4]>,
-    /// Whether the union of the cluster's polygons may end at each edge, as [`Edges16::ends_union`].
-    ends_union: Vec<[u64; WIDTH]>,
+    /// Masks of shared edges, as [`Edges16::shared`].
+    shared: Vec<u32>,
     /// Number of edges.
     count: usize,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
@@ -52,6 +57,8 @@ pub(super) struct Edges {
     /// Least column, least row, greatest column, greatest row of all edges, in pixels. Valid after
     /// [`finish`](Self::finish).
     pub(super) bounds: [f32; 4],
+    /// As `bounds`, of the edges at which the union of the cluster's polygons does not end.
+    pub(super) shared_bounds: [f32; 4],
 }
 
 impl Edges {
@@ -60,7 +67,7 @@ impl Edges {
     pub(super) fn clear(&mut self) {
         self.count = 0;
         self.ends.clear();
-        self.ends_union.clear();
+        self.shared.clear();
     }
 
     /// Appends an edge between two points, given by column and row. `shared` tells whether another drawn
@@ -72,10 +79,10 @@ impl Edges {
             // A lane that stays empty has its ends at one point: it crosses no row of pixel centres and is
             // marked nowhere, since that point is beyond all rows.
             self.ends.push([[0.0; WIDTH], [f32::INFINITY; WIDTH], [0.0; WIDTH], [f32::INFINITY; WIDTH]]);
-            self.ends_union.push([0; WIDTH]);
+            self.shared.push(0);
         }
-        if let (Some(ends), Some(ends_union)) = (self.ends.last_mut(), self.ends_union.last_mut()) {
-            ends_union[lane] = if shared { 0 } else { u64::MAX };
+        if let (Some(ends), Some(all_shared)) = (self.ends.last_mut(), self.shared.last_mut()) {
+            *all_shared |= u32::from(shared) << lane;
             (ends[0][lane], ends[1][lane], ends[2][lane], ends[3][lane]) = (ax, ay, bx, by);
         }
         self.count += 1;
@@ -83,22 +90,13 @@ impl Edges {
 
     /// Computes the edges as they are drawn, and their bounds.
     #[inline(always)]
-    pub(super) fn finish(&mut self) {
-        self.drawn.clear();
-        let mut left = [f32::INFINITY; WIDTH];
-        let mut above = [f32::INFINITY; WIDTH];
-        let (mut right, mut below) = ([f32::NEG_INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
-        for ([ax, ay, bx, by], &ends_union) in self.ends.iter().zip(&self.ends_union) {
-            let mut out = Edges16 {
-                x: [0.0; WIDTH],
-                top: [0.0; WIDTH],
-                bottom: [0.0; WIDTH],
-                slope: [0.0; WIDTH],
-                low: [0.0; WIDTH],
-                high: [0.0; WIDTH],
-                level: [0.0; WIDTH],
-                ends_union,
-            };
+    pub(crate) fn finish(&mut self) {
+        self.drawn.resize(self.ends.len(), Edges16::NONE);
+        let (mut all, mut shared) = (Bounds::EMPTY, Bounds::EMPTY);
+        for ((out, [ax, ay, bx, by]), &shared_edges) in
+            self.drawn.iter_mut().zip(&self.ends).zip(&self.shared)
+        {
+            out.shared = shared_edges;
             for i in 0..WIDTH {
                 let downwards = ay[i] <= by[i];
                 let (x0, x1) = if downwards { (ax[i], bx[i]) } else { (bx[i], ax[i]) };
@@ -112,19 +110,46 @@ impl Edges {
                 out.level[i] = if steep { 0.0 } else { high - low };
                 (out.top[i], out.bottom[i], out.low[i], out.high[i]) = (top, bottom, low, high);
                 let used = top < f32::INFINITY;
-                left[i] = if used { least(low, left[i]) } else { left[i] };
-                right[i] = if used { greatest(high, right[i]) } else { right[i] };
-                above[i] = least(top, above[i]);
-                below[i] = if used { greatest(bottom, below[i]) } else { below[i] };
+                all.add(i, used, [low, top, high, bottom]);
+                shared.add(i, used & (shared_edges >> i & 1 != 0), [low, top, high, bottom]);
             }
-            self.drawn.push(out);
         }
-        self.bounds = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
+        (self.bounds, self.shared_bounds) = (all.joined(), shared.joined());
+    }
+}
+
+/// Least column, least row, greatest column and greatest row of edges, lane by lane.
+struct Bounds([[f32; WIDTH]; 4]);
+
+impl Bounds {
+    /// No edges.
+    const EMPTY: Self = Self([
+        [f32::INFINITY; WIDTH],
+        [f32::INFINITY; WIDTH],
+        [f32::NEG_INFINITY; WIDTH],
+        [f32::NEG_INFINITY; WIDTH],
+    ]);
+
+    /// Adds the bounds of an edge to lane `i` if it is `used`.
+    #[inline(always)]
+    fn add(&mut self, i: usize, used: bool, edge: [f32; 4]) {
+        for side in 0..2 {
+            let (low, high) = (least(edge[side], self.0[side][i]), greatest(edge[side + 2], self.0[side + 2][i]));
+            self.0[side][i] = if used { low } else { self.0[side][i] };
+            self.0[side + 2][i] = if used { high } else { self.0[side + 2][i] };
+        }
+    }
+
+    /// Returns the bounds of all lanes.
+    #[inline(always)]
+    fn joined(&self) -> [f32; 4] {
+        let mut joined = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
         for i in 0..WIDTH {
-            self.bounds[0] = least(left[i], self.bounds[0]);
-            self.bounds[1] = least(above[i], self.bounds[1]);
-            self.bounds[2] = greatest(right[i], self.bounds[2]);
-            self.bounds[3] = greatest(below[i], self.bounds[3]);
+            for side in 0..2 {
+                joined[side] = least(self.0[side][i], joined[side]);
+                joined[side + 2] = greatest(self.0[side + 2][i], joined[side + 2]);
+            }
         }
+        joined
     }
 }

@@ -1,241 +1,52 @@
 //! Fills an outline into tiles: the pixels that it winds round an odd number of times and does not come near.
 
-use super::edges::{Edges, Edges16};
+use super::edges::Edges;
+use super::open_tiles::{TileKeys, end_tile, first_tile, first_tiles};
 use super::union::UnionTiles;
+use super::window::{RowEdges, Window, choose, tiles_of};
 use crate::buffer::depth_planes::DepthPlanes;
-use crate::buffer::row_spans::STEPS;
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
-use crate::lanes::{WHOLE, WIDTH, bits, greatest, least};
+use crate::lanes::WIDTH;
 use alloc::vec::Vec;
-
-/// Width in pixels of the part of a row of tiles that is filled at once: one bit of a word for each column.
-const WINDOW: usize = 64;
-
-/// Factor of depth keys by which a polygon must be nearer than what a tile holds to be drawn there: what is
-/// nearer by less hides next to nothing more.
-pub(super) const BARELY_NEARER: f32 = 1.05;
-
-/// Row numbers 0 to 7 within a tile.
-const ROWS: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-
-/// Returns a word whose bits from `column` on are set: none from 64 on.
-#[inline(always)]
-fn from(column: u32) -> u64 {
-    if column < 64 { u64::MAX << column } else { 0 }
-}
-
-/// Returns the integer nearest to `x`, which must lie between -0.5 and 64.
-#[inline(always)]
-fn nearest(x: f32) -> u32 {
-    (x + WHOLE).to_bits() & 127
-}
-
-/// Returns the whole number nearest to `x`, whose magnitude must be below 2^22.
-#[inline(always)]
-fn nearest_whole(x: f32) -> f32 {
-    (x + WHOLE) - WHOLE
-}
-
-/// Returns the part of a `column` from the left end of a window, limited to the window.
-#[inline(always)]
-fn within(column: f32) -> f32 {
-    least(greatest(column, 0.0), WINDOW as f32)
-}
-
-/// Pixels of a window: a word for each row of pixels, a bit for each column.
-#[derive(Default)]
-struct Window {
-    /// Pixels that an edge comes near at which the union of the cluster's polygons may end.
-    near_end: [u64; SIDE],
-    /// Pixels that another edge comes near, which two polygons of the cluster share.
-    near_shared: [u64; SIDE],
-    /// Pixels whose centres have an odd number of edges to their left.
-    odd: [u64; SIDE],
-}
-
-impl Window {
-    /// Returns the window that begins at column `left` and row `top`, both in pixels. `row` are the edges of
-    /// that row of tiles, and pixels within `slack` of an edge are near it.
-    #[inline(always)]
-    fn new(edges: &Edges, row: &[RowEdges], left: f32, top: f32, slack: f32) -> Self {
-        let mut window = Self::default();
-        let mut passed = 0;
-        for own in row {
-            // What lies beside the window comes near no pixel of it.
-            let (mut crosses, mut meets) = ([0; WIDTH], [0; WIDTH]);
-            for i in 0..WIDTH {
-                let is_left = own.right[i] + 1.0 < left;
-                crosses[i] = if is_left { own.crosses[i] } else { 0 };
-                meets[i] = u8::from(!is_left & (own.left[i] < left + WINDOW as f32));
-            }
-            passed ^= crosses.iter().fold(0, |all, rows| all ^ rows);
-            let mut meets = bits(&meets);
-            let Some(lanes) = edges.drawn.get(own.chunk as usize) else { continue };
-            while meets != 0 {
-                window.add(lanes, meets.trailing_zeros() as usize % WIDTH, left, top, slack);
-                meets &= meets - 1;
-            }
-        }
-        for row in 0..SIDE {
-            window.odd[row] ^= if passed >> row & 1 != 0 { u64::MAX } else { 0 };
-        }
-        window
-    }
-
-    /// Adds lane `i` of `edges` to the window that begins at column `left` and row `top`, both in pixels.
-    /// Pixels within `slack` of the edge are near it.
-    #[inline(always)]
-    fn add(&mut self, edges: &Edges16, i: usize, left: f32, top: f32, slack: f32) {
-        let (y, bottom, level) = (edges.top[i], edges.bottom[i], edges.level[i]);
-        let (mut first, mut end, mut step) = ([0; SIDE], [0; SIDE], [0; SIDE]);
-        for row in 0..SIDE {
-            let line = top + ROWS[row];
-            let (from, to) = (greatest(line - slack, y), least(line + 1.0 + slack, bottom));
-            let (p, q) = (edges.column(i, from) - left, edges.column(i, to) - left);
-            let (l, r) = (least(p, q) - slack, greatest(p, q) + slack + level);
-            let meets = from <= to;
-            first[row] = nearest(within(l) - 0.5);
-            end[row] = if meets { nearest(within(r + 1.0) - 0.5) } else { 0 };
-            let centre = line + 0.5;
-            let crosses = (y < centre) & (centre <= bottom);
-            step[row] =
-                if crosses { nearest(within(edges.column(i, centre) - left)) } else { WINDOW as u32 };
-        }
-        let ends_union = edges.ends_union[i];
-        for row in 0..SIDE {
-            let near = from(first[row]) & !from(end[row]);
-            self.near_end[row] |= near & ends_union;
-            self.near_shared[row] |= near & !ends_union;
-            self.odd[row] ^= from(step[row]);
-        }
-    }
-}
-
-/// Edges that meet a row of tiles.
-#[derive(Clone, Copy, Debug)]
-struct RowEdges {
-    /// Index into [`Edges::drawn`].
-    chunk: u32,
-    /// Least column that each edge comes near in the row. Infinity for an edge that does not meet it.
-    left: [f32; WIDTH],
-    /// Greatest column that each edge comes near in the row. Negative infinity for an edge that does not meet
-    /// it.
-    right: [f32; WIDTH],
-    /// For each edge, the rows of pixels whose centres it crosses: bit i for row i of the tiles.
-    crosses: [u32; WIDTH],
-}
-
-/// Returns the mask of the pixels of each of the eight tiles of a window: bit `8 * y + x` for the pixel at
-/// column `x` and row `y` of the tile.
-#[inline(always)]
-fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
-    let mut masks = [0; SIDE];
-    for row in 0..SIDE {
-        let bytes = rows[row].to_le_bytes();
-        for tile in 0..SIDE {
-            masks[tile] |= u64::from(bytes[tile]) << (SIDE * row);
-        }
-    }
-    masks
-}
-
-/// Bounds on the depth keys of a polygon.
-pub(super) struct DepthBound {
-    /// Least key in a tile: `a * column + b * row + c` for the tile at tile column `column` and tile row
-    /// `row`.
-    pub(super) plane: [f32; 3],
-    /// Lower bound on all keys.
-    pub(super) floor: f32,
-}
 
 /// Scratch of [`fill`].
 #[derive(Clone, Debug, Default)]
-pub(super) struct FillScratch {
-    /// Part of the depth key that depends on the tile column, [`WIDTH`] tiles at a time.
-    across: Vec<[f32; WIDTH]>,
+pub(crate) struct FillScratch {
+    /// Open tiles: for each row of tiles a mask for each [`WIDTH`] columns.
+    pub(super) open: Vec<u32>,
     /// Edges that meet a row of tiles.
     row: Vec<RowEdges>,
 }
 
-/// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
-/// `slack` pixels of. The polygon is added to `union` if there is one. Returns whether a tile may have
-/// changed.
+/// Covers the pixels of [open tiles](FillScratch::open) that the outline `edges` winds round an odd number of
+/// times and does not come within `slack` pixels of. The polygon is added to `union` if there is one. Returns
+/// whether a tile may have changed.
 #[inline(always)]
-pub(super) fn fill(
+pub(crate) fn fill(
     edges: &Edges,
     slack: f32,
-    &DepthBound { plane, floor }: &DepthBound,
+    keys: &TileKeys,
     coverage: Coverage,
-    FillScratch { across, row: row_edges }: &mut FillScratch,
+    FillScratch { open, row: row_edges }: &mut FillScratch,
     mut union: Option<&mut UnionTiles>,
     tiles: &mut Tiles,
 ) -> bool {
-    const STEP: f32 = SIDE as f32;
-    let [left, above, right, below] = edges.bounds;
-    let size = [tiles.columns as f32, tiles.rows as f32];
-    // The pixels that the outline may come near, in tiles, which are exact numbers.
-    let low = |pixel: f32| nearest_whole(pixel - slack - 0.5) / STEP;
-    let high = |pixel: f32| nearest_whole(pixel + slack + 0.5) / STEP;
-    let (left_end, right_end, above_end, below_end) = (low(left), high(right), low(above), high(below));
-    // False where there are no edges.
-    if !(left_end < size[0] && above_end < size[1] && right_end > 0.0 && below_end > 0.0) {
-        return false;
-    }
-    let constant = plane[2] - (least(plane[0], 0.0) + least(plane[1], 0.0));
-    // All tiles that the outline may come near, so that polygons that share an edge agree on them.
-    let first = |side: f32| greatest(side, 0.0) as usize;
-    let end = |side: f32, size: usize| ((greatest(side, 0.0) + 1.0) as usize).min(size);
-    let (x0, x1) = (first(left_end), end(right_end, tiles.columns));
-    let (y0, y1) = (first(above_end), end(below_end, tiles.rows));
+    let [x0, x1] = keys.columns;
+    let keep = if coverage == Coverage::Sampled { 0 } else { u64::MAX };
     let mut planes_index = 0;
-    across.clear();
-    let mut column = x0;
-    while column < x1 {
-        let mut values = [0.0; WIDTH];
-        let first = column as f32;
-        // The greater of both corners for planes that fall to the right, else the lesser.
-        let (rising, falling) = (greatest(plane[0], 0.0), least(plane[0], 0.0));
-        for i in 0..WIDTH {
-            let x = first + STEPS[i];
-            values[i] = greatest(x, left_end) * rising + least(x + 1.0, right_end) * falling;
+    for (row, open) in (keys.rows[0]..).zip(open.chunks((x1 - x0).div_ceil(WIDTH))) {
+        if open.iter().all(|&open| open == 0) {
+            continue;
         }
-        across.push(values);
-        column += WIDTH;
-    }
-    for row in y0..y1 {
-        let base = row * tiles.columns;
-        // The least key of the plane in a part of a tile is at a corner of that part.
-        let (upper, lower) = (row as f32, row as f32 + 1.0);
-        let y = if plane[1] < 0.0 { least(lower, below_end) } else { greatest(upper, above_end) };
-        let offset = y * plane[1] + constant;
-        let top = (row * SIDE) as f32;
-        // Tile columns that the outline may come near in this row; none before they are known.
-        let (mut chosen, mut meets) = (false, [0, 0]);
-        let mut column = x0;
-        while column < x1 {
-            // Tiles that the outline may meet and that hold nothing as near.
-            let (mut keys, mut open) = ([0.0; WIDTH], [0; WIDTH]);
-            let Some(values) = tiles.tile_min[base + column..].first_chunk::<WIDTH>() else { break };
-            let Some(across) = across.get((column - x0) / WIDTH) else { break };
-            let count = (x1 - column) as u32;
-            for i in 0..WIDTH {
-                keys[i] = greatest(across[i] + offset, floor);
-                open[i] = u8::from(keys[i] > values[i] * BARELY_NEARER);
-            }
-            if let Some(union) = union.as_deref_mut() {
-                union.lower([column, row], base, &keys, &open, x1);
-            }
-            let open = bits(&open) & first_tiles(count);
-            if open != 0 && !chosen {
-                chosen = true;
-                let [left, right] = choose(edges, top, slack, row_edges);
-                meets = [first((left - 1.0) / STEP), end((right + 1.0) / STEP, tiles.columns)];
-            }
+        let (base, of_row, top) = (row * tiles.columns, keys.of_row(row), (row * SIDE) as f32);
+        let [left, right] = choose(edges, top, slack, row_edges).map(|side| side / SIDE as f32);
+        let (meets, end) = (first_tile(left - 0.25), end_tile(right + 0.25, tiles.columns));
+        for (column, open) in (x0..).step_by(WIDTH).zip(open) {
             let mut left_open = open
-                & first_tiles(meets[1].saturating_sub(column) as u32)
-                & !first_tiles(meets[0].saturating_sub(column) as u32);
+                & first_tiles(end.saturating_sub(column) as u32)
+                & !first_tiles(meets.saturating_sub(column) as u32);
             while left_open != 0 {
                 let skipped = left_open.trailing_zeros() as usize % WIDTH;
                 let mut open = left_open >> skipped & 0xff;
@@ -243,7 +54,6 @@ pub(super) fn fill(
                 let first = column + skipped;
                 let window = Window::new(edges, row_edges, (first * SIDE) as f32, top, slack);
                 let (mut covered, mut shared, mut any, mut all) = (window.odd, 0, 0, u64::MAX);
-                let keep = if coverage == Coverage::Sampled { 0 } else { u64::MAX };
                 for row in 0..SIDE {
                     covered[row] &= !((window.near_end[row] | window.near_shared[row]) & keep);
                     shared |= window.near_shared[row];
@@ -265,71 +75,21 @@ pub(super) fn fill(
                 while open != 0 {
                     let i = open.trailing_zeros() as usize % SIDE;
                     open &= open - 1;
-                    if masks[i] != 0 {
-                        if planes_index == 0 {
-                            planes_index = tiles.add_depth_planes(DepthPlanes::one(plane));
-                        }
-                        if masks[i] == u64::MAX {
-                            tiles.cover_tile(row, first + i, keys[(skipped + i) % WIDTH], planes_index);
-                            continue;
-                        }
-                        tiles.cover(base + first + i, masks[i], keys[(skipped + i) % WIDTH], planes_index);
+                    if masks[i] == 0 {
+                        continue;
+                    }
+                    if planes_index == 0 {
+                        planes_index = tiles.add_depth_planes(DepthPlanes::one(keys.plane));
+                    }
+                    let key = keys.at((first + i) as f32, of_row);
+                    if masks[i] == u64::MAX {
+                        tiles.cover_tile(row, first + i, key, planes_index);
+                    } else {
+                        tiles.cover(base + first + i, masks[i], key, planes_index);
                     }
                 }
             }
-            column += WIDTH;
         }
     }
     planes_index != 0
-}
-
-/// Returns a mask of the first `count` of [`WIDTH`] tiles.
-#[inline(always)]
-fn first_tiles(count: u32) -> u32 {
-    if count < WIDTH as u32 { (1 << count) - 1 } else { u32::MAX }
-}
-
-/// Replaces `row` by the edges that meet the row of tiles from row `top` of pixels on. Returns the least and
-/// the greatest column that the outline may cover or come near. The latter is infinity for an outline that is
-/// cut at the right.
-#[inline(always)]
-fn choose(edges: &Edges, top: f32, slack: f32, row: &mut Vec<RowEdges>) -> [f32; 2] {
-    row.clear();
-    let (first, last) = (top - slack, top + SIDE as f32 + slack);
-    let (mut least_left, mut most_right) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
-    let mut odd = [0; WIDTH];
-    for (chunk, lanes) in (0..).zip(&edges.drawn) {
-        let (mut left, mut right) = ([0.0; WIDTH], [0.0; WIDTH]);
-        let (mut crosses, mut any) = ([0; WIDTH], false);
-        for i in 0..WIDTH {
-            let (from, to) = (greatest(first, lanes.top[i]), least(last, lanes.bottom[i]));
-            let meets = from <= to;
-            let (p, q) = (lanes.column(i, from), lanes.column(i, to));
-            left[i] = if meets { least(p, q) - slack } else { f32::INFINITY };
-            right[i] = if meets { greatest(p, q) + slack + lanes.level[i] } else { f32::NEG_INFINITY };
-            any |= meets;
-        }
-        if !any {
-            continue;
-        }
-        for i in 0..WIDTH {
-            least_left[i] = least(left[i], least_left[i]);
-            most_right[i] = greatest(right[i], most_right[i]);
-            for row in 0..SIDE {
-                let centre = top + ROWS[row] + 0.5;
-                let is_crossed = (lanes.top[i] < centre) & (centre <= lanes.bottom[i]);
-                crosses[i] |= if is_crossed { 1 << row } else { 0 };
-            }
-            odd[i] ^= crosses[i];
-        }
-        row.push(RowEdges { chunk, left, right, crosses });
-    }
-    let mut bounds = [f32::INFINITY, f32::NEG_INFINITY];
-    for i in 0..WIDTH {
-        bounds = [least(least_left[i], bounds[0]), greatest(most_right[i], bounds[1])];
-    }
-    if odd.iter().fold(0, |all, rows| all ^ rows) != 0 {
-        bounds[1] = f32::INFINITY;
-    }
-    bounds
 }

@@ -47,10 +47,16 @@ mod draw;
 mod edges;
 mod fill;
 mod frame;
+mod open_tiles;
 mod prepared;
 mod union;
 mod vertices;
+mod window;
 
-pub(crate) use draw::{LevelScratch, draw_level};
+pub(crate) use draw::{Candidate, LevelScratch, begin_cluster, draw_level, find_candidates};
+pub(crate) use edges::Edges;
+pub(crate) use fill::{FillScratch, fill};
 pub(crate) use frame::LevelFrame;
+pub(crate) use open_tiles::{TileKeys, find_open_tiles};
 pub(crate) use prepared::PreparedLevel;
+pub(crate) use union::UnionTiles;

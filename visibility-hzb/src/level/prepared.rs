@@ -46,9 +46,18 @@ pub(crate) struct PreparedLevel {
     pub(crate) polygons: Vec<Polygons>,
     /// For each cluster, the index of its first element of `polygons`; one more at the end.
     pub(crate) first_polygons: Vec<u32>,
-    /// For each edge of the level, the polygon beyond the edge as an index into the cluster's polygons:
-    /// [`NO_POLYGON`] unless exactly one other polygon of the cluster has the edge.
-    pub(crate) neighbours: Vec<u32>,
+    /// Edges of all polygons, as in the level.
+    pub(crate) edges: Vec<PreparedEdge>,
+}
+
+/// An edge of a polygon.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PreparedEdge {
+    /// Both ends, as indices into the cluster's vertices.
+    pub(crate) ends: [u32; 2],
+    /// The polygon beyond the edge as an index into the cluster's polygons: [`NO_POLYGON`] unless exactly one
+    /// other polygon of the cluster has the edge.
+    pub(crate) neighbour: u32,
 }
 
 /// Index that no polygon has.
@@ -79,9 +88,10 @@ impl PreparedLevel {
         let groups = in_lanes(&groups);
         let (mut polygons, mut first_polygons) = (Vec::new(), Vec::new());
         let (mut reach, mut thickness) = (DVec3::ZERO, 0.0f64);
-        let mut neighbours = alloc::vec![NO_POLYGON; level.edges().len()];
+        let none = PreparedEdge { ends: [0; 2], neighbour: NO_POLYGON };
+        let mut edges = alloc::vec![none; level.edges().len()];
         for cluster in level.clusters() {
-            find_neighbours(&level, cluster, &mut neighbours);
+            prepare_edges(&level, cluster, &mut edges);
             first_polygons.push(polygons.len() as u32);
             let [first, end] = cluster.polygons.map(|index| index as usize);
             for own in level.polygons()[first..end].chunks(WIDTH) {
@@ -117,20 +127,21 @@ impl PreparedLevel {
             groups,
             polygons,
             first_polygons,
-            neighbours,
+            edges,
         }
     }
 }
 
-/// Writes the neighbours at the edges of a cluster. Polygons that hide from one side only are neighbours if
+/// Writes the edges of a cluster. Polygons that hide from one side only are neighbours if
 /// they run through their edge in opposite directions, so that they face the same way.
-fn find_neighbours(level: &LevelOccluders, cluster: &OccluderCluster, neighbours: &mut [u32]) {
+fn prepare_edges(level: &LevelOccluders, cluster: &OccluderCluster, edges: &mut [PreparedEdge]) {
     let [first, end] = cluster.polygons.map(|index| index as usize);
     let mut sides: Vec<([u32; 2], u32, u32)> = Vec::new();
     for (index, polygon) in (0..).zip(&level.polygons()[first..end]) {
         for edge in polygon.edges[0]..polygon.edges[1] {
             let [a, b] = level.edges()[edge as usize];
             sides.push(([a.min(b), a.max(b)], index, edge));
+            edges[edge as usize].ends = [a, b].map(|vertex| vertex - cluster.vertices[0]);
         }
     }
     sides.sort_unstable();
@@ -139,7 +150,7 @@ fn find_neighbours(level: &LevelOccluders, cluster: &OccluderCluster, neighbours
         let &[(_, p, a), (_, q, b)] = same else { continue };
         let turned = level.edges()[a as usize] == level.edges()[b as usize];
         if p != q && (!turned || polygon(p).two_sided && polygon(q).two_sided) {
-            (neighbours[a as usize], neighbours[b as usize]) = (q, p);
+            (edges[a as usize].neighbour, edges[b as usize].neighbour) = (q, p);
         }
     }
 }

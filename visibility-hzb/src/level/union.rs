@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 
 /// What the polygons of one cluster contribute to each tile. Between two clusters nothing.
 #[derive(Clone, Debug, Default)]
-pub(super) struct UnionTiles {
+pub(crate) struct UnionTiles {
     /// Least depth key of the polygons that may meet each tile, row by row. Infinity where none does,
     /// negative infinity where a polygon was left out.
     least: Vec<f32>,
@@ -61,10 +61,12 @@ impl UnionTiles {
         }
     }
 
-    /// Lets the union cover nothing in the tiles that meet the columns and rows from `low` to `high`: a
-    /// polygon there is left out.
+    /// Lets the union cover nothing in the tiles that meet `bounds` (least column, least row, greatest column,
+    /// greatest row), widened by `slack`: a polygon there is left out.
     #[inline(always)]
-    pub(super) fn leave_out(&mut self, low: [f32; 2], high: [f32; 2], tiles: &Tiles) {
+    pub(super) fn leave_out(&mut self, bounds: [f32; 4], slack: f32, tiles: &Tiles) {
+        let low = [bounds[0] - slack, bounds[1] - slack];
+        let high = [bounds[2] + slack, bounds[3] + slack];
         // Casts limit numbers below 0 to 0.
         let range = |axis: usize, size: usize| {
             [(low[axis] as usize / SIDE).min(size), ((high[axis] + 1.0) as usize).div_ceil(SIDE).min(size)]
@@ -107,7 +109,7 @@ impl UnionTiles {
     /// Covers the pixels that the union covers, at the least depth key of the tile, and empties the union.
     /// With `draw` false it only empties.
     #[inline(always)]
-    pub(super) fn finish(&mut self, draw: bool, tiles: &mut Tiles) {
+    pub(crate) fn finish(&mut self, draw: bool, tiles: &mut Tiles) {
         for i in 0..self.touched.len() {
             let first = self.touched[i] as usize;
             let (odds, ends) = (&mut self.odd[first..first + SIDE], &mut self.near_end[first..first + SIDE]);

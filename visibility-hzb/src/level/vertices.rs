@@ -10,11 +10,13 @@ use visibility_core::glam::Vec3;
 /// Vertices of one cluster on the screen.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Vertices {
-    /// Columns, rows and whether each vertex is plain, [`WIDTH`] at a time. Plain vertices lie in the guard
-    /// band and beyond the distance at which outlines are cut, with an error of at most [`MAX_ERROR_PX`].
-    points: Vec<([f32; WIDTH], [f32; WIDTH], [bool; WIDTH])>,
-    /// Lower and upper bounds on the `w` of plain vertices.
-    w: Vec<([f32; WIDTH], [f32; WIDTH])>,
+    /// Columns, and rows.
+    pub(super) places: [Vec<f32>; 2],
+    /// Whether each vertex is plain: in the guard band and beyond the distance at which outlines are cut, with
+    /// an error of at most [`MAX_ERROR_PX`].
+    pub(super) plain: Vec<bool>,
+    /// Lower, and upper bounds on the `w` of plain vertices.
+    pub(super) w: [Vec<f32>; 2],
     /// Upper bound on the error of plain vertices in pixels.
     pub(super) error: f32,
     /// Lower bound on the `w` of plain vertices.
@@ -25,8 +27,8 @@ impl Vertices {
     /// Projects the vertices of a cluster.
     #[inline(always)]
     pub(super) fn project(&mut self, positions: &[Vec3], frame: &LevelFrame) {
-        self.points.clear();
-        self.w.clear();
+        self.places.iter_mut().chain(&mut self.w).for_each(Vec::clear);
+        self.plain.clear();
         let (least_near, guard) = (up(frame.least_near), frame.guard as f32);
         let (mut most_error, mut least_w) = ([0.0; WIDTH], [f32::INFINITY; WIDTH]);
         let mut rest = positions;
@@ -48,28 +50,15 @@ impl Vertices {
                 most_error[i] = if plain[i] { greatest(error[i], most_error[i]) } else { most_error[i] };
                 least_w[i] = if plain[i] { least(w[i], least_w[i]) } else { least_w[i] };
             }
-            self.points.push((x, y, plain));
-            self.w.push((w, most_w));
+            for (all, lanes) in self.places.iter_mut().chain(&mut self.w).zip([x, y, w, most_w]) {
+                all.extend_from_slice(&lanes);
+            }
+            self.plain.extend_from_slice(&plain);
         }
         (self.error, self.least_w) = (0.0, f32::INFINITY);
         for i in 0..WIDTH {
             self.error = greatest(most_error[i], self.error);
             self.least_w = least(least_w[i], self.least_w);
         }
-    }
-
-    /// Returns a lower and an upper bound on the `w` of a plain vertex.
-    #[inline(always)]
-    pub(super) fn w(&self, vertex: usize) -> [f32; 2] {
-        let (least, most) = &self.w[vertex / WIDTH];
-        [least[vertex % WIDTH], most[vertex % WIDTH]]
-    }
-
-    /// Returns the column and row of a vertex, if it is plain.
-    #[inline(always)]
-    pub(super) fn get(&self, vertex: usize) -> Option<[f32; 2]> {
-        let (x, y, plain) = self.points.get(vertex / WIDTH)?;
-        let lane = vertex % WIDTH;
-        plain[lane].then_some([x[lane], y[lane]])
     }
 }

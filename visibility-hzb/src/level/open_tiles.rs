@@ -1,0 +1,156 @@
+//! Open tiles of an outline: those that it may come near and that hold nothing as near.
+
+use super::edges::Edges;
+use super::union::UnionTiles;
+use crate::buffer::row_spans::STEPS;
+use crate::buffer::tile_layout::SIDE;
+use crate::buffer::tiles::Tiles;
+use crate::lanes::{WHOLE, WIDTH, bits, greatest, least};
+use alloc::vec::Vec;
+
+/// Factor of depth keys by which a polygon must be nearer than what a tile holds to be drawn there: what is
+/// nearer by less hides next to nothing more.
+pub(super) const BARELY_NEARER: f32 = 1.05;
+
+/// Returns the whole number nearest to `x`, whose magnitude must be below 2^22.
+#[inline(always)]
+fn nearest_whole(x: f32) -> f32 {
+    (x + WHOLE) - WHOLE
+}
+
+/// Returns the first tile at or beyond `side`, in tiles, that is in the buffer.
+#[inline(always)]
+pub(super) fn first_tile(side: f32) -> usize {
+    greatest(side, 0.0) as usize
+}
+
+/// Returns the end of the tiles up to `side`, in tiles, of the `count` tiles of the buffer.
+#[inline(always)]
+pub(super) fn end_tile(side: f32, count: usize) -> usize {
+    ((greatest(side, 0.0) + 1.0) as usize).min(count)
+}
+
+/// Returns a mask of the first `count` of [`WIDTH`] tiles.
+#[inline(always)]
+pub(super) fn first_tiles(count: u32) -> u32 {
+    if count < WIDTH as u32 { (1 << count) - 1 } else { u32::MAX }
+}
+
+/// Bounds on the depth keys of a polygon.
+pub(crate) struct DepthBound {
+    /// Least key in a tile: `a * column + b * row + c` for the tile at tile column `column` and tile row
+    /// `row`.
+    pub(super) plane: [f32; 3],
+    /// Lower bound on all keys.
+    pub(super) floor: f32,
+}
+
+/// Tiles that an outline may come near, and the least depth keys of its polygon there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TileKeys {
+    /// First and end column of tiles.
+    pub(super) columns: [usize; 2],
+    /// First and end row of tiles.
+    pub(super) rows: [usize; 2],
+    /// Rows of tiles that an edge comes near which another polygon shares: first and end.
+    shared_rows: [usize; 2],
+    /// Left, upper, right and lower side of the pixels that the outline may come near, in tiles.
+    sides: [f32; 4],
+    /// The least key of a tile in columns, rows, and a constant, for the part of it within `sides`.
+    pub(super) plane: [f32; 3],
+    /// What is added to the key of the corner of a part of a tile at which the key is least.
+    constant: f32,
+    /// Lower bound on all keys.
+    floor: f32,
+}
+
+impl TileKeys {
+    /// Returns the tiles of an outline, which comes near what is within `slack` pixels of its edges. `None` if
+    /// there are none.
+    #[inline(always)]
+    pub(super) fn new(
+        edges: &Edges,
+        slack: f32,
+        &DepthBound { plane, floor }: &DepthBound,
+        tiles: &Tiles,
+    ) -> Option<Self> {
+        let [left, above, right, below] = edges.bounds;
+        // The pixels that the outline may come near, in tiles, which are exact numbers.
+        let low = |pixel: f32| nearest_whole(pixel - slack - 0.5) / SIDE as f32;
+        let high = |pixel: f32| nearest_whole(pixel + slack + 0.5) / SIDE as f32;
+        let sides @ [left, above, right, below] = [low(left), low(above), high(right), high(below)];
+        let size = [tiles.columns as f32, tiles.rows as f32];
+        // False where there are no edges.
+        if !(left < size[0] && above < size[1] && right > 0.0 && below > 0.0) {
+            return None;
+        }
+        let [_, shared_above, _, shared_below] = edges.shared_bounds;
+        // All tiles that the outline may come near, so that polygons that share an edge agree on them.
+        Some(Self {
+            columns: [first_tile(left), end_tile(right, tiles.columns)],
+            rows: [first_tile(above), end_tile(below, tiles.rows)],
+            shared_rows: [first_tile(low(shared_above)), end_tile(high(shared_below), tiles.rows)],
+            sides,
+            plane,
+            constant: plane[2] - (least(plane[0], 0.0) + least(plane[1], 0.0)),
+            floor,
+        })
+    }
+
+    /// Returns the part of the keys of a row of tiles that is the same for all columns.
+    #[inline(always)]
+    pub(super) fn of_row(&self, row: usize) -> f32 {
+        let [_, above, _, below] = self.sides;
+        // The least key of the plane in a part of a tile is at a corner of that part.
+        let (upper, lower) = (row as f32, row as f32 + 1.0);
+        let y = if self.plane[1] < 0.0 { least(lower, below) } else { greatest(upper, above) };
+        y * self.plane[1] + self.constant
+    }
+
+    /// Returns the least key in the tile at `column` of the row with [`of_row`](Self::of_row).
+    #[inline(always)]
+    pub(super) fn at(&self, column: f32, of_row: f32) -> f32 {
+        let [left, _, right, _] = self.sides;
+        let slope = self.plane[0];
+        let x = if slope < 0.0 { least(column + 1.0, right) } else { greatest(column, left) };
+        greatest(x * slope + of_row, self.floor)
+    }
+}
+
+/// Replaces `open` by the open tiles of an outline: for each row of tiles a mask for each [`WIDTH`] columns.
+/// Returns whether there are any. Where another polygon shares an edge, lowers the keys of `union`.
+#[inline(always)]
+pub(crate) fn find_open_tiles(
+    keys: &TileKeys,
+    tiles: &Tiles,
+    mut union: Option<&mut UnionTiles>,
+    open: &mut Vec<u32>,
+) -> bool {
+    open.clear();
+    let ([first, end], [shared_first, shared_end]) = (keys.columns, keys.shared_rows);
+    let mut any = 0;
+    for row in keys.rows[0]..keys.rows[1] {
+        let (base, of_row) = (row * tiles.columns, keys.of_row(row));
+        let mut column = first;
+        while column < end {
+            let (mut own, mut is_open) = ([0.0; WIDTH], [0; WIDTH]);
+            let Some(held) = tiles.tile_min[base + column..].first_chunk::<WIDTH>() else { break };
+            let left = column as f32;
+            for i in 0..WIDTH {
+                own[i] = keys.at(left + STEPS[i], of_row);
+                is_open[i] = u8::from(own[i] > held[i] * BARELY_NEARER);
+            }
+            if shared_first <= row
+                && row < shared_end
+                && let Some(union) = union.as_deref_mut()
+            {
+                union.lower([column, row], base, &own, &is_open, end);
+            }
+            let mask = bits(&is_open) & first_tiles((end - column) as u32);
+            any |= mask;
+            open.push(mask);
+            column += WIDTH;
+        }
+    }
+    any != 0
+}
