@@ -22,7 +22,7 @@ use alloc::sync::Arc;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{
-    Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
+    Aabb, Accuracy, ObjectId, OccluderMesh, OcclusionMap, View,
     occlusion::{Occlusion, Occlusion64},
     scene::Boxes64,
     simd::Simd,
@@ -171,8 +171,8 @@ impl Hzb {
     /// Sets the occluders of a level, which are drawn at the beginning of each frame. Their positions are
     /// relative to `origin`, a point of the world, wherever the scene's origin is later. They hide as their
     /// triangles would, so a level must not contain what moves or opens; that stays an
-    /// [occluder](visibility_core::Object::occluder) of the scene. Objects whose triangles are in the level
-    /// need not be occluders. Replaces an earlier level.
+    /// [occluder](visibility_core::Object::occluder) of the scene. The occluders of objects that the level
+    /// [was made of](LevelOccluders::objects) are not drawn again. Replaces an earlier level.
     ///
     /// Preparing takes time in proportion to the level. A frame then takes time for the clusters that are in
     /// view, large enough and not hidden. [`OcclusionMap::begin`] draws them.
@@ -453,6 +453,10 @@ impl OcclusionMap for Hzb {
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         let solid = occluder.solid_triangles();
         occluder.triangles().len() - solid + solid.div_ceil(OUTLINE_COST_DIVISOR)
+    }
+
+    fn draws(&self, object: ObjectId) -> bool {
+        self.level.as_ref().is_some_and(|level| level.objects.get(object.index()) == Some(&object))
     }
 
     fn flush(&mut self) {

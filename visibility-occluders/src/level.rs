@@ -158,6 +158,7 @@ pub struct LevelOccluders {
     edges: Vec<OutlineEdge>,
     polygons: Vec<OccluderPolygon>,
     clusters: Vec<OccluderCluster>,
+    objects: Vec<ObjectId>,
     report: LevelReport,
 }
 
@@ -226,15 +227,16 @@ impl LevelOccluders {
         mut stands_still: impl FnMut(ObjectId) -> bool,
         settings: LevelSettings,
     ) -> Result<Self, LevelError> {
-        let mut triangles = Vec::new();
+        let (mut triangles, mut objects) = (Vec::new(), Vec::new());
         for id in scene.ids().filter(|&id| stands_still(id)) {
             let (Ok(object), Ok(own)) = (scene.object(id), scene.triangles(id)) else { continue };
             if object.occluder && !object.see_through {
                 let two_sided = !object.one_sided;
                 triangles.extend(own.iter().map(|&corners| LevelTriangle { corners, two_sided }));
+                objects.push(id);
             }
         }
-        Self::new(&triangles, settings)
+        Ok(Self { objects, ..Self::new(&triangles, settings)? })
     }
 
     /// Appends a cluster of regions, each given with its outline. `magnitude` bounds all coordinates.
@@ -295,6 +297,12 @@ impl LevelOccluders {
     /// Returns the clusters.
     pub fn clusters(&self) -> &[OccluderCluster] {
         &self.clusters
+    }
+
+    /// Returns the objects whose triangles are in the level, as far as it was made [of a
+    /// scene](Self::of_scene): none of one made of triangles.
+    pub fn objects(&self) -> &[ObjectId] {
+        &self.objects
     }
 
     /// Returns what making the occluders did.

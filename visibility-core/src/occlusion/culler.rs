@@ -5,7 +5,7 @@
 //! Survey of Visibility for Walkthrough Applications", 2003, section 6: all image-space methods "place a
 //! hierarchy on the scene").
 
-use super::OcclusionMap;
+use super::{Occlusion64, OcclusionMap};
 use super::budget::{Budget, LeafSampling};
 use super::selection::{OccluderSearch, Queue};
 use crate::culler::Lack;
@@ -21,7 +21,7 @@ const DEFAULT_PRICE: u32 = 24;
 /// Removes the objects that an occlusion map finds hidden behind the scene's occluders.
 ///
 /// Occluders are the objects of the set that are flagged as such and have a mesh ([`Scene::set_mesh`],
-/// [`Scene::prepare_occluders`]). Put the culler after the frustum in a pipeline: only objects that are still
+/// [`Scene::prepare_occluders`]), but for those that the map [draws by itself](OcclusionMap::draws). Put the culler after the frustum in a pipeline: only objects that are still
 /// in the set are drawn and tested.
 ///
 /// # Cost
@@ -132,12 +132,12 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         self.map.begin(view, scene.origin());
         let mut walk = Walk::new(scene, &self.hierarchy, visible);
         let budget = Budget::new(self.price, self.work_limit);
-        let budget =
-            OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), budget).run(&mut walk);
+        let search = OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), budget);
+        let (budget, is_all_tested) = search.run(&mut walk);
         // A map that answers later must be asked about every leaf, or it would never learn of some.
         let is_sampled = budget.is_spent_in_vain() && self.map.answers_at_once();
         let sampling = is_sampled.then(LeafSampling::default);
-        Sweep { map: &mut self.map, budget, sampling }.keep_unhidden(&mut walk, None);
+        Sweep { map: &mut self.map, budget, sampling, is_all_tested }.keep_unhidden(&mut walk, None);
         walk.finish()
     }
 
@@ -156,6 +156,8 @@ struct Sweep<'a, M> {
     budget: Budget,
     /// Choice of the leaves that are tested. `None`: all.
     sampling: Option<LeafSampling>,
+    /// Whether all that is left has been tested already: the walk then only counts it.
+    is_all_tested: bool,
 }
 
 impl<M: OcclusionMap> Sweep<'_, M> {
@@ -169,9 +171,13 @@ impl<M: OcclusionMap> Sweep<'_, M> {
             if is_leaf && self.sampling.as_mut().is_some_and(|sampling| !sampling.tests_next()) {
                 return candidates;
             }
-            walk.stats.tests += u64::from(candidates.count_ones());
-            self.budget.spend_tests(candidates.count_ones());
-            let answer = self.map.test_64_mut(block.boxes(), candidates);
+            let answer = if self.is_all_tested {
+                Occlusion64::default()
+            } else {
+                walk.stats.tests += u64::from(candidates.count_ones());
+                self.budget.spend_tests(candidates.count_ones());
+                self.map.test_64_mut(block.boxes(), candidates)
+            };
             if is_leaf && let Some(sampling) = &mut self.sampling {
                 sampling.record(answer.hidden != 0);
             }

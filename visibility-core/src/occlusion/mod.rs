@@ -22,7 +22,7 @@ pub use prepare::{Preparation, prepare};
 pub use queries::{HardwareQueries, LateAnswers, QueryDevice};
 
 use crate::scene::{Boxes64, lanes};
-use crate::{Aabb, Accuracy, View};
+use crate::{Aabb, Accuracy, ObjectId, View};
 use glam::{Affine3A, DVec3};
 
 /// Result of testing a box against an occlusion map.
@@ -120,6 +120,13 @@ pub trait OcclusionMap {
     /// the mesh. Maps that draw some meshes more cheaply than triangle by triangle return less.
     fn cost(&self, occluder: &OccluderMesh) -> usize {
         occluder.triangles().len()
+    }
+
+    /// Returns whether the map draws the occluder of an object by itself when a frame
+    /// [begins](Self::begin), as part of a level: it is then not added to the map. False by default.
+    fn draws(&self, object: ObjectId) -> bool {
+        let _ = object;
+        false
     }
 
     /// Returns whether tests take the occluders into account that were flushed in the same frame. If not, as

@@ -142,10 +142,12 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     }
 
     /// Adds the occluders of the frame to the map and flushes it. In the scene's own hierarchy, also drops
-    /// the objects and nodes that it finds hidden on the way. Returns what is left of the budget.
-    pub(super) fn run<H: BoxHierarchy>(mut self, walk: &mut Walk<H>) -> Budget {
+    /// the objects and nodes that it finds hidden on the way. Returns what is left of the budget, and whether
+    /// all objects left have been tested against all that the map holds.
+    pub(super) fn run<H: BoxHierarchy>(mut self, walk: &mut Walk<H>) -> (Budget, bool) {
         self.queue.clear();
-        if self.budget.has_credit() {
+        let begins = self.budget.has_credit();
+        if begins {
             // The map may begin the frame with occluders of its own.
             self.flush();
             self.open(walk, None);
@@ -164,9 +166,14 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             }
         }
         self.map.flush();
+        let is_all_tested = begins
+            && H::IS_OF_SCENE
+            && self.map.answers_at_once()
+            && self.queue.is_empty()
+            && walk.stats.occluders == 0;
         // The walk that follows counts what is left.
         walk.stats.visible = 0;
-        self.budget
+        (self.budget, is_all_tested)
     }
 
     /// Tests the box of an entry again if the map has been flushed since the last test.
@@ -194,15 +201,19 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
                 0
             };
             let (objects, found) = (block.objects(candidates), candidates & !hidden);
+            let mut occluders = found & block.occluders();
             if let Some((_, ids)) = block.leaf() {
-                walk.scene().fetch_occluders(ids, found & block.occluders());
+                for lane in lanes(occluders) {
+                    occluders &= !(u64::from(self.map.draws(ids[lane])) << lane);
+                }
+                walk.scene().fetch_occluders(ids, occluders);
             }
             self.budget.earn((hidden & objects).count_ones() as f32);
             self.undecided += (found & objects).count_ones() as f32;
             for lane in lanes(hidden & !objects) {
                 self.budget.earn(objects_of(walk, block.child(lane)));
             }
-            for lane in lanes(found & (!objects | block.occluders())) {
+            for lane in lanes(found & !objects | occluders) {
                 let (child, bounds) = (block.child(lane), block.boxes().get(lane));
                 let objects = objects_of(walk, child);
                 if let Child::Node(_) = child {

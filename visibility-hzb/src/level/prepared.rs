@@ -3,8 +3,8 @@
 use crate::lanes::WIDTH;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
-use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, ObjectId};
 use visibility_occluders::{LevelOccluders, OccluderCluster, OccluderPolygon};
 
 /// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, by coordinate: least x, y, z, greatest x, y,
@@ -48,6 +48,8 @@ pub(crate) struct PreparedLevel {
     pub(crate) first_polygons: Vec<u32>,
     /// Edges of all polygons, as in the level.
     pub(crate) edges: Vec<PreparedEdge>,
+    /// Objects whose triangles are in the level, by their index: [`ObjectId::PLACEHOLDER`] for others.
+    pub(crate) objects: Vec<ObjectId>,
 }
 
 /// An edge of a polygon.
@@ -117,6 +119,9 @@ impl PreparedLevel {
         }
         first_polygons.push(polygons.len() as u32);
         let reach = reach + thickness;
+        let indices = level.objects().iter().map(|id| id.index() + 1).max().unwrap_or(0);
+        let mut objects = alloc::vec![ObjectId::PLACEHOLDER; indices];
+        level.objects().iter().for_each(|&id| objects[id.index()] = id);
         Self {
             level,
             origin,
@@ -128,6 +133,7 @@ impl PreparedLevel {
             polygons,
             first_polygons,
             edges,
+            objects,
         }
     }
 }

@@ -28,7 +28,7 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &["512x288"],
         make: |dial, world| {
             let level = level(world)?;
-            Ok(Box::new(HzbCuller::new(map(dial)?.with_level(level, world.origin())).with_price(0)))
+            Ok(Box::new(HzbCuller::new(map(dial)?.with_level(level, world.origin()))))
         },
     },
     Known {
