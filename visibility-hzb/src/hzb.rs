@@ -404,6 +404,10 @@ impl OcclusionMap for Hzb {
     }
 
     fn begin(&mut self, view: &View, origin: DVec3) {
+        self.begin_within(view, origin, f32::INFINITY);
+    }
+
+    fn begin_within(&mut self, view: &View, origin: DVec3, work: f32) -> f32 {
         let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
         self.projection = ScreenProjection::new(view, origin, self.size, padded);
         self.projection32 = ScreenProjection32::new(&self.projection);
@@ -414,13 +418,17 @@ impl OcclusionMap for Hzb {
         self.nearest = f32::NEG_INFINITY;
         self.clip_planes = view.clip_planes_from(origin);
         self.pyramid.clear();
-        if let Some(level) = &self.level
+        if work > 0.0
+            && let Some(level) = &self.level
             && let Some(frame) = LevelFrame::new(view, level, self.size, padded)
         {
             let (scratch, tiles) = (&mut self.level_scratch, &mut self.tiles);
-            self.nearest = draw_level(self.simd, level, &frame, self.coverage, scratch, tiles);
+            let spent;
+            (self.nearest, spent) = draw_level(self.simd, level, &frame, self.coverage, work, scratch, tiles);
             self.pyramid.update(&mut self.tiles);
+            return spent;
         }
+        0.0
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {

@@ -96,12 +96,12 @@ compiled! {
         coverage: Coverage, scratch: &mut MeshScratch, contour_tiles: &mut ContourTiles, tiles: &mut Tiles
     ) -> f32;
     find_candidates = crate::level::find_candidates,
-        (level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) -> ();
+        (level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) -> usize;
     begin_cluster = crate::level::begin_cluster,
         (level: &PreparedLevel, frame: &LevelFrame, index: usize, scratch: &mut LevelScratch) -> bool;
     finish_edges = Edges::finish, (edges: &mut Edges) -> ();
     find_open_tiles = crate::level::find_open_tiles,
-        (keys: &TileKeys, tiles: &Tiles, union: Option<&mut UnionTiles>, open: &mut Vec<u32>) -> bool;
+        (keys: &TileKeys, tiles: &Tiles, union: Option<&mut UnionTiles>, open: &mut Vec<u32>) -> u32;
     fill = crate::level::fill, (
         edges: &Edges, slack: f32, keys: &TileKeys, coverage: Coverage, scratch: &mut FillScratch,
         union: Option<&mut UnionTiles>, tiles: &mut Tiles

@@ -39,6 +39,8 @@ pub(super) struct Budget {
     debt: f32,
     /// Work that the frame may still spend at all.
     limit: f32,
+    /// Work spent so far.
+    spent: f32,
 }
 
 impl Budget {
@@ -46,7 +48,7 @@ impl Budget {
     /// With a price of 0 there is no credit.
     pub(super) fn new(price: u32, limit: u32) -> Self {
         let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
-        Self { price: price as f32, credit, earned: 0.0, debt: 0.0, limit: limit as f32 }
+        Self { price: price as f32, credit, earned: 0.0, debt: 0.0, limit: limit as f32, spent: 0.0 }
     }
 
     /// Returns the work that hiding `objects` is worth.
@@ -73,6 +75,23 @@ impl Budget {
     pub(super) fn spend(&mut self, work: f32) {
         self.credit -= work;
         self.limit -= work;
+        self.spent += work;
+    }
+
+    /// Spends work that the credit of the search is not for.
+    pub(super) fn spend_beside(&mut self, work: f32) {
+        self.limit -= work;
+        self.spent += work;
+    }
+
+    /// Returns the work that may be spent for `objects`, if all of them should be found hidden.
+    pub(super) fn most_for(&self, objects: usize) -> f32 {
+        self.worth(objects as f32).min(self.limit)
+    }
+
+    /// Returns the work spent so far.
+    pub(super) fn spent(&self) -> f32 {
+        self.spent
     }
 
     /// Spends the work of testing boxes of a block of siblings.
@@ -106,6 +125,50 @@ impl Budget {
             self.credit += cost;
         }
         self.spend(cost);
+    }
+}
+
+/// Number of frames in a row that did not pay after which frames are left out.
+const MOST_LOSSES: u32 = 8;
+
+/// Work, in triangles, that a frame left out pays back for each object in view: some three times what frustum
+/// culling takes (measured).
+const PAID_BACK: f32 = 0.02;
+
+/// Greatest number of frames left out in a row.
+const MOST_FRAMES_LEFT_OUT: u32 = 64;
+
+/// What the frames of a culler so far have shown: whether finding hidden objects pays.
+///
+/// Where it does not for [`MOST_LOSSES`] frames in a row, as for a bird, frames are left out until they have
+/// saved what the last one spent in vain. Then a frame tries again. Objects of frames left out stay visible.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Experience {
+    /// Number of frames in a row that did not pay.
+    losses: u32,
+    /// Work that the last frame that did not pay spent in vain and frames left out have not saved yet.
+    debt: f32,
+    /// Number of frames left out in a row.
+    left_out: u32,
+}
+
+impl Experience {
+    /// Returns whether a frame with so many objects in view is left out. Otherwise [`record`](Self::record)
+    /// is to be told of it.
+    pub(super) fn leaves_out(&mut self, objects: usize) -> bool {
+        if self.losses < MOST_LOSSES || self.debt <= 0.0 || self.left_out == MOST_FRAMES_LEFT_OUT {
+            self.left_out = 0;
+            return false;
+        }
+        self.debt -= PAID_BACK * objects as f32;
+        self.left_out += 1;
+        true
+    }
+
+    /// Enters a frame that found so many objects hidden.
+    pub(super) fn record(&mut self, budget: &Budget, hidden: usize) {
+        self.debt = budget.spent() - budget.worth(hidden as f32);
+        self.losses = if self.debt > 0.0 { self.losses + 1 } else { 0 };
     }
 }
 

@@ -6,7 +6,7 @@
 //! hierarchy on the scene").
 
 use super::{Occlusion64, OcclusionMap};
-use super::budget::{Budget, LeafSampling};
+use super::budget::{Budget, Experience, LeafSampling};
 use super::selection::{OccluderSearch, Queue};
 use crate::culler::Lack;
 use crate::scene::lanes;
@@ -33,8 +33,9 @@ const DEFAULT_PRICE: u32 = 24;
 /// objects of fewer and fewer leaves of the hierarchy and reports the others.
 /// [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
 ///
-/// The answer depends on scene, set, view and settings alone, not on earlier frames, unless the map itself
-/// remembers them.
+/// After eight frames in a row that did not pay, whole frames are left out, at most 64 in a row, until they have
+/// saved what was spent in vain: their objects stay visible. Otherwise the answer depends on scene, set, view
+/// and settings alone, unless the map itself remembers earlier frames.
 ///
 /// ```
 /// # use visibility_core::{
@@ -64,6 +65,8 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     price: u32,
     /// Most work of a frame, in triangles.
     work_limit: u32,
+    /// Whether earlier frames paid.
+    experience: Experience,
     /// Memory of the search for occluders. Its content does not outlive a frame.
     queue: Queue,
     /// The scene of the last frame, which the map's memory of earlier frames belongs to.
@@ -80,8 +83,8 @@ impl<M: OcclusionMap> OcclusionCuller<M> {
 impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// Creates a culler that walks another hierarchy over the objects of the scene.
     pub fn over(map: M, hierarchy: H) -> Self {
-        let (queue, scene) = (Queue::new(), SceneCursor::START);
-        Self { map, hierarchy, price: DEFAULT_PRICE, work_limit: u32::MAX, queue, scene }
+        let (queue, scene, experience) = (Queue::new(), SceneCursor::START, Experience::default());
+        Self { map, hierarchy, price: DEFAULT_PRICE, work_limit: u32::MAX, experience, queue, scene }
     }
 
     /// Sets how many triangles of occluders, as [`OcclusionMap::cost`] counts them, are drawn to hide one
@@ -129,16 +132,32 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
             self.reset();
         }
         self.scene = SceneCursor::at(scene);
-        self.map.begin(view, scene.origin());
+        let objects = visible.count(scene);
         let mut walk = Walk::new(scene, &self.hierarchy, visible);
-        let budget = Budget::new(self.price, self.work_limit);
+        let mut budget = Budget::new(self.price, self.work_limit);
+        // A map that answers later must be asked in every frame.
+        let learns = self.price > 0 && self.map.answers_at_once();
+        if learns && self.experience.leaves_out(objects) {
+            self.map.begin_within(view, scene.origin(), 0.0);
+            Sweep { map: &mut self.map, budget, sampling: None, is_all_tested: true }
+                .keep_unhidden(&mut walk, None);
+            return walk.finish();
+        }
+        let most = if self.price > 0 { budget.most_for(objects) } else { f32::INFINITY };
+        budget.spend_beside(self.map.begin_within(view, scene.origin(), most));
         let search = OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), budget);
         let (budget, is_all_tested) = search.run(&mut walk);
         // A map that answers later must be asked about every leaf, or it would never learn of some.
         let is_sampled = budget.is_spent_in_vain() && self.map.answers_at_once();
         let sampling = is_sampled.then(LeafSampling::default);
-        Sweep { map: &mut self.map, budget, sampling, is_all_tested }.keep_unhidden(&mut walk, None);
-        walk.finish()
+        let mut sweep = Sweep { map: &mut self.map, budget, sampling, is_all_tested };
+        sweep.keep_unhidden(&mut walk, None);
+        let budget = sweep.budget;
+        let stats = walk.finish();
+        if learns {
+            self.experience.record(&budget, objects.saturating_sub(stats.visible as usize));
+        }
+        stats
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
@@ -146,6 +165,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 
     fn reset(&mut self) {
+        self.experience = Experience::default();
         self.map.reset();
     }
 }

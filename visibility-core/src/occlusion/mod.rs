@@ -106,6 +106,15 @@ pub trait OcclusionMap {
     /// the world-space origin of the scene.
     fn begin(&mut self, view: &View, origin: DVec3);
 
+    /// As [`begin`](Self::begin), for a map that [draws](Self::draws) occluders by itself: spends at most
+    /// about `work` on them, in triangles, the unit of the [price](OcclusionCuller::with_price) of hiding an
+    /// object. Returns the work spent. By default [`begin`](Self::begin), for 0.
+    fn begin_within(&mut self, view: &View, origin: DVec3, work: f32) -> f32 {
+        let _ = work;
+        self.begin(view, origin);
+        0.0
+    }
+
     /// Adds an occluder to the map. `transform` takes mesh coordinates to scene-relative coordinates. Under a
     /// mirroring transform the front of each triangle stays its front, though its corners then run clockwise.
     /// The occluder takes effect at the next [`flush`](Self::flush).

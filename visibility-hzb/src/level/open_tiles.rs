@@ -118,17 +118,17 @@ impl TileKeys {
 }
 
 /// Replaces `open` by the open tiles of an outline: for each row of tiles a mask for each [`WIDTH`] columns.
-/// Returns whether there are any. Where another polygon shares an edge, lowers the keys of `union`.
+/// Returns their number. Where another polygon shares an edge, lowers the keys of `union`.
 #[inline(always)]
 pub(crate) fn find_open_tiles(
     keys: &TileKeys,
     tiles: &Tiles,
     mut union: Option<&mut UnionTiles>,
     open: &mut Vec<u32>,
-) -> bool {
+) -> u32 {
     open.clear();
     let ([first, end], [shared_first, shared_end]) = (keys.columns, keys.shared_rows);
-    let mut any = 0;
+    let mut count = 0;
     for row in keys.rows[0]..keys.rows[1] {
         let (base, of_row) = (row * tiles.columns, keys.of_row(row));
         let mut column = first;
@@ -147,10 +147,10 @@ pub(crate) fn find_open_tiles(
                 union.lower([column, row], base, &own, &is_open, end);
             }
             let mask = bits(&is_open) & first_tiles((end - column) as u32);
-            any |= mask;
+            count += mask.count_ones();
             open.push(mask);
             column += WIDTH;
         }
     }
-    any != 0
+    count
 }
