@@ -39,6 +39,8 @@ pub(super) struct Budget {
     debt: f32,
     /// Work that the frame may still spend at all.
     limit: f32,
+    /// Part of the limit that the search leaves for the tests after it.
+    reserve: f32,
     /// Work spent so far.
     spent: f32,
 }
@@ -48,7 +50,8 @@ impl Budget {
     /// With a price of 0 there is no credit.
     pub(super) fn new(price: u32, limit: u32) -> Self {
         let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
-        Self { price: price as f32, credit, earned: 0.0, debt: 0.0, limit: limit as f32, spent: 0.0 }
+        let limit = limit as f32;
+        Self { price: price as f32, credit, earned: 0.0, debt: 0.0, limit, reserve: 0.5 * limit, spent: 0.0 }
     }
 
     /// Returns the work that hiding `objects` is worth.
@@ -58,7 +61,7 @@ impl Budget {
 
     /// Returns whether the search for occluders may go on.
     pub(super) fn has_credit(&self) -> bool {
-        self.credit > 0.0 && !self.is_at_limit()
+        self.credit > 0.0 && self.limit > self.reserve
     }
 
     /// Returns whether the frame has spent all that it may.
@@ -86,7 +89,7 @@ impl Budget {
 
     /// Returns the work that may be spent for `objects`, if all of them should be found hidden.
     pub(super) fn most_for(&self, objects: usize) -> f32 {
-        self.worth(objects as f32).min(self.limit)
+        self.worth(objects as f32).min(self.limit - self.reserve)
     }
 
     /// Returns the work spent so far.
@@ -115,7 +118,7 @@ impl Budget {
     pub(super) fn can_pay(&self, cost: f32, share: f32, behind: f32) -> bool {
         let is_in_proportion = cost <= UNPROVEN_COST + self.earned || 2.0 * cost <= behind;
         let is_on_loan = LOAN_SAFETY * (cost + self.debt) <= behind * share;
-        cost <= self.limit && (cost <= self.credit && is_in_proportion || is_on_loan)
+        cost <= self.limit - self.reserve && (cost <= self.credit && is_in_proportion || is_on_loan)
     }
 
     /// Pays for an occluder that [can be paid](Self::can_pay).

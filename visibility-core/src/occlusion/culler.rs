@@ -18,6 +18,9 @@ use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCu
 /// best choice of occluders for that scene.
 const DEFAULT_PRICE: u32 = 24;
 
+/// Default bound on the work of a frame, in triangles: some milliseconds, more than an engine has to spare.
+const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
+
 /// Removes the objects that an occlusion map finds hidden behind the scene's occluders.
 ///
 /// Occluders are the objects of the set that are flagged as such and have a mesh ([`Scene::set_mesh`],
@@ -84,7 +87,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// Creates a culler that walks another hierarchy over the objects of the scene.
     pub fn over(map: M, hierarchy: H) -> Self {
         let (queue, scene, experience) = (Queue::new(), SceneCursor::START, Experience::default());
-        Self { map, hierarchy, price: DEFAULT_PRICE, work_limit: u32::MAX, experience, queue, scene }
+        Self { map, hierarchy, price: DEFAULT_PRICE, work_limit: DEFAULT_WORK_LIMIT, experience, queue, scene }
     }
 
     /// Sets how many triangles of occluders, as [`OcclusionMap::cost`] counts them, are drawn to hide one
@@ -94,10 +97,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         Self { price: triangles_per_object, ..self }
     }
 
-    /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond. No
-    /// bound (`u32::MAX`) by default. A frame that reaches the bound draws no more occluders, tests no more
-    /// objects and reports the rest. The bound is kept up to the tests of one node, and does not cover
-    /// emptying the map, which takes longer the larger the map is.
+    /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond. 32,768
+    /// by default; `u32::MAX` for no bound. A frame draws occluders with at most half of it, and from the bound
+    /// on tests no more objects and reports the rest. The bound is kept up to the tests of one node, and does
+    /// not cover emptying the map, which takes longer the larger the map is.
     pub fn with_work_limit(self, triangles: u32) -> Self {
         Self { work_limit: triangles, ..self }
     }
