@@ -748,7 +748,47 @@ fn occluders_behind_what_the_map_holds_already_are_not_looked_at() {
     assert!(stats.tests < 200, "{stats:?}");
 }
 
-/// The answer to a view does not depend on the frames before: backing off is a matter of one frame.
+/// Frames from which nothing is hidden are left out after some, but never for long, and what was left out does
+/// not last: where frames pay, all are worked on, with the answers of a new culler.
+#[test]
+fn frames_that_do_not_pay_are_left_out_for_a_while() {
+    let scene = city(100);
+    let bird = view_from(DVec3::new(-400.0, 0.0, 1000.0), DVec3::new(800.0, 0.0, 0.0));
+    let street = view_from(DVec3::new(-8.0, 3.0, 1.7), DVec3::new(100.0, 30.0, 1.7));
+    let mut kept = pipeline();
+    let in_view = visible(&mut Pipeline::new().with(FrustumCuller::new()), &scene, &bird);
+    let works = |kept: &mut Pipeline, view: &View| {
+        let seen = visible(kept, &scene, view);
+        (kept.stages().last().unwrap().1.tests > 0, seen)
+    };
+    let frames: Vec<bool> = (0..300)
+        .map(|frame| {
+            let (worked, seen) = works(&mut kept, &bird);
+            assert!(worked || seen == in_view, "frame {frame} is left out, but {} objects of it", seen.len());
+            worked
+        })
+        .collect();
+    assert!(frames[..8].iter().all(|&worked| worked), "frames are left out at once");
+    let worked = frames[8..].iter().filter(|&&worked| worked).count();
+    assert!((4..20).contains(&worked), "{worked} of 292 frames that do not pay are worked on");
+    let left_out = frames.split(|&worked| worked).map(<[bool]>::len).max();
+    assert!(left_out.is_some_and(|most| most <= 64), "{left_out:?} frames are left out in a row");
+
+    let alone = visible(&mut pipeline(), &scene, &street);
+    let late = (0..65).find(|_| works(&mut kept, &street).1 == alone);
+    assert!(late.is_some(), "no frame of the street is worked on");
+    for frame in 0..20 {
+        assert_eq!(works(&mut kept, &street).1, alone, "frame {frame} of the street");
+    }
+    (0..12).for_each(|_| drop(works(&mut kept, &bird)));
+    assert!(!works(&mut kept, &bird).0);
+    kept.reset();
+    visible(&mut kept, &scene, &bird);
+    assert!(kept.stages().last().unwrap().1.tests > 0, "not forgotten");
+}
+
+/// The answer to a view does not depend on the frames before, as long as some pay: backing off within a frame
+/// is a matter of that frame.
 #[test]
 fn the_same_view_has_the_same_answer_after_any_frames() {
     let scene = city(100);

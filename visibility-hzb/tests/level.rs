@@ -6,8 +6,8 @@ use crate::rays::{check, room, sheets};
 use std::sync::Arc;
 use visibility_core::glam::{DMat4, DVec3, Vec3};
 use visibility_core::{
-    Aabb, FrustumCuller, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View, VisibleSet,
-    geometry::Plane, simd::Simd, view::Window,
+    Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View,
+    VisibleSet, geometry::Plane, occlusion::Preparation, simd::Simd, view::Window,
 };
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
@@ -352,4 +352,64 @@ fn what_a_clip_plane_cuts_hides_nothing() {
         let cut = view.with_clip_planes(&[plane]).unwrap();
         assert_eq!(reported(&triangles, &boxes, &cut), count, "cut at {x}");
     }
+}
+
+/// Beside a level, occluders that are not in it are drawn, and those in it are not drawn again.
+#[test]
+fn a_door_beside_a_level_is_drawn_and_the_level_is_not_drawn_again() {
+    let mut scene = Scene::new();
+    let mut add = |bounds: Aabb| {
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, cuboid(&bounds, false)).unwrap();
+        id
+    };
+    add(Aabb::from_arrays([10.0, -20.0, -20.0], [10.3, -1.0, 20.0]));
+    add(Aabb::from_arrays([10.0, 1.0, -20.0], [10.3, 20.0, 20.0]));
+    let door = add(Aabb::from_arrays([10.0, -1.0, -20.0], [10.2, 1.0, 20.0]));
+    let behind = scene.insert_batch((0..40).map(|i| {
+        let middle = Vec3::new(20.0 + i as f32, (i % 8) as f32 * 0.2 - 0.8, 0.0);
+        Aabb::new(middle - 0.1, middle + 0.1)
+    }));
+    scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+    let level = LevelOccluders::of_scene(&scene, |id| id != door, LevelSettings::default()).unwrap();
+    assert_eq!(level.objects().len(), 2);
+    let hzb = Hzb::default().with_level(Arc::new(level), DVec3::ZERO);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(HzbCuller::new(hzb));
+    let mut visible = VisibleSet::new();
+    for (shut, drawn) in [(true, 1), (false, 0), (true, 1)] {
+        scene.set_occluder(door, shut).unwrap();
+        pipeline.cull(&scene, &view, &mut visible);
+        assert_eq!(pipeline.stages().last().unwrap().1.occluders, drawn, "shut: {shut}");
+        let seen = behind.iter().filter(|&&id| visible.contains(&scene, id)).count();
+        assert_eq!(seen == 0, shut, "{seen} of 40 objects behind the door are reported");
+    }
+}
+
+/// A level is drawn nearest first as far as the work of a frame allows. What is not drawn hides nothing.
+#[test]
+fn a_level_is_drawn_as_far_as_its_work_is_paid() {
+    let wall = |i: usize| {
+        let (x, y) = (10.0 + i as f32 * 5.0, i as f32 * 3.0 - 15.0);
+        cuboid(&Aabb::from_arrays([x, y, -1.0], [x + 0.3, y + 2.5, 1.0]), false)
+    };
+    let triangles: Vec<LevelTriangle> =
+        (0..10).flat_map(wall).map(|corners| LevelTriangle { corners, two_sided: true }).collect();
+    let level = level(&triangles, LevelSettings::default().with_max_cluster_edges(4));
+    let mut hzb = Hzb::default().with_level(level, DVec3::ZERO);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, f64::INFINITY).unwrap();
+    let mut covered = |work: f32| {
+        let spent = hzb.begin_within(&view, DVec3::ZERO, work);
+        let pixels = (0..512).flat_map(|x| (0..288).map(move |y| (x, y)));
+        let count = pixels.filter(|&(x, y)| hzb.depth_key(x, y) > f32::NEG_INFINITY).count();
+        // The last cluster is drawn as a whole: here one face.
+        assert!(spent <= work + 100.0, "{spent} of {work}");
+        (count, spent)
+    };
+    assert_eq!(covered(0.0), (0, 0.0));
+    let (all, most) = covered(f32::INFINITY);
+    let some: Vec<usize> = (1..5).map(|i| covered(most * i as f32 / 5.0).0).collect();
+    assert!(0 < some[0] && some.is_sorted() && some[3] <= all && some[0] < all, "{some:?} of {all}");
 }

@@ -87,9 +87,9 @@ impl Budget {
         self.spent += work;
     }
 
-    /// Returns the work that may be spent for `objects`, if all of them should be found hidden.
-    pub(super) fn most_for(&self, objects: usize) -> f32 {
-        self.worth(objects as f32).min(self.limit - self.reserve)
+    /// Returns the work that may be spent for `objects`, all of which may be found hidden.
+    pub(super) fn most_for(&self, objects: f32) -> f32 {
+        self.worth(objects).min(self.limit - self.reserve)
     }
 
     /// Returns the work spent so far.

@@ -5,9 +5,9 @@
 //! Survey of Visibility for Walkthrough Applications", 2003, section 6: all image-space methods "place a
 //! hierarchy on the scene").
 
-use super::{Occlusion64, OcclusionMap};
 use super::budget::{Budget, Experience, LeafSampling};
-use super::selection::{OccluderSearch, Queue};
+use super::selection::{LEAST_BEHIND, OccluderSearch, Queue};
+use super::{Occlusion64, OcclusionMap};
 use crate::culler::Lack;
 use crate::scene::lanes;
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, Walk};
@@ -87,7 +87,15 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// Creates a culler that walks another hierarchy over the objects of the scene.
     pub fn over(map: M, hierarchy: H) -> Self {
         let (queue, scene, experience) = (Queue::new(), SceneCursor::START, Experience::default());
-        Self { map, hierarchy, price: DEFAULT_PRICE, work_limit: DEFAULT_WORK_LIMIT, experience, queue, scene }
+        Self {
+            map,
+            hierarchy,
+            price: DEFAULT_PRICE,
+            work_limit: DEFAULT_WORK_LIMIT,
+            experience,
+            queue,
+            scene,
+        }
     }
 
     /// Sets how many triangles of occluders, as [`OcclusionMap::cost`] counts them, are drawn to hide one
@@ -146,7 +154,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
                 .keep_unhidden(&mut walk, None);
             return walk.finish();
         }
-        let most = if self.price > 0 { budget.most_for(objects) } else { f32::INFINITY };
+        let most =
+            if self.price > 0 { budget.most_for(LEAST_BEHIND.max(objects as f32)) } else { f32::INFINITY };
         budget.spend_beside(self.map.begin_within(view, scene.origin(), most));
         let search = OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), budget);
         let (budget, is_all_tested) = search.run(&mut walk);

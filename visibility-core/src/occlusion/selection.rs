@@ -35,7 +35,7 @@ const OBJECTS_PER_LEAF: u32 = 64;
 
 /// Least number of objects that an occluder is taken to have behind it, so that a scene of few objects is
 /// culled as tightly as a large one (measured).
-const LEAST_BEHIND: f32 = 256.0;
+pub(super) const LEAST_BEHIND: f32 = 256.0;
 
 /// Distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds, up to
 /// which the share is estimated by triangles where the estimate from the middle is too small. The middle of a

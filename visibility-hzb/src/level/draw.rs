@@ -3,8 +3,8 @@
 use super::clip::{ClipScratch, End};
 use super::edges::Edges;
 use super::fill::FillScratch;
-use super::open_tiles::{BARELY_NEARER, DepthBound, TileKeys};
 use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame, MAX_BEND_PX, MAX_ERROR_PX};
+use super::open_tiles::{BARELY_NEARER, DepthBound, TileKeys};
 use super::prepared::{Boxes, NO_POLYGON, Polygons, PreparedEdge, PreparedLevel};
 use super::union::UnionTiles;
 use super::vertices::Vertices;
@@ -107,7 +107,11 @@ pub(crate) fn draw_level(
 /// Replaces `candidates` by the clusters that may be seen, nearest first. Returns the number of clusters
 /// looked at.
 #[inline(always)]
-pub(crate) fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) -> usize {
+pub(crate) fn find_candidates(
+    level: &PreparedLevel,
+    frame: &LevelFrame,
+    candidates: &mut Vec<Candidate>,
+) -> usize {
     candidates.clear();
     let mut looked_at = 0;
     let count = level.level.clusters().len();
@@ -295,8 +299,9 @@ fn draw_polygon(
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> Option<bool> {
-    let LevelScratch { vertices, edges, fill: fill_scratch, clip, union, far_sides, done, waiting, work, .. } =
-        scratch;
+    let LevelScratch {
+        vertices, edges, fill: fill_scratch, clip, union, far_sides, done, waiting, work, ..
+    } = scratch;
     let cluster = level.level.clusters().get(index)?;
     let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at)?;
     let far = far_sides[at];

@@ -134,7 +134,8 @@ impl Bounds {
     #[inline(always)]
     fn add(&mut self, i: usize, used: bool, edge: [f32; 4]) {
         for side in 0..2 {
-            let (low, high) = (least(edge[side], self.0[side][i]), greatest(edge[side + 2], self.0[side + 2][i]));
+            let (low, high) =
+                (least(edge[side], self.0[side][i]), greatest(edge[side + 2], self.0[side + 2][i]));
             self.0[side][i] = if used { low } else { self.0[side][i] };
             self.0[side + 2][i] = if used { high } else { self.0[side + 2][i] };
         }

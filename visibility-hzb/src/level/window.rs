@@ -85,8 +85,7 @@ impl Window {
             end[row] = if meets { nearest(within(r + 1.0) - 0.5) } else { 0 };
             let centre = line + 0.5;
             let crosses = (y < centre) & (centre <= bottom);
-            step[row] =
-                if crosses { nearest(within(edges.column(i, centre) - left)) } else { WINDOW as u32 };
+            step[row] = if crosses { nearest(within(edges.column(i, centre) - left)) } else { WINDOW as u32 };
         }
         let ends_union = if edges.shared >> i & 1 == 0 { u64::MAX } else { 0 };
         for row in 0..SIDE {
