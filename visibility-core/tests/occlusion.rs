@@ -692,9 +692,9 @@ fn a_limit_bounds_the_work_of_a_frame() {
         FrustumCuller::new().cull(&city, &view, &mut set);
         let mut culler = OcclusionCuller::new(Counting::new()).with_work_limit(limit);
         let stats = culler.cull(&city, &view, &mut set);
-        let work = culler.map().added as f64 * 12.0 + culler.map().tests.get() as f64 * 0.3;
-        // The last node is tested in full.
-        assert!(work <= f64::from(limit) + 64.0, "{work} of {limit}: {stats:?}");
+        let work = culler.map().added as f64 * 12.0 + culler.map().tests.get() as f64 * 0.1;
+        // The last node is tested in full, and the last batch drawn.
+        assert!(work <= f64::from(limit) + 20.0, "{work} of {limit}: {stats:?}");
         assert!(stats.tests >= last, "more work is of no use: {stats:?}");
         last = stats.tests;
     }
@@ -770,7 +770,7 @@ fn frames_that_do_not_pay_are_left_out_for_a_while() {
         .collect();
     assert!(frames[..8].iter().all(|&worked| worked), "frames are left out at once");
     let worked = frames[8..].iter().filter(|&&worked| worked).count();
-    assert!((4..20).contains(&worked), "{worked} of 292 frames that do not pay are worked on");
+    assert!((4..40).contains(&worked), "{worked} of 292 frames that do not pay are worked on");
     let left_out = frames.split(|&worked| worked).map(<[bool]>::len).max();
     assert!(left_out.is_some_and(|most| most <= 64), "{left_out:?} frames are left out in a row");
 
