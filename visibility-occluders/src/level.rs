@@ -9,7 +9,7 @@ use crate::t_junctions::insert_t_junctions;
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, ObjectId, Scene};
+use visibility_core::{Aabb, ObjectId, Scene, level_version};
 
 /// Settings by which the occluders of a level are made.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -154,11 +154,13 @@ const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 /// ```
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct LevelOccluders {
-    vertices: Vec<Vec3>,
-    edges: Vec<OutlineEdge>,
-    polygons: Vec<OccluderPolygon>,
-    clusters: Vec<OccluderCluster>,
-    report: LevelReport,
+    pub(crate) vertices: Vec<Vec3>,
+    pub(crate) edges: Vec<OutlineEdge>,
+    pub(crate) polygons: Vec<OccluderPolygon>,
+    pub(crate) clusters: Vec<OccluderCluster>,
+    pub(crate) report: LevelReport,
+    /// Version of the level that the occluders were made from, if it is known.
+    pub(crate) version: Option<u64>,
 }
 
 impl LevelOccluders {
@@ -217,7 +219,7 @@ impl LevelOccluders {
     /// Makes the occluders of a scene's level from the triangles ([`Scene::set_triangles`]) of the occluders
     /// that stand still, as `stands_still` tells; see-through objects have none. Triangles of
     /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are
-    /// relative to [`Scene::origin`].
+    /// relative to [`Scene::origin`]. The occluders have the [version](level_version()) of the scene.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -234,7 +236,7 @@ impl LevelOccluders {
                 triangles.extend(own.iter().map(|&corners| LevelTriangle { corners, two_sided }));
             }
         }
-        Self::new(&triangles, settings)
+        Ok(Self::new(&triangles, settings)?.with_version(level_version(scene)))
     }
 
     /// Appends a cluster of regions, each given with its outline. `magnitude` bounds all coordinates.
@@ -295,6 +297,18 @@ impl LevelOccluders {
     /// Returns the clusters.
     pub fn clusters(&self) -> &[OccluderCluster] {
         &self.clusters
+    }
+
+    /// Sets the [version](Self::version) of the level, for occluders that were not made from a scene.
+    #[must_use]
+    pub fn with_version(self, version: u64) -> Self {
+        Self { version: Some(version), ..self }
+    }
+
+    /// Returns the version of the level that the occluders were made from: [`level_version`](level_version())
+    /// of the scene, or the number given to [`with_version`](Self::with_version). `None` without either.
+    pub fn version(&self) -> Option<u64> {
+        self.version
     }
 
     /// Returns what making the occluders did.
