@@ -23,6 +23,7 @@ use crate::setup::convex_shape::ConvexScratch;
 use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
+use alloc::sync::Arc;
 use visibility_core::glam::Affine3A;
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 use visibility_core::simd::SimdLevel;
@@ -92,9 +93,9 @@ compiled! {
         mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
         coverage: Coverage, scratch: &mut MeshScratch, contour_tiles: &mut ContourTiles, tiles: &mut Tiles
     ) -> f32;
-    draw_level = crate::level::draw_level, (
-        level: &PreparedLevel, frame: &LevelFrame, coverage: Coverage, scratch: &mut LevelScratch,
-        tiles: &mut Tiles
+    draw_levels = crate::level::draw_levels, (
+        levels: &[Arc<PreparedLevel>], frames: &[Option<LevelFrame>], coverage: Coverage,
+        scratch: &mut LevelScratch, tiles: &mut Tiles
     ) -> f32;
     fill_shape = crate::raster::shape_fill::fill_shape,
         (shape: &ScreenShape, tiles: &mut Tiles) -> bool;

@@ -1,4 +1,4 @@
-//! Draws the clusters of a level, nearest first.
+//! Draws the clusters of levels, nearest first.
 
 use super::clip::{ClipScratch, End};
 use super::edges::Edges;
@@ -17,6 +17,7 @@ use crate::rounding::down;
 use crate::setup::depth_plane::plane;
 use crate::setup::screen_projection::U;
 use crate::setup::screen_shape::tile_minimum_plane;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
@@ -30,6 +31,8 @@ const LEAST_AREA_PX: f32 = 24.0;
 struct Candidate {
     /// Order of drawing: less is nearer. Bits of the greatest depth key, inverted.
     order: u32,
+    /// Index of the level.
+    level: u32,
     /// Index of the cluster.
     cluster: u32,
     /// Pixels that the box around the cluster may meet; `None` for a box that may reach the eye's plane.
@@ -56,20 +59,31 @@ pub(crate) struct LevelScratch {
     waiting: Vec<u32>,
 }
 
-/// Draws a level into `tiles`. Returns an upper bound on the depth keys of what was drawn.
+/// Draws levels into `tiles`, the nearest clusters of all of them first. `frames` has the view for each level,
+/// `None` for a level that is not drawn. Returns an upper bound on the depth keys of what was drawn.
 #[inline(always)]
-pub(crate) fn draw_level(
-    level: &PreparedLevel,
-    frame: &LevelFrame,
+pub(crate) fn draw_levels(
+    levels: &[Arc<PreparedLevel>],
+    frames: &[Option<LevelFrame>],
     coverage: Coverage,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> f32 {
     scratch.union.prepare(tiles);
-    find_candidates(level, frame, &mut scratch.candidates);
+    scratch.candidates.clear();
+    for (index, (level, frame)) in (0..).zip(levels.iter().zip(frames)) {
+        if let Some(frame) = frame {
+            find_candidates(index, level, frame, &mut scratch.candidates);
+        }
+    }
+    scratch
+        .candidates
+        .sort_unstable_by_key(|candidate| (candidate.order, candidate.level, candidate.cluster));
     let mut nearest = f32::NEG_INFINITY;
     for i in 0..scratch.candidates.len() {
         let candidate = scratch.candidates[i];
+        let index = candidate.level as usize;
+        let (Some(level), Some(Some(frame))) = (levels.get(index), frames.get(index)) else { continue };
         if let Some(rectangle) = &candidate.rectangle
             && !rectangle_may_be_seen(tiles, rectangle, candidate.nearest / BARELY_NEARER)
         {
@@ -82,10 +96,9 @@ pub(crate) fn draw_level(
     nearest
 }
 
-/// Replaces `candidates` by the clusters that may be seen, nearest first.
+/// Appends the clusters that may be seen of a level, given with its index.
 #[inline(always)]
-fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) {
-    candidates.clear();
+fn find_candidates(index: u32, level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) {
     let count = level.level.clusters().len();
     for (i, boxes) in level.groups.iter().enumerate() {
         let groups = project(&frame.projection32, boxes);
@@ -110,12 +123,17 @@ fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut V
                     // Depth keys of parallel views may be negative.
                     let ascending = nearest.to_bits() ^ ((nearest.to_bits() as i32 >> 31) as u32 | 1 << 31);
                     let cluster = (block * WIDTH + lane) as u32;
-                    candidates.push(Candidate { order: !ascending, cluster, rectangle, nearest });
+                    candidates.push(Candidate {
+                        order: !ascending,
+                        level: index,
+                        cluster,
+                        rectangle,
+                        nearest,
+                    });
                 }
             }
         }
     }
-    candidates.sort_unstable_by_key(|candidate| (candidate.order, candidate.cluster));
 }
 
 /// Returns the mask of the clusters whose largest polygon, as near as its cluster, could cover enough pixels.

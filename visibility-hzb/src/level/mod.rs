@@ -51,6 +51,6 @@ mod prepared;
 mod union;
 mod vertices;
 
-pub(crate) use draw::{LevelScratch, draw_level};
-pub(crate) use frame::LevelFrame;
-pub(crate) use prepared::PreparedLevel;
+pub(crate) use draw::{LevelScratch, draw_levels};
+pub(crate) use frame::{LevelFrame, sides};
+pub use prepared::PreparedLevel;
