@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn pixels_are_kept_left_out_or_neither() {
-        let world = World::new(built_in("office:1,2").unwrap(), (96, 54), Some(1)).unwrap();
+        let world = World::new(built_in("office:1,2").unwrap(), (96, 54), Some(3)).unwrap();
         let pixels = |share: f64| {
             let level = Arc::new(make(&world, LevelSettings::default().with_kept_area(share)).unwrap());
             let mut hzb = Hzb::default().with_level(level.clone(), world.origin());
