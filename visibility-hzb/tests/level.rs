@@ -20,7 +20,7 @@ fn quad([a, b, c, d]: [Vec3; 4]) -> [[Vec3; 3]; 2] {
 }
 
 /// Returns the triangles of a box, or of a room if `inwards`: with their fronts inside.
-pub(crate) fn cuboid(bounds: &Aabb, inwards: bool) -> Vec<[Vec3; 3]> {
+fn cuboid(bounds: &Aabb, inwards: bool) -> Vec<[Vec3; 3]> {
     let mesh = OccluderMesh::cuboid(bounds).unwrap();
     let mut triangles: Vec<_> =
         mesh.triangles().iter().map(|t| t.map(|i| mesh.positions()[i as usize])).collect();

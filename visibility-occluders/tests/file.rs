@@ -102,6 +102,15 @@ fn content_that_cannot_be_drawn_is_refused() {
     let first = level.edges()[0];
     let other = if first[1] == first[0] + 1 { first[0] + 2 } else { first[0] + 1 };
     assert!(problem(&level, numbers + 5, &[other as u8]).contains("an outline is not closed"));
+    // A vertex, or a polygon, of no cluster.
+    for (count, bytes) in [(FRONT, 12), (FRONT + 4, 48)] {
+        let mut file = LevelOccluders::default().to_bytes();
+        file[count] = 1;
+        file.splice(count + 4..count + 4, vec![0; bytes]);
+        mend_header(&mut file, 0);
+        let found = LevelOccluders::from_bytes(&file, None).unwrap_err().to_string();
+        assert!(found.contains("are left that no cluster has"), "{found}");
+    }
 }
 
 #[test]
