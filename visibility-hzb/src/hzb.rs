@@ -208,8 +208,8 @@ impl Hzb {
     /// is drawn by itself: where one ends at another, pixels along the border may stay bare. Adding a level
     /// that is there already changes nothing.
     ///
-    /// An engine that streams keeps its [`HzbCuller`](crate::HzbCuller), reaches the z-buffer by `map_mut`, and
-    /// runs the culler after those before it ([`Culler::cull`](visibility_core::Culler::cull)).
+    /// An engine that streams keeps its [`HzbCuller`](crate::HzbCuller), reaches the z-buffer by `map_mut`,
+    /// and runs the culler after those before it ([`Culler::cull`](visibility_core::Culler::cull)).
     ///
     /// Takes no time to speak of: [`PreparedLevel::new`] takes it, in proportion to the sector, on any
     /// thread, so that an engine prepares one sector a frame or beside its frames. A frame takes some 40 ns

@@ -59,8 +59,8 @@ pub(crate) struct LevelScratch {
     waiting: Vec<u32>,
 }
 
-/// Draws levels into `tiles`, the nearest clusters of all of them first. `frames` has the view for each level,
-/// `None` for a level that is not drawn. Returns an upper bound on the depth keys of what was drawn.
+/// Draws levels into `tiles`, the nearest clusters of all of them first. `frames` has the view for each
+/// level, `None` for a level that is not drawn. Returns an upper bound on the depth keys of what was drawn.
 #[inline(always)]
 pub(crate) fn draw_levels(
     levels: &[Arc<PreparedLevel>],
