@@ -13,6 +13,7 @@ pub mod error;
 pub mod frame_hints;
 pub mod gltf_file;
 mod json;
+pub mod level_occluders;
 pub mod load;
 pub mod occlusion;
 pub mod output_file;
@@ -33,7 +34,7 @@ pub mod walkthrough;
 
 pub use description::load_walks;
 pub use error::SourceError;
-pub use load::{cars5, load, load_as, open, open_as, open_by_object};
+pub use load::{cars5, load, load_as, open, open_as, open_by_object, open_with_walks};
 pub use reading::Reading;
 pub use recipes::built_in;
 pub use source::{Hint, SceneSource, SourceObject};

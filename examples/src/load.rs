@@ -4,7 +4,7 @@
 //! glass or doors, and the camera walks. Without the JSON the scene still loads, with z up and walks derived
 //! from its bounds.
 
-use crate::description::Description;
+use crate::description::{Description, load_walks};
 use crate::error::{SourceError, ordinary};
 use crate::reading::Reading;
 use crate::recipes::{built_in_by_object, known_recipes};
@@ -34,6 +34,29 @@ pub fn open(name: &str) -> Result<SceneSource, SourceError> {
 /// Returns the errors of [`open`].
 pub fn open_as(name: &str, reading: &Reading) -> Result<SceneSource, SourceError> {
     collected(|each| open_by_object(name, reading, &mut |_, object| each(object)))
+}
+
+/// Opens the scene `name`. If `cameras` is given, the walks, near plane and up axis come from that JSON
+/// description, in the unit of the scene.
+///
+/// # Errors
+///
+/// Returns [`SourceError`] when a file cannot be read or is invalid.
+pub fn open_with_walks(
+    name: &str,
+    reading: &Reading,
+    cameras: Option<&Path>,
+) -> Result<SceneSource, SourceError> {
+    let mut source = open_as(name, reading)?;
+    if let Some(cameras) = cameras {
+        let unit = reading.metres();
+        source.walks = load_walks(cameras)?;
+        source.walks.iter_mut().for_each(|walk| walk.map(|point| point * unit));
+        let description = Description::load(cameras)?;
+        source.near = description.near.map_or(source.near, |near| near * unit as f32);
+        source.up = reading.up.or(description.up).unwrap_or(source.up);
+    }
+    Ok(source)
 }
 
 /// Makes the same scene as [`open_as`], object by object: each is passed to `each` with the scene's origin as

@@ -7,7 +7,7 @@
 //! The format of the file is described in `docs/formats.md` of the repository.
 
 use crate::deflated::{deflated, inflated};
-use crate::object_facts::{bounds_fingerprint, level_version};
+use crate::object_facts::bounds_fingerprint;
 use crate::tiled_scene::TiledScene;
 use std::collections::HashMap;
 use std::fmt;
@@ -17,7 +17,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::{
     Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells, check_rows,
 };
-use visibility_core::{Aabb, ObjectId, Scene};
+use visibility_core::{Aabb, ObjectId, Scene, level_version};
 
 const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
 

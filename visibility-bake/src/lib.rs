@@ -44,11 +44,11 @@ pub use free_space::CameraRange;
 pub use grid::{Grid, GridError};
 pub use level_error::LevelError;
 pub use method_times::MethodTimes;
-pub use object_facts::level_version;
 pub use sandwich_baker::{BakeScratch, FoundCell, SandwichBaker, SandwichOutcome, bake_fingerprint};
 pub use settings::Settings;
 pub use shard::{AssembleError, Shard, assemble};
 pub use tiled_scene::{TiledScene, TiledSceneWriter};
+pub use visibility_core::level_version::level_version;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -2,12 +2,13 @@
 
 use crate::level_error::LevelError;
 use crate::level_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
-use crate::object_facts::{ObjectFacts, bounds_fingerprint, version};
+use crate::object_facts::{ObjectFacts, bounds_fingerprint};
 use crate::tile_tree::TileTree;
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::level_version::version_of;
 use visibility_core::pvs::Viewcell;
 use visibility_core::scene::{MeshId, Triangle};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
@@ -137,7 +138,7 @@ impl<'a> TiledScene<'a> {
     /// Returns the version of the level, which is that of a scene of the same objects: see
     /// [`level_version`](crate::level_version).
     pub fn version(&self) -> u64 {
-        version(self.origin, self.objects.iter().map(|object| (object.index, object.hash)))
+        version_of(self.origin, self.objects.iter().map(|object| (object.index, object.hash)))
     }
 
     /// Returns a hash of the origin, and of the indices and bounds of the objects.

@@ -35,6 +35,7 @@
 
 use alloc::vec::Vec;
 use core::fmt;
+use glam::{DVec3, Vec3};
 
 /// Size of the header, in bytes: the offset of the content.
 pub const HEADER_LENGTH: usize = 40;
@@ -140,6 +141,19 @@ impl Fingerprint {
     #[must_use]
     pub const fn with_u64(self, number: u64) -> Self {
         self.with(number as u32).with((number >> 32) as u32)
+    }
+
+    /// Returns the hash of the sequence with the bits of x, y and z appended.
+    #[must_use]
+    pub fn with_vec3(self, p: Vec3) -> Self {
+        p.to_array().iter().fold(self, |hash, x| hash.with(x.to_bits()))
+    }
+
+    /// Returns the hash of the sequence with the bits of x, y and z appended, as
+    /// [`with_u64`](Self::with_u64) does.
+    #[must_use]
+    pub fn with_dvec3(self, p: DVec3) -> Self {
+        p.to_array().iter().fold(self, |hash, x| hash.with_u64(x.to_bits()))
     }
 
     /// Returns the hash as a number, for [`Writer::new`] and [`Reader::expect`].

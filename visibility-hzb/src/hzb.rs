@@ -6,7 +6,7 @@ use crate::buffer::tiles::Tiles;
 use crate::buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
 use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
-use crate::level::{LevelFrame, LevelScratch, PreparedLevel, draw_level};
+use crate::level::{LevelFrame, LevelScratch, PreparedLevel, draw_levels, sides};
 use crate::query::box_face_planes::FacePlaneSetup;
 use crate::query::box_projection::ScreenProjection32;
 use crate::query::box_query::{BoxQuery, test_box};
@@ -19,6 +19,7 @@ use crate::setup::screen_projection::{ScreenProjection, project_object};
 use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
 use crate::simd::Kernels;
 use alloc::sync::Arc;
+use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{
@@ -109,9 +110,11 @@ pub struct Hzb {
     /// Clip planes of the current view, relative to the scene's origin, with normals towards the side that
     /// is drawn. An occluder is drawn only if it lies certainly on that side of all clip planes.
     clip_planes: ViewPlanes,
-    /// Occluders of a level, drawn at the beginning of each frame.
-    level: Option<PreparedLevel>,
-    /// Scratch memory for drawing `level`.
+    /// Occluders of levels, drawn at the beginning of each frame.
+    levels: Vec<Arc<PreparedLevel>>,
+    /// The current view for each of `levels`; `None` for a level that it cannot draw.
+    level_frames: Vec<Option<LevelFrame>>,
+    /// Scratch memory for drawing `levels`.
     level_scratch: LevelScratch,
 }
 
@@ -157,7 +160,8 @@ impl Hzb {
             pyramid_misses: 0,
             nearest: f32::NEG_INFINITY,
             clip_planes: ViewPlanes::NONE,
-            level: None,
+            levels: Vec::new(),
+            level_frames: Vec::new(),
             level_scratch: LevelScratch::default(),
         }
     }
@@ -172,7 +176,8 @@ impl Hzb {
     /// relative to `origin`, a point of the world, wherever the scene's origin is later. They hide as their
     /// triangles would, so a level must not contain what moves or opens; that stays an
     /// [occluder](visibility_core::Object::occluder) of the scene. The occluders of objects that the level
-    /// [was made of](LevelOccluders::objects) are not drawn again. Replaces an earlier level.
+    /// [was made of](LevelOccluders::objects) are not drawn again. Replaces all earlier levels;
+    /// [`add_level`](Self::add_level) keeps them.
     ///
     /// Preparing takes time in proportion to the level. A frame then takes time for the clusters that are in
     /// view, large enough and not hidden. [`OcclusionMap::begin`] draws them.
@@ -196,7 +201,50 @@ impl Hzb {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn with_level(self, level: Arc<LevelOccluders>, origin: DVec3) -> Self {
-        Self { level: Some(PreparedLevel::new(level, origin)), ..self }
+        Self { levels: alloc::vec![Arc::new(PreparedLevel::new(level, origin))], ..self }
+    }
+
+    /// Adds the occluders of another level, such as a sector of a world that is streamed. From the next
+    /// [`begin`](OcclusionMap::begin) on the clusters of all levels are drawn, the nearest first. Each level
+    /// is drawn by itself: where one ends at another, pixels along the border may stay bare. Adding a level
+    /// that is there already changes nothing.
+    ///
+    /// An engine that streams keeps its [`HzbCuller`](crate::HzbCuller), reaches the z-buffer by `map_mut`,
+    /// and runs the culler after those before it ([`Culler::cull`](visibility_core::Culler::cull)).
+    ///
+    /// Takes no time to speak of: [`PreparedLevel::new`] takes it, in proportion to the sector, on any
+    /// thread, so that an engine prepares one sector a frame or beside its frames. A frame takes some 40 ns
+    /// for each level out of view.
+    ///
+    /// ```
+    /// use std::sync::Arc;
+    /// use visibility_core::glam::{DVec3, Vec3};
+    /// use visibility_hzb::{Hzb, PreparedLevel};
+    /// use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+    /// let corners = [Vec3::ZERO, Vec3::new(8.0, 0.0, 0.0), Vec3::new(8.0, 0.0, 3.0)];
+    /// let wall = [LevelTriangle { corners, two_sided: true }];
+    /// let sector = Arc::new(LevelOccluders::new(&wall, LevelSettings::default())?);
+    /// let place = DVec3::new(1e6, 0.0, 0.0);
+    /// let prepared = std::thread::spawn(move || Arc::new(PreparedLevel::new(sector, place)));
+    /// let prepared = prepared.join().unwrap();
+    /// let mut hzb = Hzb::default();
+    /// hzb.add_level(prepared.clone());
+    /// // Frames later the player has left the sector.
+    /// assert!(hzb.remove_level(&prepared));
+    /// # Ok::<(), visibility_occluders::LevelError>(())
+    /// ```
+    pub fn add_level(&mut self, level: Arc<PreparedLevel>) {
+        if !self.levels.iter().any(|own| Arc::ptr_eq(own, &level)) {
+            self.levels.push(level);
+        }
+    }
+
+    /// Removes a level that [`add_level`](Self::add_level) has added, and returns whether it was there. From
+    /// the next [`begin`](OcclusionMap::begin) on it hides nothing. Its memory is freed with the last `Arc`.
+    pub fn remove_level(&mut self, level: &Arc<PreparedLevel>) -> bool {
+        let count = self.levels.len();
+        self.levels.retain(|own| !Arc::ptr_eq(own, level));
+        self.levels.len() < count
     }
 
     /// Sets the instruction set of the inner loops. Answers do not depend on it. For tests and benchmarks.
@@ -418,13 +466,19 @@ impl OcclusionMap for Hzb {
         self.nearest = f32::NEG_INFINITY;
         self.clip_planes = view.clip_planes_from(origin);
         self.pyramid.clear();
-        if work > 0.0
-            && let Some(level) = &self.level
-            && let Some(frame) = LevelFrame::new(view, level, self.size, padded)
-        {
+        if work > 0.0 && !self.levels.is_empty() {
+            let sides = sides(&self.projection);
+            let frames = self.levels.iter().map(|level| {
+                let is_in_view = level.is_in_view(&sides, origin);
+                is_in_view.then(|| LevelFrame::new(view, level, self.size, padded)).flatten()
+            });
+            self.level_frames.clear();
+            self.level_frames.extend(frames);
+            let (levels, frames) = (&self.levels, &self.level_frames);
             let (scratch, tiles) = (&mut self.level_scratch, &mut self.tiles);
             let spent;
-            (self.nearest, spent) = draw_level(self.simd, level, &frame, self.coverage, work, scratch, tiles);
+            (self.nearest, spent) =
+                draw_levels(self.simd, levels, frames, self.coverage, work, scratch, tiles);
             self.pyramid.update(&mut self.tiles);
             return spent;
         }
@@ -464,7 +518,7 @@ impl OcclusionMap for Hzb {
     }
 
     fn draws(&self, object: ObjectId) -> bool {
-        self.level.as_ref().is_some_and(|level| level.objects.get(object.index()) == Some(&object))
+        self.levels.iter().any(|level| level.objects.get(object.index()) == Some(&object))
     }
 
     fn flush(&mut self) {

@@ -99,6 +99,7 @@ pub use buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
 pub use coverage::Coverage;
 pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};
 pub use hzb::Hzb;
+pub use level::PreparedLevel;
 
 /// Occlusion culler over a hierarchical z-buffer ([`Hzb`]), to be run after a frustum culler. It draws a
 /// scene's occluders roughly from front to back and removes from the visible set the objects whose bounding

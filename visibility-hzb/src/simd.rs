@@ -96,7 +96,7 @@ compiled! {
         coverage: Coverage, scratch: &mut MeshScratch, contour_tiles: &mut ContourTiles, tiles: &mut Tiles
     ) -> f32;
     find_candidates = crate::level::find_candidates,
-        (level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) -> usize;
+        (index: u32, level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) -> usize;
     begin_cluster = crate::level::begin_cluster,
         (level: &PreparedLevel, frame: &LevelFrame, index: usize, scratch: &mut LevelScratch) -> bool;
     finish_edges = Edges::finish, (edges: &mut Edges) -> ();

@@ -58,7 +58,7 @@ fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
 
 /// Returns a random level: rooms, boxes that touch, sheets, a ground. Triangles of the same level hide from
 /// one side or from both.
-fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
+pub(crate) fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
     let mut out = Vec::new();
     let mut add = |random: &mut Random, triangles: Vec<[Vec3; 3]>| {
         let sides = random.below(3);
@@ -94,7 +94,7 @@ fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
 }
 
 /// Returns triangles as faces to cast rays at.
-fn as_faces(triangles: &[LevelTriangle]) -> Vec<Face> {
+pub(crate) fn as_faces(triangles: &[LevelTriangle]) -> Vec<Face> {
     let face = |t: &LevelTriangle| Face { corners: t.corners.map(|p| p.as_dvec3()), one_sided: !t.two_sided };
     triangles.iter().map(face).collect()
 }
@@ -104,7 +104,7 @@ fn level(triangles: &[LevelTriangle], settings: LevelSettings) -> Arc<LevelOcclu
 }
 
 /// Returns a view from a place among the triangles: in the corner of a room, on the ground, beside a wall.
-fn view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
+pub(crate) fn view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
     let [a, b, c] = triangles[random.below(triangles.len())].corners.map(|p| p.as_dvec3());
     let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
     let beside = random.fine_range(-2.0, 2.0) * [1.0, 1e-2, 1e-4][random.below(3)];

@@ -12,6 +12,7 @@ mod magnitudes;
 mod no_allocation;
 mod pyramid;
 mod rays;
+mod sectors;
 mod swapped_sources;
 mod views;
 

@@ -9,7 +9,7 @@ use crate::t_junctions::insert_t_junctions;
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, ObjectId, Scene};
+use visibility_core::{Aabb, ObjectId, Scene, level_version};
 
 /// Settings by which the occluders of a level are made.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -154,12 +154,14 @@ const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 /// ```
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct LevelOccluders {
-    vertices: Vec<Vec3>,
-    edges: Vec<OutlineEdge>,
-    polygons: Vec<OccluderPolygon>,
-    clusters: Vec<OccluderCluster>,
-    objects: Vec<ObjectId>,
-    report: LevelReport,
+    pub(crate) vertices: Vec<Vec3>,
+    pub(crate) edges: Vec<OutlineEdge>,
+    pub(crate) polygons: Vec<OccluderPolygon>,
+    pub(crate) clusters: Vec<OccluderCluster>,
+    pub(crate) objects: Vec<ObjectId>,
+    pub(crate) report: LevelReport,
+    /// Version of the level that the occluders were made from, if it is known.
+    pub(crate) version: Option<u64>,
 }
 
 impl LevelOccluders {
@@ -218,25 +220,30 @@ impl LevelOccluders {
     /// Makes the occluders of a scene's level from the triangles ([`Scene::set_triangles`]) of the occluders
     /// that stand still, as `stands_still` tells; see-through objects have none. Triangles of
     /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are
-    /// relative to [`Scene::origin`].
+    /// relative to [`Scene::origin`]. The occluders have the [version](level_version()) of the scene.
     ///
     /// # Errors
     /// As [`new`](Self::new).
     pub fn of_scene(
         scene: &Scene,
-        mut stands_still: impl FnMut(ObjectId) -> bool,
+        stands_still: impl FnMut(ObjectId) -> bool,
         settings: LevelSettings,
     ) -> Result<Self, LevelError> {
-        let (mut triangles, mut objects) = (Vec::new(), Vec::new());
-        for id in scene.ids().filter(|&id| stands_still(id)) {
-            let (Ok(object), Ok(own)) = (scene.object(id), scene.triangles(id)) else { continue };
-            if object.occluder && !object.see_through {
-                let two_sided = !object.one_sided;
-                triangles.extend(own.iter().map(|&corners| LevelTriangle { corners, two_sided }));
-                objects.push(id);
-            }
+        let mut triangles = Vec::new();
+        let mut objects = Vec::new();
+        for (id, two_sided) in objects_of(scene, stands_still) {
+            let own = scene.triangles(id).unwrap_or_default();
+            triangles.extend(own.iter().map(|&corners| LevelTriangle { corners, two_sided }));
+            objects.push(id);
         }
-        Ok(Self { objects, ..Self::new(&triangles, settings)? })
+        Ok(Self { objects, ..Self::new(&triangles, settings)?.with_version(level_version(scene)) })
+    }
+
+    /// Sets the [objects](Self::objects) whose triangles are in the level, for occluders read from a file:
+    /// those that [`of_scene`](Self::of_scene) would take.
+    #[must_use]
+    pub fn with_objects_of(self, scene: &Scene, stands_still: impl FnMut(ObjectId) -> bool) -> Self {
+        Self { objects: objects_of(scene, stands_still).map(|(id, _)| id).collect(), ..self }
     }
 
     /// Appends a cluster of regions, each given with its outline. `magnitude` bounds all coordinates.
@@ -299,16 +306,40 @@ impl LevelOccluders {
         &self.clusters
     }
 
-    /// Returns the objects whose triangles are in the level, as far as it was made [of a
-    /// scene](Self::of_scene): none of one made of triangles.
+    /// Returns the objects whose triangles are in the level: those that it was [made of](Self::of_scene), or
+    /// [set](Self::with_objects_of). None without either.
     pub fn objects(&self) -> &[ObjectId] {
         &self.objects
+    }
+
+    /// Sets the [version](Self::version) of the level, for occluders that were not made from a scene.
+    #[must_use]
+    pub fn with_version(self, version: u64) -> Self {
+        Self { version: Some(version), ..self }
+    }
+
+    /// Returns the version of the level that the occluders were made from: [`level_version`](level_version())
+    /// of the scene, or the number given to [`with_version`](Self::with_version). `None` without either.
+    pub fn version(&self) -> Option<u64> {
+        self.version
     }
 
     /// Returns what making the occluders did.
     pub fn report(&self) -> &LevelReport {
         &self.report
     }
+}
+
+/// Iterates over the objects of a scene whose triangles are in its level, with whether they hide from both
+/// sides.
+fn objects_of(
+    scene: &Scene,
+    mut stands_still: impl FnMut(ObjectId) -> bool,
+) -> impl Iterator<Item = (ObjectId, bool)> {
+    scene.ids().filter_map(move |id| {
+        let object = scene.object(id).ok().filter(|object| object.occluder && !object.see_through)?;
+        stands_still(id).then_some((id, !object.one_sided))
+    })
 }
 
 /// Sorts regions by area, greatest first, and leaves out the last ones as long as those kept have at least

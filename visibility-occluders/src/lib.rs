@@ -13,6 +13,7 @@ extern crate std;
 
 mod clusters;
 mod faces;
+mod file;
 mod level;
 mod outlines;
 mod pieces;
@@ -20,4 +21,5 @@ mod regions;
 mod t_junctions;
 
 pub use faces::LevelTriangle;
+pub use file::LevelFileError;
 pub use level::{LevelError, LevelOccluders, LevelReport, LevelSettings, OccluderCluster, OccluderPolygon};

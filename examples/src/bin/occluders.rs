@@ -1,10 +1,19 @@
-//! Program `occluders`: makes the occluders of a level from a scene, and prints what became of its triangles.
+//! Program `occluders`: makes the occluders of a level from a scene, writes the file that a game loads, and
+//! says and draws what became of the scene's triangles.
 
 use clap::Parser;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Instant;
-use visibility_examples::{eprintln, open, println};
-use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+use visibility_examples::arguments::{count, parse_size};
+use visibility_examples::level_occluders::{make, picture};
+use visibility_examples::output_file::{plain_name, write};
+use visibility_examples::source::{check_hints, parse_hint};
+use visibility_examples::walkthrough::World;
+use visibility_examples::{Hint, Reading, eprintln, open_with_walks, println};
+use visibility_hzb::Hzb;
+use visibility_occluders::{LevelOccluders, LevelSettings};
 
 /// Make the occluders of a level: its opaque triangles welded, joined into planar polygons, in clusters.
 #[derive(Parser)]
@@ -12,6 +21,15 @@ use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 struct Arguments {
     /// Scene: a recipe such as `office:2,16`, or a file (.vscn, .glb, .gltf).
     scene: String,
+
+    /// How scene files are read.
+    #[command(flatten)]
+    reading: Reading,
+
+    /// What objects are whose names contain TEXT, as of the program `bake`. Doors and movers are no part of
+    /// the level. May be given several times.
+    #[arg(long = "hint", value_name = "HINT=TEXT", value_parser = parse_hint)]
+    hints: Vec<(Hint, String)>,
 
     /// Share of the area of all polygons to keep, from 0 to 1. The smallest polygons are left out. By default
     /// as much as the z-buffer draws.
@@ -22,10 +40,31 @@ struct Arguments {
     /// roundings.
     #[arg(long, value_name = "FRACTION")]
     flatness: Option<f64>,
+
+    /// File to write, for `walkthrough --cullers hzb-level:FILE`. It is refused for a scene with other
+    /// triangles, hints or units.
+    #[arg(short, long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    /// Folder for pictures of what is kept and what is left out, as the cameras see it. By default none.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+
+    /// JSON description whose camera walks replace the scene's own.
+    #[arg(long, value_name = "FILE.json", requires = "pictures")]
+    cameras: Option<PathBuf>,
+
+    /// Number of pictures, spread evenly over the walks.
+    #[arg(long, value_name = "N", value_parser = count(), default_value = "6", requires = "pictures")]
+    frames: usize,
+
+    /// Size of the pictures in pixels.
+    #[arg(long, default_value = "1024x576", value_name = "WxH", value_parser = parse_size::<u32>, requires = "pictures")]
+    size: [u32; 2],
 }
 
 fn main() -> ExitCode {
-    match make(&Arguments::parse()) {
+    match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
@@ -34,16 +73,17 @@ fn main() -> ExitCode {
     }
 }
 
-fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let source = open(&arguments.scene)?;
+fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    let mut source = open_with_walks(&arguments.scene, &arguments.reading, arguments.cameras.as_deref())?;
     source.print_notes();
-    let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
-    let triangles: Vec<LevelTriangle> = opaque
-        .flat_map(|object| {
-            let two_sided = !object.one_sided;
-            object.triangles.iter().map(move |&corners| LevelTriangle { corners, two_sided })
-        })
-        .collect();
+    let mut is_named = vec![false; arguments.hints.len()];
+    source.objects.iter_mut().for_each(|object| object.take_all(&arguments.hints, &mut is_named));
+    check_hints(&arguments.hints, &is_named)?;
+    let world = if arguments.pictures.is_some() {
+        World::new(source, arguments.size.into(), Some(arguments.frames))?
+    } else {
+        World::with_views(source, Vec::new(), Vec::new(), (1, 1))
+    };
     let mut settings = LevelSettings::default();
     if let Some(share) = arguments.keep {
         settings = settings.with_kept_area(share);
@@ -52,10 +92,11 @@ fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         settings = settings.with_flatness(flatness);
     }
     let start = Instant::now();
-    let level = LevelOccluders::new(&triangles, settings)?;
+    let level = make(&world, settings)?;
     let seconds = start.elapsed().as_secs_f64();
     let report = level.report();
-    println!("{}: {} opaque triangles of {}", source.name, report.triangles, source.triangle_count());
+    let all = world.source.triangle_count();
+    println!("{}: {} opaque triangles of {all} stand still", world.source.name, report.triangles);
     println!("{} faces, {} open edges", report.faces, report.open_edges);
     println!("{} T-junctions, {} open edges left", report.t_junctions, report.open_edges_left);
     println!(
@@ -69,5 +110,34 @@ fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         level.clusters().len(),
         report.area_left_out,
     );
+    if let Some(path) = &arguments.out {
+        let bytes = level.to_bytes();
+        write(path, &bytes)?;
+        let version = level.version().unwrap_or_default();
+        println!("{}: {} bytes, level version {version:016x}", path.display(), bytes.len());
+    }
+    if let Some(folder) = &arguments.pictures {
+        draw(&world, Arc::new(level), folder)?;
+    }
+    Ok(())
+}
+
+/// Writes a picture of each view of the world to a folder, and prints what its pixels are.
+fn draw(
+    world: &World,
+    level: Arc<LevelOccluders>,
+    folder: &std::path::Path,
+) -> Result<(), Box<dyn std::error::Error>> {
+    std::fs::create_dir_all(folder).map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
+    let mut hzb = Hzb::default().with_level(level.clone(), world.origin());
+    let name = &world.source.name;
+    for (frame, view) in world.views.iter().enumerate() {
+        let title = format!("{name}, frame {frame}: the level's occluders");
+        let (canvas, pixels) = picture::draw(world, view, &level, &mut hzb, &title)?;
+        let file = plain_name(&format!("{name}-{frame:04}-occluders"));
+        let path = folder.join(format!("{file}.png"));
+        canvas.save(&path)?;
+        println!("{}: {pixels}", path.display());
+    }
     Ok(())
 }

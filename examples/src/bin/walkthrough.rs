@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::arguments::{count, parse_size};
-use visibility_examples::description::Description;
 use visibility_examples::output_file::{plain_name, write_with};
 use visibility_examples::progress::Steps;
 use visibility_examples::source::{check_hints, parse_hint};
@@ -17,7 +16,7 @@ use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
     Trial, World, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
 };
-use visibility_examples::{Hint, Reading, SceneSource, SourceError, load_as, load_walks, open_as};
+use visibility_examples::{Hint, Reading, load_as, open_with_walks};
 use visibility_examples::{eprintln, print, println};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
@@ -103,7 +102,7 @@ fn main() -> ExitCode {
 fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let name = arguments.scene.as_deref().or(arguments.file.as_deref()).unwrap_or("plpcity");
     let start = Instant::now();
-    let mut source = scene(name, &arguments.reading, arguments.cameras.as_deref())?;
+    let mut source = open_with_walks(name, &arguments.reading, arguments.cameras.as_deref())?;
     source.print_notes();
     for file in &arguments.with {
         let with = load_as(file, &arguments.reading)?;
@@ -188,21 +187,6 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     println!("pictures: {}", arguments.pictures.display());
     Ok(())
-}
-
-/// Opens the scene `name`. If `cameras` is given, the walks, near plane and up axis come from that JSON
-/// description, in the unit of the scene. Returns an error when a file cannot be read or is invalid.
-fn scene(name: &str, reading: &Reading, cameras: Option<&Path>) -> Result<SceneSource, SourceError> {
-    let mut source = open_as(name, reading)?;
-    if let Some(cameras) = cameras {
-        let unit = reading.metres();
-        source.walks = load_walks(cameras)?;
-        source.walks.iter_mut().for_each(|walk| walk.map(|point| point * unit));
-        let description = Description::load(cameras)?;
-        source.near = description.near.map_or(source.near, |near| near * unit as f32);
-        source.up = reading.up.or(description.up).unwrap_or(source.up);
-    }
-    Ok(source)
 }
 
 /// Writer of pictures of a world into a folder. `marked` is the index of the object that is marked in the

@@ -6,7 +6,7 @@ use glam::Vec3;
 use visibility_core::View;
 use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
-const SKY: Color = [198, 215, 232];
+pub(crate) const SKY: Color = [198, 215, 232];
 const MARK: [f32; 3] = [1.0, 0.1, 0.1];
 
 /// Selection and marking of the objects in a picture from the eye.
@@ -67,7 +67,8 @@ fn own_color(object: usize) -> [f32; 3] {
     })
 }
 
-fn shade(color: [f32; 3], triangle: &[Vec3; 3]) -> Color {
+/// Returns a color, given as fractions from 0 to 1, shaded by the direction of a triangle.
+pub(crate) fn shade(color: [f32; 3], triangle: &[Vec3; 3]) -> Color {
     let [a, b, c] = *triangle;
     let normal = (b - a).cross(c - a).normalize_or_zero();
     let light = 0.55 + 0.45 * normal.dot(Vec3::new(0.48, 0.64, 0.6)).abs();

@@ -1,4 +1,4 @@
-//! Draws the clusters of a level, nearest first.
+//! Draws the clusters of levels, nearest first.
 
 use super::clip::{ClipScratch, End};
 use super::edges::Edges;
@@ -18,6 +18,7 @@ use crate::setup::depth_plane::plane;
 use crate::setup::screen_projection::U;
 use crate::setup::screen_shape::tile_minimum_plane;
 use crate::simd::Kernels;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
@@ -45,6 +46,8 @@ const TILE_WORK: f32 = 0.25;
 pub(crate) struct Candidate {
     /// Order of drawing: less is nearer. Bits of the greatest depth key, inverted.
     order: u32,
+    /// Index of the level.
+    level: u32,
     /// Index of the cluster.
     cluster: u32,
     /// Pixels that the box around the cluster may meet; `None` for a box that may reach the eye's plane.
@@ -73,25 +76,38 @@ pub(crate) struct LevelScratch {
     work: f32,
 }
 
-/// Draws a level into `tiles`, nearest clusters first, until about `work` is spent, in triangles. Returns an
-/// upper bound on the depth keys of what was drawn, and the work spent.
-pub(crate) fn draw_level(
+/// Draws levels into `tiles`, the nearest clusters of all of them first, until about `work` is spent, in
+/// triangles. `frames` has the view for each level, `None` for a level that is not drawn. Returns an upper
+/// bound on the depth keys of what was drawn, and the work spent.
+pub(crate) fn draw_levels(
     simd: Simd,
-    level: &PreparedLevel,
-    frame: &LevelFrame,
+    levels: &[Arc<PreparedLevel>],
+    frames: &[Option<LevelFrame>],
     coverage: Coverage,
     work: f32,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> (f32, f32) {
     scratch.union.prepare(tiles);
-    scratch.work = CANDIDATE_WORK * simd.find_candidates(level, frame, &mut scratch.candidates) as f32;
+    scratch.candidates.clear();
+    let mut looked_at = 0;
+    for (index, (level, frame)) in (0..).zip(levels.iter().zip(frames)) {
+        if let Some(frame) = frame {
+            looked_at += simd.find_candidates(index, level, frame, &mut scratch.candidates);
+        }
+    }
+    scratch
+        .candidates
+        .sort_unstable_by_key(|candidate| (candidate.order, candidate.level, candidate.cluster));
+    scratch.work = CANDIDATE_WORK * looked_at as f32;
     let mut nearest = f32::NEG_INFINITY;
     for i in 0..scratch.candidates.len() {
         if scratch.work >= work {
             break;
         }
         let candidate = scratch.candidates[i];
+        let index = candidate.level as usize;
+        let (Some(level), Some(Some(frame))) = (levels.get(index), frames.get(index)) else { continue };
         if let Some(rectangle) = &candidate.rectangle
             && !simd.rectangle_may_be_seen(tiles, rectangle, candidate.nearest / BARELY_NEARER)
         {
@@ -104,15 +120,15 @@ pub(crate) fn draw_level(
     (nearest, scratch.work)
 }
 
-/// Replaces `candidates` by the clusters that may be seen, nearest first. Returns the number of clusters
+/// Appends the clusters that may be seen of a level, given with its index. Returns the number of clusters
 /// looked at.
 #[inline(always)]
 pub(crate) fn find_candidates(
+    index: u32,
     level: &PreparedLevel,
     frame: &LevelFrame,
     candidates: &mut Vec<Candidate>,
 ) -> usize {
-    candidates.clear();
     let mut looked_at = 0;
     let count = level.level.clusters().len();
     for (i, boxes) in level.groups.iter().enumerate() {
@@ -139,12 +155,17 @@ pub(crate) fn find_candidates(
                     // Depth keys of parallel views may be negative.
                     let ascending = nearest.to_bits() ^ ((nearest.to_bits() as i32 >> 31) as u32 | 1 << 31);
                     let cluster = (block * WIDTH + lane) as u32;
-                    candidates.push(Candidate { order: !ascending, cluster, rectangle, nearest });
+                    candidates.push(Candidate {
+                        order: !ascending,
+                        level: index,
+                        cluster,
+                        rectangle,
+                        nearest,
+                    });
                 }
             }
         }
     }
-    candidates.sort_unstable_by_key(|candidate| (candidate.order, candidate.cluster));
     looked_at
 }
 

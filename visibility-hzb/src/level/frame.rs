@@ -58,11 +58,23 @@ pub(crate) struct LevelFrame {
     /// Upper bound on the distance in pixels by which a point in the picture moves on the screen if it moves
     /// by one metre, times its `w`.
     pub(super) pixels_per_metre: f64,
-    /// The sides of the view: `a x + b y + c z + d + e r` is negative for a ball of radius `r` about the
-    /// point `x`, `y`, `z` that is beyond the side. Not rounded conservatively.
+    /// The [`sides`] of the view.
     pub(super) sides: [[f32; 5]; 5],
     /// Greatest change of `w` over one metre.
     pub(super) w_per_metre: f64,
+}
+
+/// Returns the sides of a view: `a x + b y + c z + d + e r` is negative for a ball of radius `r` about the
+/// point `x`, `y`, `z` that is beyond the side. Not rounded conservatively.
+pub(crate) fn sides(projection: &ScreenProjection) -> [[f64; 5]; 5] {
+    let row = |row: &ScreenRow| {
+        let linear = DVec3::from(row.linear);
+        linear.extend(row.constant - linear.dot(projection.anchor))
+    };
+    let [left, top, depth] = [0, 1, 2].map(|i| row(&projection.rows[i]));
+    let [width, height] = projection.size;
+    let sides = [left, width * depth - left, top, height * depth - top, row(&projection.near)];
+    sides.map(|side| [side.x, side.y, side.z, side.w, side.truncate().length()])
 }
 
 impl LevelFrame {
@@ -100,19 +112,8 @@ impl LevelFrame {
             let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
             (row - along).length()
         };
-        let row = |row: &ScreenRow| {
-            let linear = DVec3::from(row.linear);
-            linear.extend(row.constant - linear.dot(projection.anchor))
-        };
-        let [left, top, depth_row] = [0, 1, 2].map(|i| row(&projection.rows[i]));
-        let [width, height] = projection.size;
-        let sides = [left, width * depth_row - left, top, height * depth_row - top, row(&projection.near)];
-        let sides = sides.map(|side| {
-            let length = side.truncate().length();
-            [side.x, side.y, side.z, side.w, length].map(|value| value as f32)
-        });
         Some(Self {
-            sides,
+            sides: sides(&projection).map(|side| side.map(|value| value as f32)),
             projection32: ScreenProjection32::new(&projection),
             object,
             plane_errors: [object.determinant_error(), object.cross_error(projection.size)],

@@ -53,10 +53,10 @@ mod union;
 mod vertices;
 mod window;
 
-pub(crate) use draw::{Candidate, LevelScratch, begin_cluster, draw_level, find_candidates};
+pub(crate) use draw::{Candidate, LevelScratch, begin_cluster, draw_levels, find_candidates};
 pub(crate) use edges::Edges;
 pub(crate) use fill::{FillScratch, fill};
-pub(crate) use frame::LevelFrame;
+pub(crate) use frame::{LevelFrame, sides};
 pub(crate) use open_tiles::{TileKeys, find_open_tiles};
-pub(crate) use prepared::PreparedLevel;
+pub use prepared::PreparedLevel;
 pub(crate) use union::UnionTiles;

@@ -24,13 +24,20 @@ pub(crate) struct Polygons {
     pub(crate) radius: [f32; WIDTH],
 }
 
-/// The occluders of a level, ready to be drawn.
+/// The occluders of a level with their place in the world, ready for
+/// [`Hzb::add_level`](crate::Hzb::add_level).
+///
+/// It can be prepared on any thread, shared by the z-buffers of several views, and kept while the level is
+/// not drawn. It takes about as much memory as the occluders themselves.
 #[derive(Clone, Debug)]
-pub(crate) struct PreparedLevel {
+pub struct PreparedLevel {
     /// The occluders.
     pub(crate) level: Arc<LevelOccluders>,
     /// Origin in world space that all positions are relative to.
     pub(crate) origin: DVec3,
+    /// Middle of the box around all clusters in metres, and the distance of its corners from there.
+    /// The middle is not a number without clusters.
+    pub(crate) ball: (DVec3, f64),
     /// Greatest magnitude of the x, y and z of all vertices, and of points beside polygons as far from their
     /// middles as their vertices.
     pub(crate) reach: DVec3,
@@ -66,8 +73,10 @@ pub(crate) struct PreparedEdge {
 pub(crate) const NO_POLYGON: u32 = u32::MAX;
 
 impl PreparedLevel {
-    /// Prepares a level. Takes time in proportion to its vertices.
-    pub(crate) fn new(level: Arc<LevelOccluders>, origin: DVec3) -> Self {
+    /// Prepares the occluders of a level. Their positions are relative to `origin`, a point of the world,
+    /// wherever the scene's origin is later. Takes time in proportion to the edges, some 30 to
+    /// 200 ns for each.
+    pub fn new(level: Arc<LevelOccluders>, origin: DVec3) -> Self {
         let boxes: Vec<Aabb> = level.clusters().iter().map(|cluster| cluster.bounds).collect();
         let clusters = in_lanes(&boxes);
         let area = |cluster: &OccluderCluster| {
@@ -87,6 +96,9 @@ impl PreparedLevel {
                 Aabb { min, max }
             })
             .collect();
+        let all = groups.iter().map(|bounds| bounds.min).chain(groups.iter().map(|bounds| bounds.max));
+        let all = Aabb::from_points(all);
+        let ball = (all.center().as_dvec3(), all.half_extent().as_dvec3().length());
         let groups = in_lanes(&groups);
         let (mut polygons, mut first_polygons) = (Vec::new(), Vec::new());
         let (mut reach, mut thickness) = (DVec3::ZERO, 0.0f64);
@@ -125,6 +137,7 @@ impl PreparedLevel {
         Self {
             level,
             origin,
+            ball,
             reach,
             thickness,
             clusters,
@@ -135,6 +148,16 @@ impl PreparedLevel {
             edges,
             objects,
         }
+    }
+}
+
+impl PreparedLevel {
+    /// Returns whether the level may be in a view with the given [sides](super::sides) relative to `origin`.
+    /// An estimate: what is not in view need not be drawn.
+    pub(crate) fn is_in_view(&self, sides: &[[f64; 5]; 5], origin: DVec3) -> bool {
+        let (middle, radius) = self.ball;
+        let [x, y, z] = (self.origin - origin + middle).to_array();
+        sides.iter().all(|[a, b, c, d, e]| a * x + b * y + c * z + d + e * radius >= 0.0)
     }
 }
 

@@ -249,6 +249,7 @@ pub fn convention(view: &View, which: usize) -> View {
 }
 
 /// A triangle of an occluder in world coordinates.
+#[derive(Clone, Copy)]
 pub struct Face {
     /// Corners in world coordinates, counter-clockwise as seen from the front.
     pub corners: [DVec3; 3],

@@ -3,11 +3,11 @@
 
 use super::known::{Known, Made};
 use crate::arguments::parse_size;
-use crate::walkthrough::World;
+use crate::level_occluders;
+use std::path::Path;
 use std::sync::Arc;
-use visibility_core::ObjectId;
 use visibility_hzb::{Coverage, Hzb, HzbCuller};
-use visibility_occluders::{LevelOccluders, LevelSettings};
+use visibility_occluders::LevelSettings;
 
 pub(super) const KNOWN: &[Known] = &[
     Known {
@@ -24,11 +24,18 @@ pub(super) const KNOWN: &[Known] = &[
     },
     Known {
         name: "hzb-level",
-        what: "as hzb, drawing the level as a whole: its opaque triangles welded and joined into polygons beforehand",
+        what: "as hzb, drawing the level as a whole: its opaque triangles welded and joined into polygons beforehand, \
+               or read from the file of `hzb-level:FILE`, written by the program `occluders`",
         dials: &["512x288"],
         make: |dial, world| {
-            let level = level(world)?;
-            Ok(Box::new(HzbCuller::new(map(dial)?.with_level(level, world.origin()))))
+            let file = dial.filter(|dial| parse_size::<usize>(dial).is_err());
+            let hzb = map(dial.filter(|_| file.is_none()))?;
+            let level = match file {
+                Some(file) => level_occluders::read(Path::new(file), world)?,
+                None => level_occluders::make(world, LevelSettings::default())
+                    .map_err(|error| error.to_string())?,
+            };
+            Ok(Box::new(HzbCuller::new(hzb.with_level(Arc::new(level), world.origin()))))
         },
     },
     Known {
@@ -42,13 +49,6 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
 ];
-
-/// Returns the occluders of the level: those of all opaque objects that stand still.
-fn level(world: &World) -> Result<Arc<LevelOccluders>, String> {
-    let stands_still = |id: ObjectId| !world.source.objects[id.index()].door;
-    let level = LevelOccluders::of_scene(&world.scene, stands_still, LevelSettings::default());
-    level.map(Arc::new).map_err(|error| error.to_string())
-}
 
 /// Makes a z-buffer whose dial is its size in pixels, such as `256x144`; without a dial 512 x 288. Text that
 /// is no size, or a size that the z-buffer cannot have, is an error.

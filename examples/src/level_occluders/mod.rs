@@ -1,0 +1,66 @@
+//! The occluders of a world's level: made, or read from the file that the program `occluders` writes, and
+//! pictures of them.
+
+pub mod picture;
+
+use crate::walkthrough::World;
+use std::path::Path;
+use visibility_core::{ObjectId, level_version};
+use visibility_occluders::{LevelError, LevelOccluders, LevelSettings};
+
+/// Makes the occluders of a world's level: those of all opaque objects that stand still. Doors do not.
+///
+/// # Errors
+///
+/// Returns [`LevelError`] if there are too many triangles.
+pub fn make(world: &World, settings: LevelSettings) -> Result<LevelOccluders, LevelError> {
+    LevelOccluders::of_scene(&world.scene, |id| stands_still(world, id), settings)
+}
+
+/// Returns whether an object is no door.
+fn stands_still(world: &World, id: ObjectId) -> bool {
+    !world.source.objects[id.index()].door
+}
+
+/// Reads the occluders of a world's level from a file.
+///
+/// # Errors
+///
+/// Returns a message with the path if the file cannot be read, is damaged, or is of another version of the
+/// level: with another triangle, hint or unit.
+pub fn read(path: &Path, world: &World) -> Result<LevelOccluders, String> {
+    let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    let bytes = std::fs::read(path).map_err(|error| named(&error))?;
+    let level = LevelOccluders::from_bytes(&bytes, Some(level_version(&world.scene)));
+    let level = level.map_err(|error| named(&error))?;
+    Ok(level.with_objects_of(&world.scene, |id| stands_still(world, id)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::built_in;
+    use crate::walkthrough::cullers::parse;
+
+    #[test]
+    fn a_file_is_read_for_its_own_level() {
+        let world = |change: fn(&mut crate::SceneSource)| {
+            let mut source = built_in("office:1,2").unwrap();
+            change(&mut source);
+            World::new(source, (64, 36), Some(1)).unwrap()
+        };
+        let same = world(|_| {});
+        let level = make(&same, LevelSettings::default()).unwrap();
+        let path = std::env::temp_dir().join(format!("level-{}.occ", std::process::id()));
+        std::fs::write(&path, level.to_bytes()).unwrap();
+        assert_eq!(read(&path, &same), Ok(level));
+        let list = format!("hzb-level:{}", path.display());
+        assert_eq!(parse(&list, &same).unwrap().len(), 1);
+        let other = world(|source| source.objects[0].opaque = !source.objects[0].opaque);
+        let refused = parse(&list, &other).err().unwrap().to_string();
+        assert!(refused.contains("make them again"), "{refused}");
+        std::fs::remove_file(&path).unwrap();
+        let missing = parse(&list, &same).err().unwrap().to_string();
+        assert!(missing.contains(&path.display().to_string()), "{missing}");
+    }
+}

@@ -1,0 +1,111 @@
+//! Versions of levels: hashes by which what was made from a level beforehand, such as a bake or a file of
+//! occluders, is told from what was made from another level or before an edit.
+
+use crate::binary_format::Fingerprint;
+use crate::scene::Triangle;
+use crate::{Object, ObjectId, OccluderMesh, Scene};
+use glam::{Affine3A, DVec3};
+
+/// Returns the version of a scene as a level: a hash of its origin, and of all objects with their indices,
+/// bounds, layers, costs, flags, triangles, occluder meshes and transforms. Draw ranges and HLOD parents are
+/// not part of it. Time is linear in the number of triangles.
+///
+/// ```
+/// use visibility_core::{Aabb, Object, Scene, level_version};
+/// let mut scene = Scene::new();
+/// let wall = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([5.0; 3], [6.0; 3])) });
+/// let version = level_version(&scene);
+/// scene.set_occluder(wall, false)?;
+/// assert_ne!(level_version(&scene), version);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn level_version(scene: &Scene) -> u64 {
+    let object = |id: ObjectId| {
+        let object = scene.object(id).ok()?;
+        let triangles = scene.triangles(id).unwrap_or_default();
+        Some((id.index() as u32, object_hash(&object, triangles, scene.occluder(id))))
+    };
+    version_of(scene.origin(), scene.ids().filter_map(object))
+}
+
+/// Returns the [version](level_version()) of a level that is not a scene in memory, from the origin, and the
+/// index and the [hash](object_hash) of each object, in the order of the indices.
+pub fn version_of(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) -> u64 {
+    let with = |hash: Fingerprint, (index, content): (u32, u64)| hash.with(index).with_u64(content);
+    objects.into_iter().fold(Fingerprint::new().with_dvec3(origin), with).value()
+}
+
+/// Returns a hash of an object: bounds, layers, cost, flags, triangles and occluder mesh, but not the index,
+/// and not whether the object is see-through: an occluder is not.
+pub fn object_hash(object: &Object, triangles: &[Triangle], mesh: Option<(&OccluderMesh, &Affine3A)>) -> u64 {
+    let flags =
+        u32::from(object.never_cull) | u32::from(object.occluder) << 1 | u32::from(object.one_sided) << 2;
+    let hash = Fingerprint::new().with_vec3(object.bounds.min).with_vec3(object.bounds.max);
+    let hash = hash.with(object.layers).with(object.cost).with(flags).with(triangles.len() as u32);
+    let mut hash = triangles.as_flattened().iter().fold(hash, |hash, &p| hash.with_vec3(p));
+    if let Some((mesh, transform)) = mesh {
+        hash = hash.with(u32::from(mesh.is_two_sided())).with(mesh.positions().len() as u32);
+        hash = mesh.positions().iter().fold(hash, |hash, &p| hash.with_vec3(p));
+        hash = mesh.triangles().as_flattened().iter().fold(hash, |hash, &corner| hash.with(corner));
+        hash = transform.to_cols_array().iter().fold(hash, |hash, x| hash.with(x.to_bits()));
+    }
+    hash.value()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Aabb;
+    use glam::Vec3;
+
+    /// Makes a scene of one object, which `change` may change, and returns its version.
+    fn hash(change: impl Fn(&mut Scene, ObjectId)) -> u64 {
+        let mut scene = Scene::new();
+        let id =
+            scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([1.0; 3], [2.0; 3])) });
+        scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Y]]).unwrap();
+        change(&mut scene, id);
+        level_version(&scene)
+    }
+
+    #[test]
+    fn every_change_of_a_level_changes_its_version() {
+        let mesh = |scene: &mut Scene, high: f32, two_sided: bool, transform: Affine3A| {
+            let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([1.0; 3], [1.5, 1.5, high])).unwrap();
+            let mesh = scene.add_mesh(mesh.with_two_sided(two_sided));
+            let id = scene.id_at(0).unwrap();
+            scene.set_mesh(id, mesh, transform).unwrap();
+        };
+        let moved = Affine3A::from_translation(Vec3::X * 0.1);
+        let bounds = |scene: &mut Scene, id, min: f32, max: f32| {
+            scene.set_bounds(id, Aabb::from_arrays([min; 3], [max; 3])).unwrap();
+            scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Y]]).unwrap();
+        };
+        let hashes = [
+            hash(|_, _| {}),
+            hash(|scene, id| bounds(scene, id, 0.5, 2.0)),
+            hash(|scene, id| bounds(scene, id, 1.0, 2.5)),
+            hash(|scene, id| scene.set_layers(id, 2).unwrap()),
+            hash(|scene, id| scene.set_cost(id, 7).unwrap()),
+            hash(|scene, id| scene.set_occluder(id, false).unwrap()),
+            hash(|scene, id| scene.set_never_cull(id, true).unwrap()),
+            hash(|scene, id| scene.set_one_sided(id, true).unwrap()),
+            hash(|scene, id| {
+                scene.set_triangles(id, [[Vec3::ONE, Vec3::ONE + Vec3::X, Vec3::ONE + Vec3::Z]]).unwrap()
+            }),
+            hash(|scene, id| scene.set_triangles(id, []).unwrap()),
+            hash(|scene, _| mesh(scene, 1.5, false, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.6, false, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.5, true, Affine3A::IDENTITY)),
+            hash(|scene, _| mesh(scene, 1.5, false, moved)),
+            hash(|scene, _| scene.set_origin(DVec3::X).unwrap()),
+            hash(|scene, _| {
+                scene.insert(Aabb::from_arrays([1.0; 3], [2.0; 3]));
+            }),
+            hash(|scene, id| scene.remove(id).unwrap()),
+        ];
+        for (number, hash) in hashes.iter().enumerate() {
+            assert!(!hashes[..number].contains(hash), "change {number}");
+        }
+    }
+}

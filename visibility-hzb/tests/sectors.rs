@@ -1,0 +1,238 @@
+//! Occluders of several levels in one z-buffer, added and removed while it runs, as the sectors of a world
+//! that is streamed.
+
+use crate::level::{as_faces, triangles, view_within};
+use crate::rays::check;
+use std::sync::Arc;
+use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, Culler, OcclusionMap, Pose, Scene, View, VisibleSet};
+use visibility_hzb::{Hzb, HzbCuller, PreparedLevel};
+use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+use visibility_testing::allocations::LIVE;
+use visibility_testing::{Random, mend_header};
+
+/// Returns the occluders of triangles in the world, relative to an origin of their own.
+fn prepared(triangles: &[LevelTriangle], origin: DVec3) -> Arc<PreparedLevel> {
+    let settings = LevelSettings::default().with_kept_area(1.0);
+    let level = LevelOccluders::new(triangles, settings).unwrap();
+    Arc::new(PreparedLevel::new(Arc::new(level), origin))
+}
+
+/// Returns the view from `eye` to `target`.
+fn view(eye: DVec3, target: DVec3) -> View {
+    View::perspective(Pose::look_at(eye, target, DVec3::Z), 1.2, 1.6, 0.1, f64::INFINITY).unwrap()
+}
+
+/// Returns the bits of the depth keys of all pixels.
+fn pixels(hzb: &Hzb) -> Vec<u32> {
+    let at = (0..hzb.height()).flat_map(|row| (0..hzb.width()).map(move |column| (column, row)));
+    at.map(|(column, row)| hzb.depth_key(column, row).to_bits()).collect()
+}
+
+/// Sectors come and go before each frame. Rays through covered pixels meet a triangle of a sector that is
+/// there, no farther than the pixel says.
+#[test]
+fn pixels_are_covered_by_the_sectors_that_are_there() {
+    let mut random = Random(41);
+    let (mut cast, mut covered, mut several) = (0, 0, 0);
+    while cast < 1_500_000 {
+        // Sectors of the same level, so that they have borders in common.
+        let all = triangles(&mut random);
+        if all.is_empty() {
+            continue;
+        }
+        let count = random.below(4) + 2;
+        let sectors: Vec<_> = (0..count)
+            .map(|sector| {
+                let origin = random.vector([1.0, 100.0][sector % 2]).round();
+                let own = all.iter().enumerate().filter(|(i, _)| i * 7 / 3 % count == sector);
+                let own: Vec<LevelTriangle> = own
+                    .map(|(_, t)| LevelTriangle {
+                        corners: t.corners.map(|p| (p.as_dvec3() - origin).as_vec3()),
+                        ..*t
+                    })
+                    .collect();
+                let mut faces = as_faces(&own);
+                faces.iter_mut().for_each(|face| face.corners = face.corners.map(|p| p + origin));
+                (prepared(&own, origin), faces)
+            })
+            .collect();
+        let mut hzb = Hzb::new(120, 72).unwrap();
+        let mut there = vec![false; count];
+        for frame in 0..8 {
+            let sector = random.below(count);
+            there[sector] = !there[sector];
+            if there[sector] {
+                hzb.add_level(sectors[sector].0.clone());
+            } else {
+                assert!(hzb.remove_level(&sectors[sector].0));
+                assert!(!hzb.remove_level(&sectors[sector].0));
+            }
+            let faces: Vec<_> =
+                (0..count).filter(|&i| there[i]).flat_map(|i| &sectors[i].1).copied().collect();
+            let view = view_within(&mut random, &all);
+            hzb.begin(&view, random.vector(1e3));
+            hzb.flush();
+            let [s, p] = check(&faces, &view, &hzb, &mut random, &format!("{cast} rays, frame {frame}"));
+            (cast, covered) = (cast + s, covered + p);
+            several += usize::from(there.iter().filter(|&&there| there).count() > 1 && p > 0);
+        }
+    }
+    assert!(covered > 1000 && several > 40, "{covered} pixels, {several} frames with several sectors");
+}
+
+/// Many sectors overlap in the picture, more than a tile keeps apart. The nearest clusters of all are drawn
+/// first, so that the pixels are the same in whatever order the sectors were added.
+#[test]
+fn the_order_of_adding_makes_no_difference() {
+    let mut random = Random(42);
+    let mut differ = 0;
+    for round in 0..20 {
+        let sectors: Vec<_> = (0..60)
+            .map(|_| {
+                let middle = random.vec3(-14.0, 14.0);
+                let fins = (0..3).map(|_| LevelTriangle {
+                    corners: [(); 3].map(|()| middle + random.vec3(-9.0, 9.0)),
+                    two_sided: true,
+                });
+                prepared(&fins.collect::<Vec<_>>(), DVec3::ZERO)
+            })
+            .collect();
+        let view = view(random.direction() * 70.0, random.vector(3.0));
+        let with = |order: &mut dyn Iterator<Item = usize>| {
+            let mut hzb = Hzb::new(128, 72).unwrap();
+            order.for_each(|i| hzb.add_level(sectors[i].clone()));
+            hzb.begin(&view, DVec3::ZERO);
+            hzb.flush();
+            pixels(&hzb)
+        };
+        let all = with(&mut (0..60));
+        assert!(all == with(&mut (0..60).rev()), "round {round}");
+        differ += usize::from(all != with(&mut (0..30)));
+    }
+    assert_eq!(differ, 20);
+}
+
+/// A sector whose middle is out of view hides where it is in view, whatever the origins of the sector and of
+/// the scene are; through a culler, too.
+#[test]
+fn a_sector_hides_wherever_origins_are() {
+    let view = view(DVec3::ZERO, DVec3::X);
+    for place in [DVec3::ZERO, DVec3::new(3e3, -7e3, 20.0)] {
+        let corners = [[-9.0, -9.0], [600.0, -9.0], [600.0, 9.0], [-9.0, 9.0]];
+        let corners = corners.map(|[y, z]| (DVec3::new(10.0, y, z) - place).as_vec3());
+        let wall = [[0, 1, 2], [0, 2, 3]]
+            .map(|corner| LevelTriangle { corners: corner.map(|i| corners[i]), two_sided: true });
+        let sector = prepared(&wall, place);
+        let mut culler = HzbCuller::new(Hzb::default());
+        for origin in [DVec3::ZERO, DVec3::new(1e4, -2e4, 50.0)] {
+            let mut scene = Scene::new();
+            scene.set_origin(origin).unwrap();
+            let corners = [DVec3::new(20.0, -1.0, -1.0), DVec3::new(21.0, 1.0, 1.0)];
+            let [low, high] = corners.map(|corner| (corner - origin).as_vec3());
+            let behind = scene.insert(Aabb::new(low, high));
+            for is_there in [true, false] {
+                if is_there {
+                    culler.map_mut().add_level(sector.clone());
+                } else {
+                    assert!(culler.map_mut().remove_level(&sector));
+                }
+                let mut visible = VisibleSet::new();
+                visible.fill(&scene, &view);
+                culler.cull(&scene, &view, &mut visible);
+                assert_eq!(visible.contains(&scene, behind), !is_there, "{place}, {origin}");
+            }
+        }
+    }
+}
+
+/// An engine that streams for hours has as much memory at the end as at the start, and answers as a new
+/// z-buffer does.
+#[test]
+fn ten_thousand_sectors_that_come_and_go_leave_no_memory() {
+    let mut random = Random(43);
+    let kinds: Vec<Arc<LevelOccluders>> = (0..7)
+        .map(|_| Arc::new(LevelOccluders::new(&triangles(&mut random), LevelSettings::default()).unwrap()))
+        .collect();
+    let place = |number: usize| DVec3::new((number % 5) as f64 * 20.0, (number % 3) as f64 * 20.0, 0.0);
+    let sector =
+        |number: usize| Arc::new(PreparedLevel::new(kinds[number * 13 % kinds.len()].clone(), place(number)));
+    let eyes = [DVec3::new(-9.0, 3.0, 1.0), DVec3::new(50.0, 12.0, 2.0)];
+    let views = eyes.map(|eye| view(eye, DVec3::new(40.0, 15.0, 0.0)));
+    let mut hzb = Hzb::new(64, 36).unwrap();
+    let mut there: std::collections::VecDeque<_> = (0..16).map(sector).collect();
+    there.iter().for_each(|sector| hzb.add_level(sector.clone()));
+    let mut live = Vec::with_capacity(16);
+    for number in 16..10_016 {
+        let gone = there.pop_front().unwrap();
+        assert!(hzb.remove_level(&gone));
+        drop(gone);
+        there.push_back(sector(number));
+        hzb.add_level(there.back().unwrap().clone());
+        if number % 5 == 0 {
+            hzb.begin(&views[number % 2], DVec3::ZERO);
+            hzb.flush();
+        }
+        // The same sectors are there again after 105 steps.
+        if number % 1050 == 0 {
+            live.push(LIVE.get());
+        }
+    }
+    assert!(live[1..].iter().all(|&bytes| bytes == live[1]), "{live:?}");
+    // A level that is there already is not there twice.
+    let before = LIVE.get();
+    (0..1000).for_each(|_| hzb.add_level(there[0].clone()));
+    assert_eq!(LIVE.get(), before);
+    let mut new = Hzb::new(64, 36).unwrap();
+    there.iter().for_each(|sector| new.add_level(sector.clone()));
+    for view in &views {
+        for hzb in [&mut hzb, &mut new] {
+            hzb.begin(view, DVec3::ZERO);
+            hzb.flush();
+        }
+        assert!(pixels(&hzb) == pixels(&new));
+        assert!(pixels(&hzb).iter().any(|&key| f32::from_bits(key) > 0.0));
+    }
+    there.iter().for_each(|sector| assert!(hzb.remove_level(sector)));
+    hzb.begin(&views[0], DVec3::ZERO);
+    hzb.flush();
+    assert!(pixels(&hzb).iter().all(|&key| f32::from_bits(key) == f32::NEG_INFINITY));
+}
+
+/// Sectors are prepared beside the frames, on another thread.
+#[test]
+fn prepared_levels_go_from_thread_to_thread() {
+    fn is_shared<T: Send + Sync>() {}
+    is_shared::<PreparedLevel>();
+}
+
+/// Bytes of a file that is read can be drawn, whoever wrote them.
+#[test]
+fn forged_files_are_drawn_or_refused() {
+    let mut random = Random(44);
+    let (mut drawn, mut refused) = (0, 0);
+    while drawn < 300 {
+        let triangles = triangles(&mut random);
+        let settings = LevelSettings::default().with_max_cluster_edges(24);
+        let file = LevelOccluders::new(&triangles, settings).unwrap().to_bytes();
+        for _ in 0..20 {
+            let mut file = file.clone();
+            for _ in 0..random.below(4) + 1 {
+                let at = 40 + random.below(file.len() - 40);
+                file[at] = random.below(256) as u8;
+            }
+            mend_header(&mut file, 0);
+            let Ok(level) = LevelOccluders::from_bytes(&file, None) else {
+                refused += 1;
+                continue;
+            };
+            let mut hzb = Hzb::new(64, 36).unwrap().with_level(Arc::new(level), DVec3::ZERO);
+            for _ in 0..3 {
+                hzb.begin(&view(random.vector(20.0), random.vector(3.0)), DVec3::ZERO);
+                hzb.flush();
+            }
+            drawn += 1;
+        }
+    }
+    assert!(refused > 100, "{refused} are refused");
+}

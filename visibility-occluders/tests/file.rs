@@ -1,0 +1,127 @@
+//! The file of a level's occluders: it holds all of them, is refused for another version of the level, and
+//! forged bytes are refused or drawn, in memory that their size allows.
+
+use visibility_core::glam::Vec3;
+use visibility_core::{Aabb, Object, Scene, level_version};
+use visibility_occluders::{LevelFileError, LevelOccluders, LevelSettings, LevelTriangle};
+use visibility_testing::{Random, forge_counts, mend_header};
+
+/// Number of bytes of the header and the report after it.
+const FRONT: usize = 40 + 64;
+
+/// Returns the occluders of a few rectangles, some of them holed by a missing triangle, in clusters of a few
+/// edges.
+fn sample(two_sided: bool) -> LevelOccluders {
+    let mut random = Random(5);
+    let mut triangles = Vec::new();
+    for wall in 0..6 {
+        let at = |u: usize, v: usize| Vec3::new(wall as f32 * 3.0, u as f32, v as f32);
+        for (u, v) in (0..3).flat_map(|u| (0..3).map(move |v| (u, v))) {
+            let [a, b, c, d] = [at(u, v), at(u + 1, v), at(u + 1, v + 1), at(u, v + 1)];
+            triangles.push(LevelTriangle { corners: [a, b, c], two_sided });
+            if !random.one_in(5) {
+                triangles.push(LevelTriangle { corners: [a, c, d], two_sided });
+            }
+        }
+    }
+    let settings = LevelSettings::default().with_max_cluster_edges(24).with_kept_area(0.9);
+    LevelOccluders::new(&triangles, settings).unwrap()
+}
+
+#[test]
+fn a_file_holds_the_occluders() {
+    for level in [sample(true), sample(false).with_version(7), LevelOccluders::default()] {
+        let file = level.to_bytes();
+        assert_eq!(LevelOccluders::from_bytes(&file, level.version()), Ok(level));
+    }
+    assert!(sample(true).clusters().len() > 2);
+}
+
+#[test]
+fn a_file_of_another_version_is_refused_with_both() {
+    let mut scene = Scene::new();
+    let bounds = Aabb::from_arrays([5.0, 0.0, 0.0], [5.0, 4.0, 3.0]);
+    let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+    scene.set_triangles(wall, [[Vec3::X * 5.0, Vec3::new(5.0, 4.0, 0.0), Vec3::new(5.0, 4.0, 3.0)]]).unwrap();
+    let level = LevelOccluders::of_scene(&scene, |_| true, LevelSettings::default()).unwrap();
+    let before = level_version(&scene);
+    assert_eq!((level.polygons().len(), level.version()), (1, Some(before)));
+    scene.set_triangles(wall, [[Vec3::X * 5.0, Vec3::new(5.0, 4.0, 0.0), Vec3::new(5.0, 4.0, 2.0)]]).unwrap();
+    let now = level_version(&scene);
+    let refused = LevelOccluders::from_bytes(&level.to_bytes(), Some(now)).unwrap_err();
+    assert_eq!(refused, LevelFileError::OtherVersion { made_from: Some(before), level: now });
+    let said = refused.to_string();
+    assert!(said.contains(&format!("{before:016x}")) && said.contains(&format!("{now:016x}")), "{said}");
+    let file = sample(true).to_bytes();
+    let refused = LevelOccluders::from_bytes(&file, Some(now)).unwrap_err();
+    assert_eq!(refused, LevelFileError::OtherVersion { made_from: None, level: now });
+    assert!(LevelOccluders::from_bytes(&file, None).is_ok());
+}
+
+/// Returns the problem that is found in a file with `bytes` written at an offset.
+fn problem(level: &LevelOccluders, at: usize, bytes: &[u8]) -> String {
+    let mut file = level.to_bytes();
+    file[at..at + bytes.len()].copy_from_slice(bytes);
+    mend_header(&mut file, 0);
+    LevelOccluders::from_bytes(&file, None).unwrap_err().to_string()
+}
+
+#[test]
+fn content_that_cannot_be_drawn_is_refused() {
+    let level = sample(true);
+    let vertices = FRONT + 4;
+    let shapes = vertices + 12 * level.vertices().len() + 4;
+    // The numbers of the first cluster: its vertices, its polygons; edges, sides and vertices of the first.
+    let numbers = shapes + 48 * level.polygons().len() + 8;
+    let [nan, two] = [f64::NAN, 2.0].map(f64::to_le_bytes);
+    for (at, bytes, said) in [
+        (12, &[2][..], "a structure of kind 2"),
+        (vertices, &f32::NAN.to_le_bytes(), "a vertex is not finite"),
+        (vertices - 4, &[255], "more is announced than there is"),
+        (shapes, &two, "a polygon has no plane"),
+        (shapes + 8, &two, "a polygon has no plane"),
+        (shapes + 16, &nan, "a polygon has no plane"),
+        (shapes + 24, &f64::INFINITY.to_le_bytes(), "a polygon has no plane"),
+        (shapes + 32, &(-1e9f64).to_le_bytes(), "a polygon has no plane"),
+        (shapes + 40, &(-1.0f64).to_le_bytes(), "a polygon has no plane"),
+        (shapes + 40, &nan, "a polygon has no plane"),
+        (numbers - 8, &[255], "more is announced than there is"),
+        (numbers - 8, &[2], "the content goes on after its end"),
+        (numbers, &[127], "a cluster has more vertices than there are"),
+        (numbers, &[3], "an edge has an unknown vertex"),
+        (numbers + 1, &[0], "a cluster has no polygon"),
+        (numbers + 2, &[2], "a polygon has fewer than three edges"),
+        (numbers + 3, &[2], "a polygon hides neither"),
+        (numbers + 4, &[127], "an edge has an unknown vertex"),
+        (numbers + 5, &[127], "an edge has an unknown vertex"),
+    ] {
+        let found = problem(&level, at, bytes);
+        assert!(found.contains(said), "byte {at}: {found}, not {said}");
+    }
+    // An outline that does not end where it began.
+    let first = level.edges()[0];
+    let other = if first[1] == first[0] + 1 { first[0] + 2 } else { first[0] + 1 };
+    assert!(problem(&level, numbers + 5, &[other as u8]).contains("an outline is not closed"));
+    // A vertex, or a polygon, of no cluster.
+    for (count, bytes) in [(FRONT, 12), (FRONT + 4, 48)] {
+        let mut file = LevelOccluders::default().to_bytes();
+        file[count] = 1;
+        file.splice(count + 4..count + 4, vec![0; bytes]);
+        mend_header(&mut file, 0);
+        let found = LevelOccluders::from_bytes(&file, None).unwrap_err().to_string();
+        assert!(found.contains("are left that no cluster has"), "{found}");
+    }
+}
+
+#[test]
+fn forged_bytes_take_no_more_memory_than_their_size_allows() {
+    let file = sample(true).to_bytes();
+    let (mut read, mut all) = (0, 0);
+    forge_counts(&file, 0, 5 * file.len(), |mut file| {
+        mend_header(&mut file, 0);
+        all += 1;
+        read += usize::from(LevelOccluders::from_bytes(&file, None).is_ok());
+    });
+    // Positions, areas and reports may be any numbers.
+    assert!(read > 0 && read < all, "{read} of {all}");
+}
