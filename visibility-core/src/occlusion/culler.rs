@@ -9,8 +9,9 @@ use super::OcclusionMap;
 use super::budget::{Budget, LeafSampling};
 use super::selection::{OccluderSearch, Queue};
 use crate::culler::Lack;
+use crate::jobs::Jobs;
 use crate::scene::lanes;
-use crate::walk::{BoxHierarchy, Child, SceneHierarchy, Walk};
+use crate::walk::{Block, BoxHierarchy, Child, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
 /// Default price: the number of occluder triangles that may be drawn for each object that they are expected
@@ -113,6 +114,44 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     pub fn hierarchy_mut(&mut self) -> &mut H {
         &mut self.hierarchy
     }
+
+    /// Culls on the threads of a job system, if there is one.
+    fn cull_with(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        if !self.scene.is_in(scene) {
+            self.map.reset();
+        }
+        self.scene = SceneCursor::at(scene);
+        match jobs {
+            Some(jobs) => self.map.begin_on(jobs, view, scene.origin()),
+            None => self.map.begin(view, scene.origin()),
+        }
+        let mut walk = Walk::new(scene, &self.hierarchy, visible);
+        let budget = Budget::new(self.price, self.work_limit);
+        let budget =
+            OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), budget).run(&mut walk);
+        // A map that answers later must be asked about every leaf, or it would never learn of some.
+        let is_sampled = budget.is_spent_in_vain() && self.map.answers_at_once();
+        // Sampling and a limit on work make each test depend on those before it.
+        if let Some(jobs) = jobs
+            && H::IS_OF_SCENE
+            && !is_sampled
+            && self.work_limit == u32::MAX
+            && let Some(map) = self.map.shared()
+        {
+            let mut stats = walk.stats;
+            stats += retain_on(jobs, scene, visible, &HiddenTest { map }, UNDECIDED);
+            return stats;
+        }
+        let sampling = is_sampled.then(LeafSampling::default);
+        Sweep { map: &mut self.map, budget, sampling }.keep_unhidden(&mut walk, None);
+        walk.finish()
+    }
 }
 
 impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
@@ -125,20 +164,17 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        if !self.scene.is_in(scene) {
-            self.reset();
-        }
-        self.scene = SceneCursor::at(scene);
-        self.map.begin(view, scene.origin());
-        let mut walk = Walk::new(scene, &self.hierarchy, visible);
-        let budget = Budget::new(self.price, self.work_limit);
-        let budget =
-            OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), budget).run(&mut walk);
-        // A map that answers later must be asked about every leaf, or it would never learn of some.
-        let is_sampled = budget.is_spent_in_vain() && self.map.answers_at_once();
-        let sampling = is_sampled.then(LeafSampling::default);
-        Sweep { map: &mut self.map, budget, sampling }.keep_unhidden(&mut walk, None);
-        walk.finish()
+        self.cull_with(None, scene, view, visible)
+    }
+
+    fn cull_on(
+        &mut self,
+        jobs: &dyn Jobs,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        self.cull_with(Some(jobs), scene, view, visible)
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
@@ -187,5 +223,28 @@ impl<M: OcclusionMap> Sweep<'_, M> {
             }
             mask
         })
+    }
+}
+
+/// What [`HiddenTest`] knows of a node that occluders may hide.
+const UNDECIDED: u32 = 1;
+
+/// The test of the walk after the search, for several threads. A node is known to be undecided.
+struct HiddenTest<'a> {
+    map: &'a (dyn OcclusionMap + Sync),
+}
+
+impl NodeTest for HiddenTest<'_> {
+    /// Lanes of which no occluder hides any part.
+    type Found = u64;
+
+    fn test(&self, block: &Block<'_>, candidates: u64, _: u32, stats: &mut CullStats) -> (u64, u64) {
+        stats.tests += u64::from(candidates.count_ones());
+        let answer = self.map.test_64(block.boxes(), candidates);
+        (candidates & !answer.hidden, answer.visible)
+    }
+
+    fn below(&self, visible: &u64, _: u32, lane: usize) -> u32 {
+        if visible >> lane & 1 != 0 { 0 } else { UNDECIDED }
     }
 }

@@ -22,7 +22,7 @@ pub use prepare::{Preparation, prepare};
 pub use queries::{HardwareQueries, LateAnswers, QueryDevice};
 
 use crate::scene::{Boxes64, lanes};
-use crate::{Aabb, Accuracy, View};
+use crate::{Aabb, Accuracy, View, jobs::Jobs};
 use glam::{Affine3A, DVec3};
 
 /// Result of testing a box against an occlusion map.
@@ -106,6 +106,14 @@ pub trait OcclusionMap {
     /// the world-space origin of the scene.
     fn begin(&mut self, view: &View, origin: DVec3);
 
+    /// Empties the map like [`begin`](Self::begin), and draws what it begins a frame with on the threads of a
+    /// job system. The map does not depend on the job system or its number of threads. It may differ from
+    /// that of [`begin`](Self::begin) within the [accuracy](Self::accuracy). The default calls
+    /// [`begin`](Self::begin).
+    fn begin_on(&mut self, _jobs: &dyn Jobs, view: &View, origin: DVec3) {
+        self.begin(view, origin);
+    }
+
     /// Adds an occluder to the map. `transform` takes mesh coordinates to scene-relative coordinates. Under a
     /// mirroring transform the front of each triangle stays its front, though its corners then run clockwise.
     /// The occluder takes effect at the next [`flush`](Self::flush).
@@ -153,6 +161,12 @@ pub trait OcclusionMap {
     /// too.
     fn test_64_mut(&mut self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         self.test_64(boxes, candidates)
+    }
+
+    /// Returns the map for tests on several threads at once by [`test_64`](Self::test_64). `None`, the
+    /// default, for a map whose tests must come one after the other by [`test_64_mut`](Self::test_64_mut).
+    fn shared(&self) -> Option<&(dyn OcclusionMap + Sync)> {
+        None
     }
 
     /// Forgets what the map remembers of earlier frames. The culler calls it before the first frame of
