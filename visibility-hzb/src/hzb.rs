@@ -6,7 +6,7 @@ use crate::buffer::tiles::Tiles;
 use crate::buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
 use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
-use crate::level::{LevelFrame, LevelScratch, PreparedLevel};
+use crate::level::{LevelFrame, LevelRaster, PreparedLevel};
 use crate::query::box_face_planes::FacePlaneSetup;
 use crate::query::box_projection::ScreenProjection32;
 use crate::query::box_query::{BoxQuery, test_box};
@@ -20,6 +20,7 @@ use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
 use crate::simd::Kernels;
 use alloc::sync::Arc;
 use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::jobs::Jobs;
 use visibility_core::view::ViewPlanes;
 use visibility_core::{
     Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
@@ -111,8 +112,8 @@ pub struct Hzb {
     clip_planes: ViewPlanes,
     /// Occluders of a level, drawn at the beginning of each frame.
     level: Option<PreparedLevel>,
-    /// Scratch memory for drawing `level`.
-    level_scratch: LevelScratch,
+    /// Raster of `level`.
+    level_raster: LevelRaster,
 }
 
 impl Default for Hzb {
@@ -158,7 +159,7 @@ impl Hzb {
             nearest: f32::NEG_INFINITY,
             clip_planes: ViewPlanes::NONE,
             level: None,
-            level_scratch: LevelScratch::default(),
+            level_raster: LevelRaster::default(),
         }
     }
 
@@ -260,6 +261,30 @@ impl Hzb {
         let (projection, tiles, pyramid, faces) =
             (&self.projection32, &self.tiles, &self.pyramid, &self.faces);
         BoxQuery { projection, tiles, pyramid, faces, nearest: self.nearest }
+    }
+
+    /// Empties the buffer for a frame and draws the level, on the threads of a job system if there is one.
+    fn begin_with(&mut self, jobs: Option<&dyn Jobs>, view: &View, origin: DVec3) {
+        let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
+        self.projection = ScreenProjection::new(view, origin, self.size, padded);
+        self.projection32 = ScreenProjection32::new(&self.projection);
+        self.faces = FacePlaneSetup::new(&self.projection);
+        self.tiles.clear();
+        self.queue.count = 0;
+        self.pyramid_misses = 0;
+        self.nearest = f32::NEG_INFINITY;
+        self.clip_planes = view.clip_planes_from(origin);
+        self.pyramid.clear();
+        if let Some(level) = &self.level
+            && let Some(frame) = LevelFrame::new(view, level, self.size, padded)
+        {
+            let (raster, tiles) = (&mut self.level_raster, &mut self.tiles);
+            self.nearest = match jobs {
+                Some(jobs) => raster.draw_on(jobs, self.simd, level, &frame, self.coverage, tiles),
+                None => raster.draw(self.simd, level, &frame, self.coverage, tiles),
+            };
+            self.pyramid.update(&mut self.tiles);
+        }
     }
 
     /// Queues a box for drawing. `transform` maps the box's own coordinates to the scene. Draws the queue
@@ -404,23 +429,11 @@ impl OcclusionMap for Hzb {
     }
 
     fn begin(&mut self, view: &View, origin: DVec3) {
-        let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
-        self.projection = ScreenProjection::new(view, origin, self.size, padded);
-        self.projection32 = ScreenProjection32::new(&self.projection);
-        self.faces = FacePlaneSetup::new(&self.projection);
-        self.tiles.clear();
-        self.queue.count = 0;
-        self.pyramid_misses = 0;
-        self.nearest = f32::NEG_INFINITY;
-        self.clip_planes = view.clip_planes_from(origin);
-        self.pyramid.clear();
-        if let Some(level) = &self.level
-            && let Some(frame) = LevelFrame::new(view, level, self.size, padded)
-        {
-            let (scratch, tiles) = (&mut self.level_scratch, &mut self.tiles);
-            self.nearest = self.simd.draw_level(level, &frame, self.coverage, scratch, tiles);
-            self.pyramid.update(&mut self.tiles);
-        }
+        self.begin_with(None, view, origin);
+    }
+
+    fn begin_on(&mut self, jobs: &dyn Jobs, view: &View, origin: DVec3) {
+        self.begin_with(Some(jobs), view, origin);
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
@@ -472,5 +485,9 @@ impl OcclusionMap for Hzb {
 
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         self.simd.test_boxes(&self.query(), boxes.coordinates(), candidates)
+    }
+
+    fn shared(&self) -> Option<&(dyn OcclusionMap + Sync)> {
+        Some(self)
     }
 }

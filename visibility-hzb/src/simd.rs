@@ -14,7 +14,7 @@ use crate::hom::depth_estimate::DepthBoundary;
 use crate::hom::opacity_pyramid::OpacityPyramid;
 use crate::hom::tile_range::TileRange;
 use crate::lanes::WIDTH;
-use crate::level::{LevelFrame, LevelScratch, PreparedLevel};
+use crate::level::{Candidate, LevelFrame, LevelScratch, PreparedLevel};
 use crate::query::box_projection::{ProjectedBoxes, ScreenProjection32};
 use crate::query::box_query::{BoxQuery, Boxes};
 use crate::raster::contour_raster::ContourTiles;
@@ -23,6 +23,7 @@ use crate::setup::convex_shape::ConvexScratch;
 use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
 use crate::setup::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
+use alloc::vec::Vec;
 use visibility_core::glam::Affine3A;
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 use visibility_core::simd::SimdLevel;
@@ -92,9 +93,12 @@ compiled! {
         mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
         coverage: Coverage, scratch: &mut MeshScratch, contour_tiles: &mut ContourTiles, tiles: &mut Tiles
     ) -> f32;
-    draw_level = crate::level::draw_level, (
-        level: &PreparedLevel, frame: &LevelFrame, coverage: Coverage, scratch: &mut LevelScratch,
-        tiles: &mut Tiles
+    find_candidates = crate::level::find_candidates, (
+        level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>
+    ) -> ();
+    draw_candidates = crate::level::draw_candidates, (
+        level: &PreparedLevel, frame: &LevelFrame, coverage: Coverage, candidates: &[Candidate],
+        scratch: &mut LevelScratch, tiles: &mut Tiles
     ) -> f32;
     fill_shape = crate::raster::shape_fill::fill_shape,
         (shape: &ScreenShape, tiles: &mut Tiles) -> bool;

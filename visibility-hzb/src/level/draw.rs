@@ -27,7 +27,7 @@ const LEAST_AREA_PX: f32 = 24.0;
 
 /// A cluster that may be seen.
 #[derive(Clone, Copy, Debug)]
-struct Candidate {
+pub(crate) struct Candidate {
     /// Order of drawing: less is nearer. Bits of the greatest depth key, inverted.
     order: u32,
     /// Index of the cluster.
@@ -41,7 +41,6 @@ struct Candidate {
 /// Scratch of the raster of a level, kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LevelScratch {
-    candidates: Vec<Candidate>,
     vertices: Vertices,
     edges: Edges,
     fill: FillScratch,
@@ -56,24 +55,32 @@ pub(crate) struct LevelScratch {
     waiting: Vec<u32>,
 }
 
-/// Draws a level into `tiles`. Returns an upper bound on the depth keys of what was drawn.
+/// Draws clusters of a level into the frame's rows of `tiles`, in the order of `candidates`. Returns an upper
+/// bound on the depth keys of what was drawn.
 #[inline(always)]
-pub(crate) fn draw_level(
+pub(crate) fn draw_candidates(
     level: &PreparedLevel,
     frame: &LevelFrame,
     coverage: Coverage,
+    candidates: &[Candidate],
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> f32 {
     scratch.union.prepare(tiles);
-    find_candidates(level, frame, &mut scratch.candidates);
     let mut nearest = f32::NEG_INFINITY;
-    for i in 0..scratch.candidates.len() {
-        let candidate = scratch.candidates[i];
-        if let Some(rectangle) = &candidate.rectangle
-            && !rectangle_may_be_seen(tiles, rectangle, candidate.nearest / BARELY_NEARER)
-        {
-            continue;
+    let [above, below] = frame.rows.map(|row| (row * SIDE) as u32);
+    for candidate in candidates {
+        if let Some(rectangle) = &candidate.rectangle {
+            let lines = [rectangle.lines[0].max(above), rectangle.lines[1].min(below)];
+            if lines[0] >= lines[1]
+                || !rectangle_may_be_seen(
+                    tiles,
+                    &Rectangle { lines, ..*rectangle },
+                    candidate.nearest / BARELY_NEARER,
+                )
+            {
+                continue;
+            }
         }
         if draw_cluster(level, frame, coverage, candidate.cluster as usize, scratch, tiles) {
             nearest = greatest(candidate.nearest, nearest);
@@ -84,7 +91,7 @@ pub(crate) fn draw_level(
 
 /// Replaces `candidates` by the clusters that may be seen, nearest first.
 #[inline(always)]
-fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) {
+pub(crate) fn find_candidates(level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) {
     candidates.clear();
     let count = level.level.clusters().len();
     for (i, boxes) in level.groups.iter().enumerate() {
@@ -301,7 +308,11 @@ fn draw_polygon(
     let plain = clip.edges.is_empty();
     if plain && !may_be_seen(frame, tiles, low, high, nearest_w) {
         if joined {
-            union.leave_out(low.map(|side| side - frame.slack), high.map(|side| side + frame.slack), tiles);
+            let [above, below] = frame.rows.map(|row| (row * SIDE) as f32);
+            let (mut low, mut high) =
+                (low.map(|side| side - frame.slack), high.map(|side| side + frame.slack));
+            (low[1], high[1]) = (greatest(low[1], above), least(high[1], below));
+            union.leave_out(low, high, frame.rows[1], tiles);
         }
         return Some(false);
     }
@@ -328,7 +339,7 @@ fn draw_polygon(
         f32::NEG_INFINITY
     };
     let depth = DepthBound { plane, floor };
-    Some(fill(edges, frame.slack, &depth, coverage, fill_scratch, joined.then_some(union), tiles))
+    Some(fill(edges, frame.slack, frame.rows, &depth, coverage, fill_scratch, joined.then_some(union), tiles))
 }
 
 /// Returns whether a polygon may cover pixels that hold nothing as near: one between the columns and rows
@@ -341,6 +352,11 @@ fn may_be_seen(frame: &LevelFrame, tiles: &Tiles, low: [f32; 2], high: [f32; 2],
         (end - first >= 1.0).then(|| [first as u32, (end as u32 + 1).min(size[axis] as u32)])
     };
     let (Some(columns), Some(lines)) = (range(0), range(1)) else { return false };
+    let [above, below] = frame.rows.map(|row| (row * SIDE) as u32);
+    let lines = [lines[0].max(above), lines[1].min(below)];
+    if lines[0] >= lines[1] {
+        return false;
+    }
     !frame.perspective
         || rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / (BARELY_NEARER * w))
 }

@@ -129,12 +129,14 @@ pub(super) struct FillScratch {
 }
 
 /// Covers the pixels that the outline `edges` winds round an odd number of times and does not come within
-/// `slack` pixels of. The polygon is added to `union` if there is one. Returns whether a tile may have
+/// `slack` pixels of, in the half-open range `rows` of tile rows. The polygon is added to `union` if there is one. Returns whether a tile may have
 /// changed.
 #[inline(always)]
+#[allow(clippy::too_many_arguments)]
 pub(super) fn fill(
     edges: &Edges,
     slack: f32,
+    rows: [usize; 2],
     &DepthBound { plane, floor }: &DepthBound,
     coverage: Coverage,
     FillScratch { across, active }: &mut FillScratch,
@@ -157,7 +159,7 @@ pub(super) fn fill(
     let first = |side: f32| greatest(side, 0.0) as usize;
     let end = |side: f32, size: usize| ((greatest(side, 0.0) + 1.0) as usize).min(size);
     let (x0, x1) = (first(left_end), end(right_end, tiles.columns));
-    let (y0, y1) = (first(above_end), end(below_end, tiles.rows));
+    let (y0, y1) = (first(above_end).max(rows[0]), end(below_end, tiles.rows).min(rows[1]));
     let mut planes_index = 0;
     across.clear();
     let mut column = x0;

@@ -42,6 +42,7 @@
 //! parts. So an outline crosses each row of centres an even number of times, and away from its edges the
 //! number to the left of a centre is that of the exact outline.
 
+mod bands;
 mod clip;
 mod draw;
 mod edges;
@@ -51,6 +52,7 @@ mod prepared;
 mod union;
 mod vertices;
 
-pub(crate) use draw::{LevelScratch, draw_level};
+pub(crate) use bands::LevelRaster;
+pub(crate) use draw::{Candidate, LevelScratch, draw_candidates, find_candidates};
 pub(crate) use frame::LevelFrame;
 pub(crate) use prepared::PreparedLevel;

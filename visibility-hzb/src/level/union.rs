@@ -61,15 +61,15 @@ impl UnionTiles {
         }
     }
 
-    /// Lets the union cover nothing in the tiles that meet the columns and rows from `low` to `high`: a
-    /// polygon there is left out.
+    /// Lets the union cover nothing in the tiles above tile row `rows_end` that meet the columns and rows from
+    /// `low` to `high`: a polygon there is left out.
     #[inline(always)]
-    pub(super) fn leave_out(&mut self, low: [f32; 2], high: [f32; 2], tiles: &Tiles) {
+    pub(super) fn leave_out(&mut self, low: [f32; 2], high: [f32; 2], rows_end: usize, tiles: &Tiles) {
         // Casts limit numbers below 0 to 0.
         let range = |axis: usize, size: usize| {
             [(low[axis] as usize / SIDE).min(size), ((high[axis] + 1.0) as usize).div_ceil(SIDE).min(size)]
         };
-        let ([x0, x1], [y0, y1]) = (range(0, tiles.columns), range(1, tiles.rows));
+        let ([x0, x1], [y0, y1]) = (range(0, tiles.columns), range(1, rows_end));
         if x0 >= x1 || y0 >= y1 {
             return;
         }
