@@ -1,6 +1,6 @@
 //! The [`Culler`] trait that all per-view cullers implement, and the accuracy classes that they state.
 
-use crate::{CullStats, Scene, View, VisibleSet};
+use crate::{CullStats, Scene, View, VisibleSet, jobs::Jobs};
 
 /// What a culler guarantees about the set of objects that it leaves. The reference is V, the set of objects
 /// to which an unobstructed segment runs from the eye inside the view. (The terms are those of Cohen-Or,
@@ -131,6 +131,20 @@ pub trait Culler {
     /// `view`. Objects that are never culled stay. Returns counters of the work done; their `visible` is the
     /// number of objects left.
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats;
+
+    /// Culls like [`cull`](Self::cull), on the threads of a job system. The answer does not depend on the job
+    /// system or its number of threads. It may differ from that of [`cull`](Self::cull) within the
+    /// [accuracy](Self::accuracy). The default implementation calls [`cull`](Self::cull). A culler that wraps
+    /// another passes the job system on.
+    fn cull_on(
+        &mut self,
+        _jobs: &dyn Jobs,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        self.cull(scene, view, visible)
+    }
 
     /// Calls `each` for everything that keeps the culler from hiding objects of `scene` as it could: input
     /// that is missing or of another scene. For overlays and logs rather than for every frame; see

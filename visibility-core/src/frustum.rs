@@ -9,8 +9,8 @@
 use crate::scene::{Boxes64, lanes};
 use crate::test_plane::TestPlane;
 use crate::view::{MAX_PLANES, ViewPlane};
-use crate::walk::{Child, SceneHierarchy, Walk};
-use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, simd::Simd};
+use crate::walk::{Block, Child, NodeTest, SceneHierarchy, Walk, retain_on};
+use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, jobs::Jobs, simd::Simd};
 
 /// Removes the objects whose bounds are outside at least one plane of the view, clip planes included.
 /// Conservative: a box near an edge of the frustum may be outside the frustum without being outside any
@@ -59,6 +59,17 @@ impl Culler for FrustumCuller {
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         ConvexVolume::new(self.simd, view.planes(scene.origin()).as_slice()).retain(scene, visible)
+    }
+
+    fn cull_on(
+        &mut self,
+        jobs: &dyn Jobs,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        let volume = ConvexVolume::new(self.simd, view.planes(scene.origin()).as_slice());
+        volume.retain_on(jobs, scene, visible)
     }
 }
 
@@ -142,29 +153,59 @@ impl ConvexVolume {
         walk.finish()
     }
 
+    /// Removes objects like [`retain`](Self::retain), on the threads of a job system. The answer is the same.
+    pub fn retain_on(&self, jobs: &dyn Jobs, scene: &Scene, visible: &mut VisibleSet) -> CullStats {
+        retain_on(jobs, scene, visible, self, self.all)
+    }
+
     /// Tests the children of `node` (`None`: the root) against the planes in the mask `active` (bit i for
     /// plane i), since all other planes are known to contain the node, and recurses into undecided children.
     /// Returns whether any candidate (object of the visible set) is left below the node.
     fn visit(&self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, active: u32) -> bool {
         walk.visit(node, |walk, block, candidates| {
-            let mut mask = candidates & !self.outside(block.boxes(), active);
-            walk.stats.tests += u64::from(candidates.count_ones()) * u64::from(active.count_ones());
+            let (mut mask, inside) = self.test(block, candidates, active, &mut walk.stats);
             if block.leaf().is_some() {
                 return mask;
             }
-            let mut inside = [0; MAX_PLANES];
-            for plane in lanes(active.into()) {
-                inside[plane] = self.inside(block.boxes(), plane);
-            }
             for lane in lanes(mask) {
                 let Child::Node(child) = block.child(lane) else { continue };
-                let crossing = lanes(active.into())
-                    .fold(0, |set, plane| set | ((!inside[plane] >> lane & 1) as u32) << plane);
-                let any =
-                    if crossing == 0 { walk.accept(child) } else { self.visit(walk, Some(child), crossing) };
+                let any = match self.below(&inside, active, lane) {
+                    0 => walk.accept(child),
+                    crossing => self.visit(walk, Some(child), crossing),
+                };
                 mask &= !(u64::from(!any) << lane);
             }
             mask
         })
+    }
+}
+
+/// A node is known by the mask of the planes that are not known to contain it.
+impl NodeTest for ConvexVolume {
+    /// For each plane of the mask, the lanes on its inner side.
+    type Found = [u64; MAX_PLANES];
+
+    #[inline(always)]
+    fn test(
+        &self,
+        block: &Block<'_>,
+        candidates: u64,
+        active: u32,
+        stats: &mut CullStats,
+    ) -> (u64, Self::Found) {
+        let mask = candidates & !self.outside(block.boxes(), active);
+        stats.tests += u64::from(candidates.count_ones()) * u64::from(active.count_ones());
+        let mut inside = [0; MAX_PLANES];
+        if block.leaf().is_none() {
+            for plane in lanes(active.into()) {
+                inside[plane] = self.inside(block.boxes(), plane);
+            }
+        }
+        (mask, inside)
+    }
+
+    #[inline(always)]
+    fn below(&self, inside: &Self::Found, active: u32, lane: usize) -> u32 {
+        lanes(active.into()).fold(0, |set, plane| set | ((!inside[plane] >> lane & 1) as u32) << plane)
     }
 }

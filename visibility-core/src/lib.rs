@@ -56,6 +56,7 @@ pub mod draw_list;
 mod float;
 pub mod frustum;
 pub mod geometry;
+pub mod jobs;
 pub mod level_version;
 pub mod lod;
 pub mod motion;

@@ -1,6 +1,6 @@
 //! Runs the cullers of one view in sequence, with tools that show which culler removed an object.
 
-use crate::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, culler::Lack};
+use crate::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, culler::Lack, jobs::Jobs};
 use alloc::{boxed::Box, vec::Vec};
 
 /// A sequence of cullers for one view. Each stage receives the objects that the stages before it left in the
@@ -134,6 +134,50 @@ impl Pipeline {
     ///
     /// Returns the sum of the stages' work counters; its `visible` is the number of objects left.
     pub fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        self.run(scene, view, visible, |culler, view, visible| culler.cull(scene, view, visible))
+    }
+
+    /// Culls like [`cull`](Self::cull), on the threads of the engine's own [job system](Jobs). The answer is
+    /// the same bit for bit with any job system and any number of threads. Pays for large scenes and for
+    /// occlusion maps with much to draw; several views are best culled one a thread, with
+    /// [`cull`](Self::cull).
+    ///
+    /// ```
+    /// use visibility_core::{jobs::Jobs, FrustumCuller, Pipeline};
+    /// # use visibility_core::{glam::DVec3, Pose, Scene, View, VisibleSet};
+    /// # let (scene, mut visible) = (Scene::new(), VisibleSet::new());
+    /// # let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 9.0)?;
+    /// /// A new thread for each job. An engine has its own threads wait for jobs.
+    /// struct EngineJobs;
+    /// impl Jobs for EngineJobs {
+    ///     fn run(&self, count: usize, job: &(dyn Fn(usize) + Sync)) {
+    ///         std::thread::scope(|scope| (0..count).for_each(|index| {
+    ///             scope.spawn(move || job(index));
+    ///         }));
+    ///     }
+    /// }
+    /// let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+    /// pipeline.cull_on(&EngineJobs, &scene, &view, &mut visible);
+    /// # Ok::<(), visibility_core::view::ViewError>(())
+    /// ```
+    pub fn cull_on(
+        &mut self,
+        jobs: &dyn Jobs,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        self.run(scene, view, visible, |culler, view, visible| culler.cull_on(jobs, scene, view, visible))
+    }
+
+    /// Fills `visible`, calls `cull` for each stage and finishes `visible`. Returns the sum of the counters.
+    fn run(
+        &mut self,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+        mut cull: impl FnMut(&mut dyn Culler, &View, &mut VisibleSet) -> CullStats,
+    ) -> CullStats {
         let view = self.frozen.as_ref().unwrap_or(view);
         self.last = Some(*view);
         visible.fill(scene, view);
@@ -142,7 +186,7 @@ impl Pipeline {
         }
         let mut sum = CullStats::default();
         for (place, (culler, stats)) in self.stages.iter_mut().enumerate() {
-            *stats = culler.cull(scene, view, visible);
+            *stats = cull(culler.as_mut(), view, visible);
             sum += *stats;
             if let Some(removals) = &mut self.removals {
                 removals.after_stage(place, scene, visible);

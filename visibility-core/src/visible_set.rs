@@ -8,7 +8,7 @@ mod result;
 pub use result::BitsError;
 
 use crate::scene::{NONE, Token, Tree, lanes};
-use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
+use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp, walk::SplitScratch};
 use alloc::vec::Vec;
 use frame_changes::Changes;
 use leaf_walk::{LeafWalk, lanes_on_layers};
@@ -78,6 +78,8 @@ pub struct VisibleSet {
     /// Scratch memory. Holds one bit per object index while objects are listed or dropped, or one mask per
     /// node in [`keep_in_order`](Self::keep_in_order).
     scratch_masks: Vec<u64>,
+    /// Scratch memory of walks on several threads.
+    pub(crate) split_scratch: SplitScratch,
     changes: Option<Changes>,
 }
 
@@ -118,6 +120,7 @@ impl VisibleSet {
             index_limit: 0,
             unculled_leaves: Vec::new(),
             scratch_masks: Vec::new(),
+            split_scratch: SplitScratch::EMPTY,
             changes: None,
         }
     }

@@ -8,8 +8,10 @@
 //! from the set at the end.
 
 mod check;
+mod split;
 
 pub use check::first_misplaced;
+pub(crate) use split::{NodeTest, SplitScratch, retain_on};
 
 use crate::scene::{Boxes64, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, VisibleSet};

@@ -11,6 +11,7 @@ mod contribution;
 mod explain_and_freeze;
 mod frustum_contract;
 mod hostile_input;
+mod jobs;
 mod lod;
 mod many_views;
 mod mesh_bounds;

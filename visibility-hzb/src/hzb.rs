@@ -6,7 +6,7 @@ use crate::buffer::tiles::Tiles;
 use crate::buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
 use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
-use crate::level::{LevelFrame, LevelScratch, PreparedLevel, draw_levels, sides};
+use crate::level::{LevelFrame, LevelRaster, PreparedLevel, sides};
 use crate::query::box_face_planes::FacePlaneSetup;
 use crate::query::box_projection::ScreenProjection32;
 use crate::query::box_query::{BoxQuery, test_box};
@@ -21,6 +21,7 @@ use crate::simd::Kernels;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::jobs::Jobs;
 use visibility_core::view::ViewPlanes;
 use visibility_core::{
     Aabb, Accuracy, ObjectId, OccluderMesh, OcclusionMap, View,
@@ -114,8 +115,8 @@ pub struct Hzb {
     levels: Vec<Arc<PreparedLevel>>,
     /// The current view for each of `levels`; `None` for a level that it cannot draw.
     level_frames: Vec<Option<LevelFrame>>,
-    /// Scratch memory for drawing `levels`.
-    level_scratch: LevelScratch,
+    /// Raster of `levels`.
+    level_raster: LevelRaster,
 }
 
 impl Default for Hzb {
@@ -162,7 +163,7 @@ impl Hzb {
             clip_planes: ViewPlanes::NONE,
             levels: Vec::new(),
             level_frames: Vec::new(),
-            level_scratch: LevelScratch::default(),
+            level_raster: LevelRaster::default(),
         }
     }
 
@@ -452,10 +453,10 @@ impl OcclusionMap for Hzb {
     }
 
     fn begin(&mut self, view: &View, origin: DVec3) {
-        self.begin_within(view, origin, f32::INFINITY);
+        self.begin_within(view, origin, f32::INFINITY, None);
     }
 
-    fn begin_within(&mut self, view: &View, origin: DVec3, work: f32) -> f32 {
+    fn begin_within(&mut self, view: &View, origin: DVec3, work: f32, jobs: Option<&dyn Jobs>) -> f32 {
         let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
         self.projection = ScreenProjection::new(view, origin, self.size, padded);
         self.projection32 = ScreenProjection32::new(&self.projection);
@@ -467,7 +468,7 @@ impl OcclusionMap for Hzb {
         self.clip_planes = view.clip_planes_from(origin);
         self.pyramid.clear();
         if work > 0.0 && !self.levels.is_empty() {
-            let sides = sides(&self.projection);
+            let sides = sides(&self.projection, [0, self.tiles.rows]);
             let frames = self.levels.iter().map(|level| {
                 let is_in_view = level.is_in_view(&sides, origin);
                 is_in_view.then(|| LevelFrame::new(view, level, self.size, padded)).flatten()
@@ -475,10 +476,9 @@ impl OcclusionMap for Hzb {
             self.level_frames.clear();
             self.level_frames.extend(frames);
             let (levels, frames) = (&self.levels, &self.level_frames);
-            let (scratch, tiles) = (&mut self.level_scratch, &mut self.tiles);
+            let (raster, tiles) = (&mut self.level_raster, &mut self.tiles);
             let spent;
-            (self.nearest, spent) =
-                draw_levels(self.simd, levels, frames, self.coverage, work, scratch, tiles);
+            (self.nearest, spent) = raster.draw(self.simd, levels, frames, self.coverage, work, jobs, tiles);
             self.pyramid.update(&mut self.tiles);
             return spent;
         }
@@ -538,5 +538,9 @@ impl OcclusionMap for Hzb {
 
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         self.simd.test_boxes(&self.query(), boxes.coordinates(), candidates)
+    }
+
+    fn shared(&self) -> Option<&(dyn OcclusionMap + Sync)> {
+        Some(self)
     }
 }

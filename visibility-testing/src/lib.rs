@@ -12,6 +12,7 @@ mod ends;
 mod exact;
 mod forged_counts;
 mod hash;
+pub mod job_systems;
 mod octree;
 mod plain_map;
 mod random;

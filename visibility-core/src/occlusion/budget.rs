@@ -102,6 +102,11 @@ impl Budget {
         self.spend(TEST_WORK * boxes as f32);
     }
 
+    /// Returns whether the frame may test the boxes of so many objects, and of the nodes above them.
+    pub(super) fn can_test(&self, objects: usize) -> bool {
+        2.0 * TEST_WORK * objects as f32 <= self.limit
+    }
+
     /// Enters objects found hidden. They pay loans back first.
     pub(super) fn earn(&mut self, objects: f32) {
         let earned = self.worth(objects);

@@ -9,8 +9,9 @@ use super::budget::{Budget, Experience, LeafSampling};
 use super::selection::{LEAST_BEHIND, OccluderSearch, Queue};
 use super::{Occlusion64, OcclusionMap};
 use crate::culler::Lack;
+use crate::jobs::Jobs;
 use crate::scene::lanes;
-use crate::walk::{BoxHierarchy, Child, SceneHierarchy, Walk};
+use crate::walk::{Block, BoxHierarchy, Child, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
 /// Default price: the number of occluder triangles that may be drawn for each object that they are expected
@@ -127,6 +128,62 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     pub fn hierarchy_mut(&mut self) -> &mut H {
         &mut self.hierarchy
     }
+
+    /// Culls on the threads of a job system, if there is one.
+    fn cull_with(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        if !self.scene.is_in(scene) {
+            Culler::reset(self);
+        }
+        self.scene = SceneCursor::at(scene);
+        let (objects, origin) = (visible.count(scene), scene.origin());
+        let mut walk = Walk::new(scene, &self.hierarchy, visible);
+        let mut budget = Budget::new(self.price, self.work_limit);
+        // A map that answers later must be asked in every frame.
+        let learns = self.price > 0 && self.map.answers_at_once();
+        if learns && self.experience.leaves_out(objects) {
+            self.map.begin_within(view, origin, 0.0, jobs);
+            Sweep { map: &mut self.map, budget, sampling: None, is_all_tested: true }
+                .keep_unhidden(&mut walk, None);
+            return walk.finish();
+        }
+        let most =
+            if self.price > 0 { budget.most_for(LEAST_BEHIND.max(objects as f32)) } else { f32::INFINITY };
+        budget.spend_beside(self.map.begin_within(view, origin, most, jobs));
+        let search = OccluderSearch::new(&mut self.map, &mut self.queue, view, origin, budget);
+        let (mut budget, is_all_tested) = search.run(&mut walk);
+        // A map that answers later must be asked about every leaf, or it would never learn of some.
+        let is_sampled = budget.is_spent_in_vain() && self.map.answers_at_once();
+        let stats = if let Some(jobs) = jobs
+            && H::IS_OF_SCENE
+            // Sampling and a limit on work make each test depend on those before it.
+            && !is_sampled
+            && !is_all_tested
+            && budget.can_test(objects)
+            && let Some(map) = self.map.shared()
+        {
+            let mut stats = walk.stats;
+            let before = stats.tests;
+            stats += retain_on(jobs, scene, visible, &HiddenTest { map }, UNDECIDED);
+            budget.spend_tests((stats.tests - before) as u32);
+            stats
+        } else {
+            let sampling = is_sampled.then(LeafSampling::default);
+            let mut sweep = Sweep { map: &mut self.map, budget, sampling, is_all_tested };
+            sweep.keep_unhidden(&mut walk, None);
+            budget = sweep.budget;
+            walk.finish()
+        };
+        if learns {
+            self.experience.record(&budget, objects.saturating_sub(stats.visible as usize));
+        }
+        stats
+    }
 }
 
 impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
@@ -139,37 +196,17 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        if !self.scene.is_in(scene) {
-            self.reset();
-        }
-        self.scene = SceneCursor::at(scene);
-        let objects = visible.count(scene);
-        let mut walk = Walk::new(scene, &self.hierarchy, visible);
-        let mut budget = Budget::new(self.price, self.work_limit);
-        // A map that answers later must be asked in every frame.
-        let learns = self.price > 0 && self.map.answers_at_once();
-        if learns && self.experience.leaves_out(objects) {
-            self.map.begin_within(view, scene.origin(), 0.0);
-            Sweep { map: &mut self.map, budget, sampling: None, is_all_tested: true }
-                .keep_unhidden(&mut walk, None);
-            return walk.finish();
-        }
-        let most =
-            if self.price > 0 { budget.most_for(LEAST_BEHIND.max(objects as f32)) } else { f32::INFINITY };
-        budget.spend_beside(self.map.begin_within(view, scene.origin(), most));
-        let search = OccluderSearch::new(&mut self.map, &mut self.queue, view, scene.origin(), budget);
-        let (budget, is_all_tested) = search.run(&mut walk);
-        // A map that answers later must be asked about every leaf, or it would never learn of some.
-        let is_sampled = budget.is_spent_in_vain() && self.map.answers_at_once();
-        let sampling = is_sampled.then(LeafSampling::default);
-        let mut sweep = Sweep { map: &mut self.map, budget, sampling, is_all_tested };
-        sweep.keep_unhidden(&mut walk, None);
-        let budget = sweep.budget;
-        let stats = walk.finish();
-        if learns {
-            self.experience.record(&budget, objects.saturating_sub(stats.visible as usize));
-        }
-        stats
+        self.cull_with(None, scene, view, visible)
+    }
+
+    fn cull_on(
+        &mut self,
+        jobs: &dyn Jobs,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        self.cull_with(Some(jobs), scene, view, visible)
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
@@ -225,5 +262,28 @@ impl<M: OcclusionMap> Sweep<'_, M> {
             }
             mask
         })
+    }
+}
+
+/// What [`HiddenTest`] knows of a node that occluders may hide.
+const UNDECIDED: u32 = 1;
+
+/// The test of the walk after the search, for several threads. A node is known to be undecided.
+struct HiddenTest<'a> {
+    map: &'a (dyn OcclusionMap + Sync),
+}
+
+impl NodeTest for HiddenTest<'_> {
+    /// Lanes of which no occluder hides any part.
+    type Found = u64;
+
+    fn test(&self, block: &Block<'_>, candidates: u64, _: u32, stats: &mut CullStats) -> (u64, u64) {
+        stats.tests += u64::from(candidates.count_ones());
+        let answer = self.map.test_64(block.boxes(), candidates);
+        (candidates & !answer.hidden, answer.visible)
+    }
+
+    fn below(&self, visible: &u64, _: u32, lane: usize) -> u32 {
+        if visible >> lane & 1 != 0 { 0 } else { UNDECIDED }
     }
 }

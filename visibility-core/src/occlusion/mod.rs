@@ -22,7 +22,7 @@ pub use prepare::{Preparation, prepare};
 pub use queries::{HardwareQueries, LateAnswers, QueryDevice};
 
 use crate::scene::{Boxes64, lanes};
-use crate::{Aabb, Accuracy, ObjectId, View};
+use crate::{Aabb, Accuracy, ObjectId, View, jobs::Jobs};
 use glam::{Affine3A, DVec3};
 
 /// Result of testing a box against an occlusion map.
@@ -108,9 +108,11 @@ pub trait OcclusionMap {
 
     /// As [`begin`](Self::begin), for a map that [draws](Self::draws) occluders by itself: spends at most
     /// about `work` on them, in triangles, the unit of the [price](OcclusionCuller::with_price) of hiding an
-    /// object. Returns the work spent. By default [`begin`](Self::begin), for 0.
-    fn begin_within(&mut self, view: &View, origin: DVec3, work: f32) -> f32 {
-        let _ = work;
+    /// object, on the threads of a job system if there is one. Returns the work spent. What the map holds does
+    /// not depend on the job system or its number of threads. It may differ from what it holds without one, and
+    /// from that of [`begin`](Self::begin), within the [accuracy](Self::accuracy). By default
+    /// [`begin`](Self::begin), for 0.
+    fn begin_within(&mut self, view: &View, origin: DVec3, _work: f32, _jobs: Option<&dyn Jobs>) -> f32 {
         self.begin(view, origin);
         0.0
     }
@@ -169,6 +171,12 @@ pub trait OcclusionMap {
     /// too.
     fn test_64_mut(&mut self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         self.test_64(boxes, candidates)
+    }
+
+    /// Returns the map for tests on several threads at once by [`test_64`](Self::test_64). `None`, the
+    /// default, for a map whose tests must come one after the other by [`test_64_mut`](Self::test_64_mut).
+    fn shared(&self) -> Option<&(dyn OcclusionMap + Sync)> {
+        None
     }
 
     /// Forgets what the map remembers of earlier frames. The culler calls it before the first frame of

@@ -4,4 +4,5 @@ pub(crate) mod depth_planes;
 pub(crate) mod pyramid;
 pub(crate) mod row_spans;
 pub(crate) mod tile_layout;
+mod tile_rows;
 pub(crate) mod tiles;

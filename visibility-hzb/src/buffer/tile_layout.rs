@@ -27,6 +27,14 @@ impl Rectangle {
     pub(crate) fn is_thin(&self) -> bool {
         self.columns[1] - self.columns[0] <= 1 || self.lines[1] - self.lines[0] <= 1
     }
+
+    /// Returns the part of the rectangle in a half-open range of tile rows. `None` if it is empty.
+    #[inline(always)]
+    pub(crate) fn within_rows(&self, rows: [usize; 2]) -> Option<Self> {
+        let [first, end] = rows.map(|row| (row * SIDE) as u32);
+        let lines = [self.lines[0].max(first), self.lines[1].min(end)];
+        (lines[0] < lines[1]).then_some(Self { lines, ..*self })
+    }
 }
 
 /// A `u64` whose eight bytes are 1, one byte for each row of a tile. Multiplying by a byte repeats that byte

@@ -22,12 +22,12 @@ pub(crate) const LAYERS: usize = 4;
 #[repr(C, align(64))]
 pub(crate) struct Layers {
     /// Pixels of each layer: bit `8 * y + x` stands for the pixel at column `x` and row `y` of the tile.
-    masks: [u64; LAYERS],
+    pub(super) masks: [u64; LAYERS],
     /// Lower bound on the depth keys (greater is nearer) of each layer's pixels.
-    depth_key: [f32; LAYERS],
+    pub(super) depth_key: [f32; LAYERS],
     /// Index into [`Tiles::depth_planes`] of planes that bound each layer's depth keys more tightly. 0 means
     /// no planes.
-    depth_planes: [u32; LAYERS],
+    pub(super) depth_planes: [u32; LAYERS],
 }
 
 /// Coverage and depth of all tiles of the buffer. Arrays hold one element for each tile, row by row from the
@@ -46,13 +46,13 @@ pub(crate) struct Tiles {
     pub(crate) depth_planes_index: Vec<u32>,
     /// Depth planes of the occluders drawn since the last [`clear`](Self::clear). Element 0 is
     /// [`DepthPlanes::NONE`].
-    depth_planes: Vec<DepthPlanes>,
+    pub(super) depth_planes: Vec<DepthPlanes>,
     /// Number of layers in use in each tile, 0 to [`LAYERS`]. A layer is a set of covered pixels with one
     /// bound on depth.
-    counts: Vec<u8>,
+    pub(super) counts: Vec<u8>,
     /// Layers of each tile (disjoint sets of covered pixels, each with a bound on depth). Layers at or
     /// beyond the tile's element of `counts` are stale.
-    layers: Vec<Layers>,
+    pub(super) layers: Vec<Layers>,
     /// Half-open range of dirty tile columns of each row of tiles: tiles whose `tile_min` has changed since
     /// the last update of the pyramid. [`UNCHANGED`] if there are none.
     pub(crate) changed: Vec<[usize; 2]>,

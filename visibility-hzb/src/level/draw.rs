@@ -30,7 +30,7 @@ const LEAST_AREA_PX: f32 = 24.0;
 
 /// Work of finding out whether a cluster may be seen, in triangles of a tenth of a microsecond (measured, as
 /// the following).
-const CANDIDATE_WORK: f32 = 0.05;
+pub(super) const CANDIDATE_WORK: f32 = 0.05;
 
 /// Work of choosing the polygons of a cluster, in triangles.
 const CLUSTER_WORK: f32 = 3.0;
@@ -56,10 +56,16 @@ pub(crate) struct Candidate {
     nearest: f32,
 }
 
+impl Candidate {
+    /// Returns the order of drawing: nearest first, in a total order.
+    pub(super) fn sort_key(&self) -> (u32, u32, u32) {
+        (self.order, self.level, self.cluster)
+    }
+}
+
 /// Scratch of the raster of a level, kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LevelScratch {
-    candidates: Vec<Candidate>,
     vertices: Vertices,
     edges: Edges,
     fill: FillScratch,
@@ -76,42 +82,34 @@ pub(crate) struct LevelScratch {
     work: f32,
 }
 
-/// Draws levels into `tiles`, the nearest clusters of all of them first, until about `work` is spent, in
-/// triangles. `frames` has the view for each level, `None` for a level that is not drawn. Returns an upper
-/// bound on the depth keys of what was drawn, and the work spent.
-pub(crate) fn draw_levels(
+/// Draws clusters of levels into the frames' rows of `tiles`, in the order of `candidates`, until about `work`
+/// is spent, in triangles. `frames` has the view for each level. Returns an upper bound on the depth keys of
+/// what was drawn, and the work spent.
+#[allow(clippy::too_many_arguments)]
+pub(crate) fn draw_candidates(
     simd: Simd,
     levels: &[Arc<PreparedLevel>],
     frames: &[Option<LevelFrame>],
     coverage: Coverage,
+    candidates: &[Candidate],
     work: f32,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> (f32, f32) {
     scratch.union.prepare(tiles);
-    scratch.candidates.clear();
-    let mut looked_at = 0;
-    for (index, (level, frame)) in (0..).zip(levels.iter().zip(frames)) {
-        if let Some(frame) = frame {
-            looked_at += simd.find_candidates(index, level, frame, &mut scratch.candidates);
-        }
-    }
-    scratch
-        .candidates
-        .sort_unstable_by_key(|candidate| (candidate.order, candidate.level, candidate.cluster));
-    scratch.work = CANDIDATE_WORK * looked_at as f32;
+    scratch.work = 0.0;
     let mut nearest = f32::NEG_INFINITY;
-    for i in 0..scratch.candidates.len() {
+    for candidate in candidates {
         if scratch.work >= work {
             break;
         }
-        let candidate = scratch.candidates[i];
         let index = candidate.level as usize;
         let (Some(level), Some(Some(frame))) = (levels.get(index), frames.get(index)) else { continue };
-        if let Some(rectangle) = &candidate.rectangle
-            && !simd.rectangle_may_be_seen(tiles, rectangle, candidate.nearest / BARELY_NEARER)
-        {
-            continue;
+        if let Some(rectangle) = &candidate.rectangle {
+            let Some(rectangle) = rectangle.within_rows(frame.rows) else { continue };
+            if !simd.rectangle_may_be_seen(tiles, &rectangle, candidate.nearest / BARELY_NEARER) {
+                continue;
+            }
         }
         if draw_cluster(simd, level, frame, coverage, candidate.cluster as usize, scratch, tiles) {
             nearest = greatest(candidate.nearest, nearest);
@@ -363,7 +361,7 @@ fn draw_polygon(
     simd.finish_edges(edges);
     if plain && !may_be_seen(simd, frame, tiles, edges.bounds, nearest_w) {
         if joined {
-            union.leave_out(edges.shared_bounds, frame.slack, tiles);
+            union.leave_out(edges.shared_bounds, frame.slack, frame.rows, tiles);
         }
         return Some(false);
     }
@@ -382,7 +380,7 @@ fn draw_polygon(
     } else {
         f32::NEG_INFINITY
     };
-    let Some(keys) = TileKeys::new(edges, frame.slack, &DepthBound { plane, floor }, tiles) else {
+    let Some(keys) = TileKeys::new(edges, frame, &DepthBound { plane, floor }, tiles) else {
         return Some(false);
     };
     let mut union = joined.then_some(union);
@@ -400,8 +398,8 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
         (end - first >= 1.0).then(|| [first as u32, (end as u32 + 1).min(size[axis] as u32)])
     };
     let (Some(columns), Some(lines)) = (range(0), range(1)) else { return false };
-    !frame.perspective
-        || simd.rectangle_may_be_seen(tiles, &Rectangle { columns, lines }, 1.0 / (BARELY_NEARER * w))
+    let Some(rectangle) = (Rectangle { columns, lines }).within_rows(frame.rows) else { return false };
+    !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
 
 /// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`

@@ -1,6 +1,7 @@
 //! The view of a frame, as the raster of a level's occluders needs it.
 
 use super::prepared::PreparedLevel;
+use crate::buffer::tile_layout::SIDE;
 use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, project_object};
@@ -62,19 +63,8 @@ pub(crate) struct LevelFrame {
     pub(super) sides: [[f32; 5]; 5],
     /// Greatest change of `w` over one metre.
     pub(super) w_per_metre: f64,
-}
-
-/// Returns the sides of a view: `a x + b y + c z + d + e r` is negative for a ball of radius `r` about the
-/// point `x`, `y`, `z` that is beyond the side. Not rounded conservatively.
-pub(crate) fn sides(projection: &ScreenProjection) -> [[f64; 5]; 5] {
-    let row = |row: &ScreenRow| {
-        let linear = DVec3::from(row.linear);
-        linear.extend(row.constant - linear.dot(projection.anchor))
-    };
-    let [left, top, depth] = [0, 1, 2].map(|i| row(&projection.rows[i]));
-    let [width, height] = projection.size;
-    let sides = [left, width * depth - left, top, height * depth - top, row(&projection.near)];
-    sides.map(|side| [side.x, side.y, side.z, side.w, side.truncate().length()])
+    /// Rows of tiles that are drawn, half-open: all rows, or those of a band.
+    pub(super) rows: [usize; 2],
 }
 
 impl LevelFrame {
@@ -112,8 +102,10 @@ impl LevelFrame {
             let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
             (row - along).length()
         };
+        let rows = [0, size[1] / SIDE];
         Some(Self {
-            sides: sides(&projection).map(|side| side.map(|value| value as f32)),
+            sides: sides(&projection, rows).map(|side| side.map(|value| value as f32)),
+            rows,
             projection32: ScreenProjection32::new(&projection),
             object,
             plane_errors: [object.determinant_error(), object.cross_error(projection.size)],
@@ -130,4 +122,27 @@ impl LevelFrame {
             projection,
         })
     }
+
+    /// Returns the frame for drawing the half-open range `rows` of tile rows alone.
+    pub(super) fn of_rows(&self, rows: [usize; 2]) -> Self {
+        // What ends near the border is drawn on both sides of it, so that polygons that meet there do.
+        let around = [rows[0].saturating_sub(1), (rows[1] + 1).min(self.rows[1])];
+        let sides = sides(&self.projection, around).map(|side| side.map(|value| value as f32));
+        Self { sides, rows, ..self.clone() }
+    }
+}
+
+/// Returns the sides of the part of a view that a half-open range of tile rows shows: `a x + b y + c z + d +
+/// e r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the side. Not rounded
+/// conservatively.
+pub(crate) fn sides(projection: &ScreenProjection, rows: [usize; 2]) -> [[f64; 5]; 5] {
+    let row = |row: &ScreenRow| {
+        let linear = DVec3::from(row.linear);
+        linear.extend(row.constant - linear.dot(projection.anchor))
+    };
+    let [left, top, depth] = [0, 1, 2].map(|i| row(&projection.rows[i]));
+    let [above, below] = rows.map(|row| (row * SIDE) as f64);
+    let right = projection.size[0] * depth - left;
+    let sides = [left, right, top - above * depth, below * depth - top, row(&projection.near)];
+    sides.map(|side| [side.x, side.y, side.z, side.w, side.truncate().length()])
 }

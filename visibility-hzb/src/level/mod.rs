@@ -42,6 +42,7 @@
 //! parts. So an outline crosses each row of centres an even number of times, and away from its edges the
 //! number to the left of a centre is that of the exact outline.
 
+mod bands;
 mod clip;
 mod draw;
 mod edges;
@@ -53,7 +54,8 @@ mod union;
 mod vertices;
 mod window;
 
-pub(crate) use draw::{Candidate, LevelScratch, begin_cluster, draw_levels, find_candidates};
+pub(crate) use bands::LevelRaster;
+pub(crate) use draw::{Candidate, LevelScratch, begin_cluster, find_candidates};
 pub(crate) use edges::Edges;
 pub(crate) use fill::{FillScratch, fill};
 pub(crate) use frame::{LevelFrame, sides};

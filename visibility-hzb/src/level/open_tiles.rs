@@ -1,6 +1,7 @@
 //! Open tiles of an outline: those that it may come near and that hold nothing as near.
 
 use super::edges::Edges;
+use super::frame::LevelFrame;
 use super::union::UnionTiles;
 use crate::buffer::row_spans::STEPS;
 use crate::buffer::tile_layout::SIDE;
@@ -65,16 +66,17 @@ pub(crate) struct TileKeys {
 }
 
 impl TileKeys {
-    /// Returns the tiles of an outline, which comes near what is within `slack` pixels of its edges. `None` if
-    /// there are none.
+    /// Returns the tiles of an outline in the frame's rows. The outline comes near what is within the slack of
+    /// its edges. `None` if there are none.
     #[inline(always)]
     pub(super) fn new(
         edges: &Edges,
-        slack: f32,
+        frame: &LevelFrame,
         &DepthBound { plane, floor }: &DepthBound,
         tiles: &Tiles,
     ) -> Option<Self> {
         let [left, above, right, below] = edges.bounds;
+        let slack = frame.slack;
         // The pixels that the outline may come near, in tiles, which are exact numbers.
         let low = |pixel: f32| nearest_whole(pixel - slack - 0.5) / SIDE as f32;
         let high = |pixel: f32| nearest_whole(pixel + slack + 0.5) / SIDE as f32;
@@ -88,7 +90,7 @@ impl TileKeys {
         // All tiles that the outline may come near, so that polygons that share an edge agree on them.
         Some(Self {
             columns: [first_tile(left), end_tile(right, tiles.columns)],
-            rows: [first_tile(above), end_tile(below, tiles.rows)],
+            rows: [first_tile(above).max(frame.rows[0]), end_tile(below, tiles.rows).min(frame.rows[1])],
             shared_rows: [first_tile(low(shared_above)), end_tile(high(shared_below), tiles.rows)],
             sides,
             plane,

@@ -1,0 +1,247 @@
+//! A walk of the scene's hierarchy on several threads.
+//!
+//! The nodes above the parents of leaves are few and are tested first, on one thread. The subtrees that are
+//! left, of at most 64 leaves each, are dealt out to a fixed number of parts. A part reads the masks of the set
+//! and keeps the masks that it finds in memory of its own. At the end they are written to the set.
+
+use super::{Block, Child, Children};
+use crate::jobs::{Jobs, for_each_part};
+use crate::scene::{NONE, lanes};
+use crate::{CullStats, Scene, VisibleSet};
+use alloc::vec::Vec;
+
+/// Number of parts. More share the work more evenly, and take an atomic exchange each.
+const PARTS: usize = 32;
+
+/// Level of the nodes whose subtrees are dealt out: parents of leaves.
+const SUBTREE_LEVEL: u8 = 1;
+
+/// What is known of a node that nothing below needs a test of.
+const ACCEPTED: u32 = 0;
+
+/// A culler's test of 64 siblings, which threads share. What is known of a node from the tests above it is a
+/// number, 0 if nothing below the node needs a test.
+pub(crate) trait NodeTest: Sync {
+    /// What a test finds of the children, beyond which of them are kept.
+    type Found;
+
+    /// Tests the `candidates` among the children of a node of which `known` is known. Returns the mask of the
+    /// children to keep, and what [`below`](Self::below) needs. Adds to the `tests` of `stats`.
+    fn test(
+        &self,
+        block: &Block<'_>,
+        candidates: u64,
+        known: u32,
+        stats: &mut CullStats,
+    ) -> (u64, Self::Found);
+
+    /// Returns what is known of the child in a lane that the test has kept.
+    fn below(&self, found: &Self::Found, known: u32, lane: usize) -> u32;
+}
+
+/// Memory of walks on several threads, kept from frame to frame.
+#[derive(Clone, Debug)]
+pub(crate) struct SplitScratch {
+    /// Subtrees in the order of the walk: root, and what is known of it.
+    subtrees: Vec<(u32, u32)>,
+    /// Empty before the first walk, then [`PARTS`] elements. Subtree `i` is of part `i % PARTS`.
+    parts: Vec<Part>,
+}
+
+impl SplitScratch {
+    pub(crate) const EMPTY: Self = Self { subtrees: Vec::new(), parts: Vec::new() };
+}
+
+/// What a part of a walk has found.
+#[derive(Clone, Debug, Default)]
+struct Part {
+    /// New masks of the part's nodes, by node.
+    masks: Vec<(u32, u64)>,
+    /// For each subtree of the part, whether any object is left.
+    is_any_left: Vec<bool>,
+    stats: CullStats,
+}
+
+/// Removes from `visible` the objects that `test` does not keep, on the threads of a job system. `known` is
+/// what is known of the root. Returns the work counters; their `visible` counts objects that are never
+/// culled, too. The answer is that of a [`Walk`](super::Walk) with the same test.
+pub(crate) fn retain_on<T: NodeTest>(
+    jobs: &dyn Jobs,
+    scene: &Scene,
+    visible: &mut VisibleSet,
+    test: &T,
+    known: u32,
+) -> CullStats {
+    visible.prepare(scene);
+    let mut stats = CullStats::default();
+    if scene.tree().root != NONE {
+        let (root, is_current) = (scene.tree().root as usize, visible.is_current(scene));
+        let mut scratch = core::mem::replace(&mut visible.split_scratch, SplitScratch::EMPTY);
+        scratch.parts.resize_with(PARTS, Part::default);
+        scratch.subtrees.clear();
+        let mut top = Top { scene, is_current, test, subtrees: &mut scratch.subtrees, stats };
+        top.visit(visible, root, known);
+        stats = top.stats;
+        let (subtrees, set) = (&scratch.subtrees, &*visible);
+        if let Some(parts) = scratch.parts.first_chunk_mut::<PARTS>() {
+            let mut index = 0;
+            let numbered = parts.each_mut().map(|part| {
+                index += 1;
+                (index - 1, part)
+            });
+            for_each_part(jobs, numbered, |(index, part): (usize, &mut Part)| {
+                part.masks.clear();
+                part.is_any_left.clear();
+                let mut walk = PartWalk {
+                    scene,
+                    set,
+                    is_current,
+                    test,
+                    masks: &mut part.masks,
+                    stats: CullStats::default(),
+                };
+                for &(node, known) in subtrees.iter().skip(index).step_by(PARTS) {
+                    let node = node as usize;
+                    let any = if known == ACCEPTED { walk.keep(node) } else { walk.visit(node, known) };
+                    part.is_any_left.push(any);
+                }
+                part.stats = walk.stats;
+            });
+        }
+        for part in &scratch.parts {
+            for &(node, mask) in &part.masks {
+                visible.set_mask(node as usize, mask);
+            }
+            let before = stats.visible;
+            stats += part.stats;
+            stats.visible += before;
+        }
+        let mut next = 0;
+        drop_empty(visible, scene, root, &scratch.parts, &mut next);
+        visible.split_scratch = scratch;
+    }
+    visible.use_masks();
+    stats.visible += visible.unculled_count(scene);
+    stats
+}
+
+/// The walk of the nodes above the subtrees.
+struct Top<'a, T> {
+    scene: &'a Scene,
+    is_current: bool,
+    test: &'a T,
+    /// See [`SplitScratch::subtrees`].
+    subtrees: &'a mut Vec<(u32, u32)>,
+    stats: CullStats,
+}
+
+impl<T: NodeTest> Top<'_, T> {
+    /// Tests the children of a node of which `known` is known, and notes the subtrees below that are kept.
+    fn visit(&mut self, visible: &mut VisibleSet, node: usize, known: u32) {
+        let tree = self.scene.tree();
+        if tree.levels[node] <= SUBTREE_LEVEL {
+            return self.subtrees.push((node as u32, known));
+        }
+        let candidates = visible.mask_if(self.is_current, self.scene, node);
+        self.stats.nodes += 1;
+        let (mask, found) = self.test.test(&block(self.scene, node), candidates, known, &mut self.stats);
+        visible.set_mask(node, mask);
+        for lane in lanes(mask) {
+            let (child, known) = (tree.child(node, lane), self.test.below(&found, known, lane));
+            if known == ACCEPTED {
+                self.stats.accepted_subtrees += 1;
+                self.keep(visible, child);
+            } else {
+                self.visit(visible, child, known);
+            }
+        }
+    }
+
+    /// Notes all subtrees with candidates in and below a node.
+    fn keep(&mut self, visible: &mut VisibleSet, node: usize) {
+        if self.scene.tree().levels[node] <= SUBTREE_LEVEL {
+            return self.subtrees.push((node as u32, ACCEPTED));
+        }
+        let mask = visible.mask_if(self.is_current, self.scene, node);
+        visible.set_mask(node, mask);
+        lanes(mask).for_each(|lane| self.keep(visible, self.scene.tree().child(node, lane)));
+    }
+}
+
+/// Clears the bits of children without objects in and below a node above the subtrees. `next` is the number
+/// of the next subtree. Returns whether any object is left below the node.
+fn drop_empty(
+    visible: &mut VisibleSet,
+    scene: &Scene,
+    node: usize,
+    parts: &[Part],
+    next: &mut usize,
+) -> bool {
+    if scene.tree().levels[node] <= SUBTREE_LEVEL {
+        let left = &parts[*next % PARTS].is_any_left;
+        *next += 1;
+        return left.get((*next - 1) / PARTS).is_none_or(|&any| any);
+    }
+    let mut mask = visible.mask_if(true, scene, node);
+    for lane in lanes(mask) {
+        let any = drop_empty(visible, scene, scene.tree().child(node, lane), parts, next);
+        mask &= !(u64::from(!any) << lane);
+    }
+    visible.set_mask(node, mask);
+    mask != 0
+}
+
+/// Returns the children of a node.
+#[inline(always)]
+fn block(scene: &Scene, node: usize) -> Block<'_> {
+    let tree = scene.tree();
+    Block { boxes: &tree.bounds[node], children: Children::Node { tree, node, leaf: tree.levels[node] == 0 } }
+}
+
+/// The walk of the subtrees of one part.
+struct PartWalk<'a, T> {
+    scene: &'a Scene,
+    /// The set, with the masks from before the walk.
+    set: &'a VisibleSet,
+    is_current: bool,
+    test: &'a T,
+    /// New masks by node.
+    masks: &'a mut Vec<(u32, u64)>,
+    stats: CullStats,
+}
+
+impl<T: NodeTest> PartWalk<'_, T> {
+    /// Tests everything below a node of which `known` is known. Returns whether any object is left.
+    fn visit(&mut self, node: usize, known: u32) -> bool {
+        let candidates = self.set.mask_if(self.is_current, self.scene, node);
+        let block = block(self.scene, node);
+        self.stats.nodes += 1;
+        let (mut mask, found) = self.test.test(&block, candidates, known, &mut self.stats);
+        self.stats.visible += u64::from(block.objects(mask).count_ones());
+        for lane in lanes(mask & !block.objects(mask)) {
+            let Child::Node(child) = block.child(lane) else { continue };
+            let any = match self.test.below(&found, known, lane) {
+                ACCEPTED => {
+                    self.stats.accepted_subtrees += 1;
+                    self.keep(child)
+                }
+                known => self.visit(child, known),
+            };
+            mask &= !(u64::from(!any) << lane);
+        }
+        self.masks.push((node as u32, mask));
+        mask != 0
+    }
+
+    /// Keeps all candidates in and below a node. Returns whether there are any.
+    fn keep(&mut self, node: usize) -> bool {
+        let mask = self.set.mask_if(self.is_current, self.scene, node);
+        self.masks.push((node as u32, mask));
+        let tree = self.scene.tree();
+        if tree.levels[node] == 0 {
+            self.stats.visible += u64::from(mask.count_ones());
+            return mask != 0;
+        }
+        lanes(mask).fold(false, |any, lane| self.keep(tree.child(node, lane)) | any)
+    }
+}

@@ -1,0 +1,123 @@
+//! The raster of levels, and drawing on several threads: each draws bands of the buffer.
+//!
+//! The clusters that may be seen are found once. A band is a fixed range of rows of tiles, and is drawn as if
+//! the buffer had no other rows, into tiles of its own, which are then copied to the buffer. A cluster that
+//! is hidden in a band is not drawn there, so bands may hold less than the buffer drawn as a whole, in
+//! pixels that are hidden to all that is worth drawing.
+
+use super::draw::{CANDIDATE_WORK, Candidate, LevelScratch, draw_candidates};
+use super::frame::LevelFrame;
+use super::prepared::PreparedLevel;
+use crate::buffer::tiles::Tiles;
+use crate::coverage::Coverage;
+use crate::lanes::greatest;
+use crate::simd::Kernels;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use visibility_core::jobs::{Jobs, for_each_part};
+use visibility_core::simd::Simd;
+
+/// Number of bands. More bands share the work among more threads, and more evenly. What lies in several bands
+/// is set up in each.
+const BANDS: usize = 4;
+
+/// The raster of levels, with its memory from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LevelRaster {
+    /// Clusters that may be seen, nearest first.
+    candidates: Vec<Candidate>,
+    scratch: LevelScratch,
+    /// Empty before the first frame on several threads, then [`BANDS`] elements.
+    bands: Vec<Band>,
+}
+
+/// A band of the buffer.
+#[derive(Clone, Debug)]
+struct Band {
+    /// The view of each level, for the rows of the band.
+    frames: Vec<Option<LevelFrame>>,
+    scratch: LevelScratch,
+    /// A buffer of which only the rows of the band are used.
+    tiles: Tiles,
+    /// Upper bound on the depth keys of what was drawn, and the work spent.
+    drawn: (f32, f32),
+}
+
+impl LevelRaster {
+    /// Draws levels into `tiles`, which are empty, the nearest clusters of all of them first, until about
+    /// `work` is spent, in triangles: in bands on the threads of a job system, if there is one. `frames` has
+    /// the view for each level, `None` for a level that is not drawn. Returns an upper bound on the depth keys
+    /// of what was drawn, and the work spent.
+    #[allow(clippy::too_many_arguments)]
+    pub(crate) fn draw(
+        &mut self,
+        simd: Simd,
+        levels: &[Arc<PreparedLevel>],
+        frames: &[Option<LevelFrame>],
+        coverage: Coverage,
+        work: f32,
+        jobs: Option<&dyn Jobs>,
+        tiles: &mut Tiles,
+    ) -> (f32, f32) {
+        let spent = self.find_candidates(simd, levels, frames);
+        let (candidates, left) = (&self.candidates, work - spent);
+        let (nearest, drawn) = match jobs {
+            None => {
+                let scratch = &mut self.scratch;
+                draw_candidates(simd, levels, frames, coverage, candidates, left, scratch, tiles)
+            }
+            Some(jobs) => {
+                let empty = || Band {
+                    frames: Vec::new(),
+                    scratch: LevelScratch::default(),
+                    tiles: Tiles::new_like(tiles),
+                    drawn: (f32::NEG_INFINITY, 0.0),
+                };
+                self.bands.resize_with(BANDS, empty);
+                let Some(bands) = self.bands.first_chunk_mut::<BANDS>() else {
+                    return (f32::NEG_INFINITY, spent);
+                };
+                let mut ends = [0; BANDS];
+                for i in 0..BANDS {
+                    ends[i] = tiles.rows * (i + 1) / BANDS;
+                }
+                let mut band = bands.iter_mut();
+                let parts = tiles.split_rows(ends).map(|rows| (rows, band.next()));
+                // The work of each band is a share of its own, so that no band waits for another.
+                let left = left / BANDS as f32;
+                for_each_part(jobs, parts, |(mut rows, band)| {
+                    let Some(Band { frames: own, scratch, tiles, drawn }) = band else { return };
+                    tiles.clear();
+                    own.clear();
+                    own.extend(frames.iter().map(|frame| frame.as_ref().map(|f| f.of_rows(rows.range()))));
+                    *drawn = draw_candidates(simd, levels, own, coverage, candidates, left, scratch, tiles);
+                    rows.copy(tiles);
+                });
+                tiles.take_depth_planes(bands.each_ref().map(|band| &band.tiles));
+                bands.iter().fold((f32::NEG_INFINITY, 0.0), |(nearest, work), band| {
+                    (greatest(band.drawn.0, nearest), work + band.drawn.1)
+                })
+            }
+        };
+        (nearest, spent + drawn)
+    }
+
+    /// Replaces the candidates by the clusters of all levels that may be seen, nearest first. Returns the work
+    /// spent.
+    fn find_candidates(
+        &mut self,
+        simd: Simd,
+        levels: &[Arc<PreparedLevel>],
+        frames: &[Option<LevelFrame>],
+    ) -> f32 {
+        self.candidates.clear();
+        let mut looked_at = 0;
+        for (index, (level, frame)) in (0..).zip(levels.iter().zip(frames)) {
+            if let Some(frame) = frame {
+                looked_at += simd.find_candidates(index, level, frame, &mut self.candidates);
+            }
+        }
+        self.candidates.sort_unstable_by_key(Candidate::sort_key);
+        CANDIDATE_WORK * looked_at as f32
+    }
+}
