@@ -156,7 +156,7 @@ mod tests {
         let world = World::new(built_in("office:1,2").unwrap(), (96, 54), Some(3)).unwrap();
         let pixels = |share: f64| {
             let level = Arc::new(make(&world, LevelSettings::default().with_kept_area(share)).unwrap());
-            let mut hzb = Hzb::default().with_level(level.clone(), world.origin());
+            let mut hzb = Hzb::new(64, 36).unwrap().with_level(level.clone(), world.origin());
             draw(&world, &world.views[0], &level, &mut hzb, "").unwrap().1
         };
         let [all, half, none] = [1.0, 0.5, 0.0].map(pixels);
