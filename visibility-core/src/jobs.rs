@@ -12,7 +12,7 @@ use atomic_refcell::AtomicRefCell;
 /// An engine implements the trait over its own threads and passes it to
 /// [`Pipeline::cull_on`](crate::Pipeline::cull_on), which has an example. [`OneThread`] is the plainest
 /// implementation, and `RayonJobs` (feature `rayon`) uses the current pool of `rayon`. A frame calls
-/// [`run`](Self::run) once or twice for each culler, with up to 32 jobs of some microseconds each.
+/// [`run`](Self::run) once or twice for each culler, with up to 16 jobs of some microseconds each.
 pub trait Jobs {
     /// Calls `job` once with each number below `count`, in any order and on any threads, and returns when all
     /// calls have ended. Jobs never wait for each other. A job that is left out is done by the caller
@@ -57,7 +57,7 @@ pub struct RayonJobs;
 impl Jobs for RayonJobs {
     fn run(&self, count: usize, job: &(dyn Fn(usize) + Sync)) {
         use rayon::prelude::*;
-        (0..count).into_par_iter().with_max_len(1).for_each(job);
+        (0..count).into_par_iter().for_each(job);
     }
 }
 

@@ -317,6 +317,11 @@ impl VisibleSet {
         self.words[node] = mask;
     }
 
+    /// Replaces the masks of consecutive nodes from `first` on, as [`set_mask`](Self::set_mask) does.
+    pub(crate) fn set_masks(&mut self, first: usize, masks: &[u64]) {
+        self.words[first..first + masks.len()].copy_from_slice(masks);
+    }
+
     /// Clears the bit of a lane in the mask of a node that [`set_mask`](Self::set_mask) has set in this walk.
     pub(crate) fn drop_lane(&mut self, node: usize, lane: usize) {
         self.words[node] &= !(1 << lane);

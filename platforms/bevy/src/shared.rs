@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use visibility_core::culler::Lack;
+use visibility_core::jobs::Jobs;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
 /// A culler in a [`CullingPipeline`](crate::CullingPipeline) that the game keeps a handle to: to open doors,
@@ -42,6 +43,16 @@ impl<C: Culler> Culler for Shared<C> {
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.lock().cull(scene, view, visible)
+    }
+
+    fn cull_on(
+        &mut self,
+        jobs: &dyn Jobs,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        self.lock().cull_on(jobs, scene, view, visible)
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {

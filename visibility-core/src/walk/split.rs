@@ -11,7 +11,7 @@ use crate::{CullStats, Scene, VisibleSet};
 use alloc::vec::Vec;
 
 /// Number of parts. More share the work more evenly, and take an atomic exchange each.
-const PARTS: usize = 32;
+const PARTS: usize = 16;
 
 /// Level of the nodes whose subtrees are dealt out: parents of leaves.
 const SUBTREE_LEVEL: u8 = 1;
@@ -55,11 +55,45 @@ impl SplitScratch {
 /// What a part of a walk has found.
 #[derive(Clone, Debug, Default)]
 struct Part {
-    /// New masks of the part's nodes, by node.
-    masks: Vec<(u32, u64)>,
+    masks: NewMasks,
     /// For each subtree of the part, whether any object is left.
     is_any_left: Vec<bool>,
     stats: CullStats,
+}
+
+/// New masks of nodes. Siblings are mostly numbered one after the other, so that runs of masks can be copied.
+#[derive(Clone, Debug, Default)]
+struct NewMasks {
+    masks: Vec<u64>,
+    /// First node of each run of consecutive nodes, and the length of the run.
+    runs: Vec<(u32, u32)>,
+}
+
+impl NewMasks {
+    fn clear(&mut self) {
+        self.masks.clear();
+        self.runs.clear();
+    }
+
+    /// Appends the mask of a node.
+    #[inline(always)]
+    fn push(&mut self, node: usize, mask: u64) {
+        match self.runs.last_mut() {
+            Some((first, length)) if *first + *length == node as u32 => *length += 1,
+            _ => self.runs.push((node as u32, 1)),
+        }
+        self.masks.push(mask);
+    }
+
+    /// Writes the masks to a set.
+    fn write(&self, visible: &mut VisibleSet) {
+        let mut rest = &self.masks[..];
+        for &(first, length) in &self.runs {
+            let (run, others) = rest.split_at(length as usize);
+            visible.set_masks(first as usize, run);
+            rest = others;
+        }
+    }
 }
 
 /// Removes from `visible` the objects that `test` does not keep, on the threads of a job system. `known` is
@@ -109,9 +143,7 @@ pub(crate) fn retain_on<T: NodeTest>(
             });
         }
         for part in &scratch.parts {
-            for &(node, mask) in &part.masks {
-                visible.set_mask(node as usize, mask);
-            }
+            part.masks.write(visible);
             let before = stats.visible;
             stats += part.stats;
             stats.visible += before;
@@ -205,8 +237,7 @@ struct PartWalk<'a, T> {
     set: &'a VisibleSet,
     is_current: bool,
     test: &'a T,
-    /// New masks by node.
-    masks: &'a mut Vec<(u32, u64)>,
+    masks: &'a mut NewMasks,
     stats: CullStats,
 }
 
@@ -229,14 +260,14 @@ impl<T: NodeTest> PartWalk<'_, T> {
             };
             mask &= !(u64::from(!any) << lane);
         }
-        self.masks.push((node as u32, mask));
+        self.masks.push(node, mask);
         mask != 0
     }
 
     /// Keeps all candidates in and below a node. Returns whether there are any.
     fn keep(&mut self, node: usize) -> bool {
         let mask = self.set.mask_if(self.is_current, self.scene, node);
-        self.masks.push((node as u32, mask));
+        self.masks.push(node, mask);
         let tree = self.scene.tree();
         if tree.levels[node] == 0 {
             self.stats.visible += u64::from(mask.count_ones());
