@@ -56,7 +56,32 @@ fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Returns a random level: rooms, boxes that touch, sheets, a ground. Triangles of the same level hide from
+/// Returns a bumpy ground around the origin, or one that is bent round an axis as the walls of towers and
+/// tunnels are: `cells` x `cells` quadrilaterals that share their corners, some of them missing.
+fn bumpy(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
+    let bumps = random.fine_range(0.0, 1.5) as f32 * size / cells as f32;
+    let turn = if random.one_in(2) { 0.0 } else { random.fine_range(-6.0, 6.0) as f32 / size };
+    let at: Vec<Vec3> = (0..(cells + 1) * (cells + 1))
+        .map(|k| {
+            let [x, y] = [k % (cells + 1), k / (cells + 1)].map(|i| (i as f32 / cells as f32 - 0.5) * size);
+            let z = random.fine_range(-0.5, 0.5) as f32 * bumps;
+            if turn == 0.0 {
+                return Vec3::new(x, y, z);
+            }
+            let radius = 1.0 / turn + z;
+            Vec3::new(radius * (x * turn).sin(), y, 1.0 / turn - radius * (x * turn).cos())
+        })
+        .collect();
+    (0..cells * cells)
+        .filter(|_| !random.one_in(12))
+        .flat_map(|k| {
+            let a = k / cells * (cells + 1) + k % cells;
+            quad([a, a + 1, a + cells + 2, a + cells + 1].map(|i| at[i]))
+        })
+        .collect()
+}
+
+/// Returns a random level: rooms, boxes that touch, sheets, grounds, curved walls. Triangles of the same level hide from
 /// one side or from both.
 fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
     let mut out = Vec::new();
@@ -72,7 +97,7 @@ fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
             let faces = faces(&occluders);
             faces.iter().map(|face| face.corners.map(|p| p.as_vec3())).collect::<Vec<_>>()
         };
-        let own = match random.below(6) {
+        let own = match random.below(9) {
             0 => of(sheets(random)),
             1 => of(room(random)),
             2 => {
@@ -85,6 +110,10 @@ fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
             3 => {
                 let (cells, size) = (random.below(6) + 1, random.fine_range(2.0, 60.0) as f32);
                 ground(random, cells, size)
+            }
+            4..=6 => {
+                let (cells, size) = (random.below(12) + 1, random.fine_range(2.0, 60.0) as f32);
+                bumpy(random, cells, size)
             }
             _ => of((0..random.below(4) + 1).map(|_| occluder(random)).collect()),
         };
@@ -144,10 +173,12 @@ fn cast(seed: u64, samples: u64) {
         if triangles.is_empty() {
             continue;
         }
+        let bulge = [0.0, 0.03, 0.1, 0.3][random.below(4)];
+        let settings = LevelSettings::default().with_bulge(bulge);
         let settings = match random.below(3) {
-            0 => LevelSettings::default().with_max_cluster_edges(8),
-            1 => LevelSettings::default().with_flatness([1e-5, 1e-3][random.below(2)]),
-            _ => LevelSettings::default(),
+            0 => settings.with_max_cluster_edges(8),
+            1 => settings.with_flatness([1e-5, 1e-3][random.below(2)]),
+            _ => settings,
         };
         let level = level(&triangles, settings.with_kept_area(1.0));
         let shift = if random.one_in(4) { random.vector(1e5).round() } else { DVec3::ZERO };
@@ -184,16 +215,15 @@ fn pixels_that_many_levels_cover_are_covered() {
     }
 }
 
-/// The eye between the faces of a polygon that is not quite flat sees through it: the polygon hides nothing.
-/// Nor does it so close to the polygon that a ray might meet a face at less than half the distance.
-#[test]
-fn a_polygon_around_the_eye_hides_nothing() {
-    let mut random = Random(33);
-    let settings = LevelSettings::default().with_flatness(0.01).with_kept_area(1.0);
+/// Casts rays from eyes in or beside grounds whose vertices are up to `bumps` metres off a plane. Views look
+/// up or down by up to `tilt` times as far as ahead. Returns the number of covered pixels.
+fn cast_beside_bumps(seed: u64, settings: LevelSettings, bumps: f64, tilt: f64, near: [f64; 3]) -> u64 {
+    let mut random = Random(seed);
+    let settings = settings.with_kept_area(1.0);
     let mut covered = 0;
     for _ in 0..400 {
         let cells = random.below(5) + 2;
-        let bend = random.fine_range(0.0, 0.05);
+        let bend = random.fine_range(0.0, bumps);
         let at: Vec<Vec3> = (0..(cells + 1) * (cells + 1))
             .map(|k| {
                 let [i, j] = [k % (cells + 1), k / (cells + 1)].map(|k| k as f32 / cells as f32 * 8.0 - 4.0);
@@ -218,17 +248,35 @@ fn a_polygon_around_the_eye_hides_nothing() {
             let along = DVec3::new(
                 random.fine_unit() - 0.5,
                 random.fine_unit() - 0.5,
-                0.3 * random.fine_unit() - 0.15,
+                tilt * (random.fine_unit() - 0.5),
             );
             let pose = Pose::look_at(eye, eye + along.normalize_or(DVec3::X), DVec3::Z);
-            let near = [1e-4, 1e-2, 0.1][random.below(3)];
+            let near = near[random.below(3)];
             let view = View::perspective(pose, 1.2, 1.5, near, f64::INFINITY).unwrap();
             hzb.begin(&view, DVec3::ZERO);
             hzb.flush();
-            covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "eye in the slab")[1];
+            covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "beside bumps")[1];
         }
     }
+    covered
+}
+
+/// The eye between the faces of a polygon that is not quite flat sees through it: the polygon hides nothing.
+/// Nor does it so close to the polygon that a ray might meet a face before the near plane.
+#[test]
+fn a_polygon_around_the_eye_hides_nothing() {
+    let flat = LevelSettings::default().with_flatness(0.01);
+    let covered = cast_beside_bumps(33, flat, 0.05, 0.3, [1e-4, 1e-2, 0.1]);
     assert!(covered > 1000, "{covered} pixels are covered");
+}
+
+/// A polygon that is far from flat hides nothing where its faces may reach through the near plane, inside its
+/// outline or where it is cut.
+#[test]
+fn the_near_plane_cuts_faces_of_polygons_that_are_not_flat() {
+    let bulging = LevelSettings::default().with_bulge(0.3);
+    let covered = cast_beside_bumps(35, bulging, 1.0, 3.0, [0.1, 0.5, 1.5]);
+    assert!(covered > 100_000, "{covered} pixels are covered");
 }
 
 /// All instruction sets give the same pixels, and a warm frame allocates nothing.
