@@ -215,13 +215,13 @@ fn pixels_that_many_levels_cover_are_covered() {
     }
 }
 
-/// Casts rays from eyes in or beside grounds whose vertices are up to `bumps` metres off a plane. Views look
-/// up or down by up to `tilt` times as far as ahead. Returns the number of covered pixels.
-fn cast_beside_bumps(seed: u64, settings: LevelSettings, bumps: f64, tilt: f64, near: [f64; 3]) -> u64 {
-    let mut random = Random(seed);
+/// Casts rays from eyes in or beside `levels` grounds whose vertices are up to `bumps` metres off a plane.
+/// Views look up or down by up to `tilt` times as far as ahead. Returns the number of covered pixels.
+fn cast_beside_bumps(levels: usize, bumps: f64, tilt: f64, near: [f64; 3], settings: LevelSettings) -> u64 {
+    let mut random = Random(33);
     let settings = settings.with_kept_area(1.0);
     let mut covered = 0;
-    for _ in 0..400 {
+    for _ in 0..levels {
         let cells = random.below(5) + 2;
         let bend = random.fine_range(0.0, bumps);
         let at: Vec<Vec3> = (0..(cells + 1) * (cells + 1))
@@ -231,9 +231,10 @@ fn cast_beside_bumps(seed: u64, settings: LevelSettings, bumps: f64, tilt: f64, 
             })
             .collect();
         let mut triangles = Vec::new();
+        let (mixed, all_two_sided) = (random.one_in(2), random.one_in(2));
         for k in 0..cells * cells {
             let a = k / cells * (cells + 1) + k % cells;
-            let two_sided = random.one_in(2);
+            let two_sided = if mixed { random.one_in(2) } else { all_two_sided };
             let corners = [a, a + 1, a + cells + 2, a + cells + 1].map(|i| at[i]);
             triangles.extend(quad(corners).map(|corners| LevelTriangle { corners, two_sided }));
         }
@@ -252,7 +253,12 @@ fn cast_beside_bumps(seed: u64, settings: LevelSettings, bumps: f64, tilt: f64, 
             );
             let pose = Pose::look_at(eye, eye + along.normalize_or(DVec3::X), DVec3::Z);
             let near = near[random.below(3)];
-            let view = View::perspective(pose, 1.2, 1.5, near, f64::INFINITY).unwrap();
+            let view = if random.one_in(4) {
+                let window = Window { left: -2.0, right: 2.0, bottom: -1.5, top: 1.5 };
+                View::orthographic(pose, window, near - 1.0, 60.0).unwrap()
+            } else {
+                View::perspective(pose, 1.2, 1.5, near, f64::INFINITY).unwrap()
+            };
             hzb.begin(&view, DVec3::ZERO);
             hzb.flush();
             covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "beside bumps")[1];
@@ -266,7 +272,7 @@ fn cast_beside_bumps(seed: u64, settings: LevelSettings, bumps: f64, tilt: f64, 
 #[test]
 fn a_polygon_around_the_eye_hides_nothing() {
     let flat = LevelSettings::default().with_flatness(0.01);
-    let covered = cast_beside_bumps(33, flat, 0.05, 0.3, [1e-4, 1e-2, 0.1]);
+    let covered = cast_beside_bumps(400, 0.05, 0.3, [1e-4, 1e-2, 0.1], flat);
     assert!(covered > 1000, "{covered} pixels are covered");
 }
 
@@ -275,7 +281,7 @@ fn a_polygon_around_the_eye_hides_nothing() {
 #[test]
 fn the_near_plane_cuts_faces_of_polygons_that_are_not_flat() {
     let bulging = LevelSettings::default().with_bulge(0.3);
-    let covered = cast_beside_bumps(35, bulging, 1.0, 3.0, [0.1, 0.5, 1.5]);
+    let covered = cast_beside_bumps(150, 1.0, 3.0, [0.1, 0.5, 1.5], bulging);
     assert!(covered > 100_000, "{covered} pixels are covered");
 }
 

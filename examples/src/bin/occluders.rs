@@ -6,7 +6,7 @@ use std::time::Instant;
 use visibility_examples::{eprintln, open, println};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 
-/// Make the occluders of a level: its opaque triangles welded, joined into planar polygons, in clusters.
+/// Make the occluders of a level: its opaque triangles welded, joined into nearly flat polygons, in clusters.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -22,6 +22,11 @@ struct Arguments {
     /// roundings.
     #[arg(long, value_name = "FRACTION")]
     flatness: Option<f64>,
+
+    /// How far a polygon may be off its plane, as a share of the square root of its area, if that is more. By
+    /// default as for the z-buffer; 0 for flat polygons.
+    #[arg(long, value_name = "SHARE")]
+    bulge: Option<f64>,
 }
 
 fn main() -> ExitCode {
@@ -51,6 +56,9 @@ fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(flatness) = arguments.flatness {
         settings = settings.with_flatness(flatness);
     }
+    if let Some(bulge) = arguments.bulge {
+        settings = settings.with_bulge(bulge);
+    }
     let start = Instant::now();
     let level = LevelOccluders::new(&triangles, settings)?;
     let seconds = start.elapsed().as_secs_f64();
@@ -59,7 +67,7 @@ fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     println!("{} faces, {} open edges", report.faces, report.open_edges);
     println!("{} T-junctions, {} open edges left", report.t_junctions, report.open_edges_left);
     println!(
-        "{} planar polygons, {} vertices on straight lines removed",
+        "{} polygons, {} vertices on straight lines removed",
         report.polygons, report.straightened
     );
     println!(
