@@ -66,10 +66,7 @@ fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     println!("{}: {} opaque triangles of {}", source.name, report.triangles, source.triangle_count());
     println!("{} faces, {} open edges", report.faces, report.open_edges);
     println!("{} T-junctions, {} open edges left", report.t_junctions, report.open_edges_left);
-    println!(
-        "{} polygons, {} vertices on straight lines removed",
-        report.polygons, report.straightened
-    );
+    println!("{} polygons, {} vertices on straight lines removed", report.polygons, report.straightened);
     println!(
         "{} polygons kept with {} edges in {} clusters, {:.1} m2 left out; {seconds:.2} s",
         level.polygons().len(),
