@@ -57,7 +57,32 @@ fn ground(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Returns a random level: rooms, boxes that touch, sheets, a ground. Triangles of the same level hide from
+/// Returns a bumpy ground around the origin, or one that is bent round an axis as the walls of towers and
+/// tunnels are: `cells` x `cells` quadrilaterals that share their corners, some of them missing.
+fn bumpy(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
+    let bumps = random.fine_range(0.0, 1.5) as f32 * size / cells as f32;
+    let turn = if random.one_in(2) { 0.0 } else { random.fine_range(-6.0, 6.0) as f32 / size };
+    let at: Vec<Vec3> = (0..(cells + 1) * (cells + 1))
+        .map(|k| {
+            let [x, y] = [k % (cells + 1), k / (cells + 1)].map(|i| (i as f32 / cells as f32 - 0.5) * size);
+            let z = random.fine_range(-0.5, 0.5) as f32 * bumps;
+            if turn == 0.0 {
+                return Vec3::new(x, y, z);
+            }
+            let radius = 1.0 / turn + z;
+            Vec3::new(radius * (x * turn).sin(), y, 1.0 / turn - radius * (x * turn).cos())
+        })
+        .collect();
+    (0..cells * cells)
+        .filter(|_| !random.one_in(12))
+        .flat_map(|k| {
+            let a = k / cells * (cells + 1) + k % cells;
+            quad([a, a + 1, a + cells + 2, a + cells + 1].map(|i| at[i]))
+        })
+        .collect()
+}
+
+/// Returns a random level: rooms, boxes that touch, sheets, grounds, curved walls. Triangles of the same level hide from
 /// one side or from both.
 pub(crate) fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
     let mut out = Vec::new();
@@ -73,7 +98,7 @@ pub(crate) fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
             let faces = faces(&occluders);
             faces.iter().map(|face| face.corners.map(|p| p.as_vec3())).collect::<Vec<_>>()
         };
-        let own = match random.below(6) {
+        let own = match random.below(9) {
             0 => of(sheets(random)),
             1 => of(room(random)),
             2 => {
@@ -86,6 +111,10 @@ pub(crate) fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
             3 => {
                 let (cells, size) = (random.below(6) + 1, random.fine_range(2.0, 60.0) as f32);
                 ground(random, cells, size)
+            }
+            4..=6 => {
+                let (cells, size) = (random.below(12) + 1, random.fine_range(2.0, 60.0) as f32);
+                bumpy(random, cells, size)
             }
             _ => of((0..random.below(4) + 1).map(|_| occluder(random)).collect()),
         };
@@ -145,10 +174,12 @@ fn cast(seed: u64, samples: u64) {
         if triangles.is_empty() {
             continue;
         }
+        let bulge = [0.0, 0.03, 0.1, 0.3][random.below(4)];
+        let settings = LevelSettings::default().with_bulge(bulge);
         let settings = match random.below(3) {
-            0 => LevelSettings::default().with_max_cluster_edges(8),
-            1 => LevelSettings::default().with_flatness([1e-5, 1e-3][random.below(2)]),
-            _ => LevelSettings::default(),
+            0 => settings.with_max_cluster_edges(8),
+            1 => settings.with_flatness([1e-5, 1e-3][random.below(2)]),
+            _ => settings,
         };
         let level = level(&triangles, settings.with_kept_area(1.0));
         let shift = if random.one_in(4) { random.vector(1e5).round() } else { DVec3::ZERO };
@@ -190,16 +221,15 @@ fn pixels_that_many_levels_cover_are_covered() {
     }
 }
 
-/// The eye between the faces of a polygon that is not quite flat sees through it: the polygon hides nothing.
-/// Nor does it so close to the polygon that a ray might meet a face at less than half the distance.
-#[test]
-fn a_polygon_around_the_eye_hides_nothing() {
+/// Casts rays from eyes in or beside `levels` grounds whose vertices are up to `bumps` metres off a plane.
+/// Views look up or down by up to `tilt` times as far as ahead. Returns the number of covered pixels.
+fn cast_beside_bumps(levels: usize, bumps: f64, tilt: f64, near: [f64; 3], settings: LevelSettings) -> u64 {
     let mut random = Random(33);
-    let settings = LevelSettings::default().with_flatness(0.01).with_kept_area(1.0);
+    let settings = settings.with_kept_area(1.0);
     let mut covered = 0;
-    for _ in 0..400 {
+    for _ in 0..levels {
         let cells = random.below(5) + 2;
-        let bend = random.fine_range(0.0, 0.05);
+        let bend = random.fine_range(0.0, bumps);
         let at: Vec<Vec3> = (0..(cells + 1) * (cells + 1))
             .map(|k| {
                 let [i, j] = [k % (cells + 1), k / (cells + 1)].map(|k| k as f32 / cells as f32 * 8.0 - 4.0);
@@ -207,9 +237,10 @@ fn a_polygon_around_the_eye_hides_nothing() {
             })
             .collect();
         let mut triangles = Vec::new();
+        let (mixed, all_two_sided) = (random.one_in(2), random.one_in(2));
         for k in 0..cells * cells {
             let a = k / cells * (cells + 1) + k % cells;
-            let two_sided = random.one_in(2);
+            let two_sided = if mixed { random.one_in(2) } else { all_two_sided };
             let corners = [a, a + 1, a + cells + 2, a + cells + 1].map(|i| at[i]);
             triangles.extend(quad(corners).map(|corners| LevelTriangle { corners, two_sided }));
         }
@@ -224,16 +255,30 @@ fn a_polygon_around_the_eye_hides_nothing() {
             let along = DVec3::new(
                 random.fine_unit() - 0.5,
                 random.fine_unit() - 0.5,
-                0.3 * random.fine_unit() - 0.15,
+                tilt * (random.fine_unit() - 0.5),
             );
             let pose = Pose::look_at(eye, eye + along.normalize_or(DVec3::X), DVec3::Z);
-            let near = [1e-4, 1e-2, 0.1][random.below(3)];
-            let view = View::perspective(pose, 1.2, 1.5, near, f64::INFINITY).unwrap();
+            let near = near[random.below(3)];
+            let view = if random.one_in(4) {
+                let window = Window { left: -2.0, right: 2.0, bottom: -1.5, top: 1.5 };
+                View::orthographic(pose, window, near - 1.0, 60.0).unwrap()
+            } else {
+                View::perspective(pose, 1.2, 1.5, near, f64::INFINITY).unwrap()
+            };
             hzb.begin(&view, DVec3::ZERO);
             hzb.flush();
-            covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "eye in the slab")[1];
+            covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "beside bumps")[1];
         }
     }
+    covered
+}
+
+/// The eye between the faces of a polygon that is not quite flat sees through it: the polygon hides nothing.
+/// Nor does it so close to the polygon that a ray might meet a face before the near plane.
+#[test]
+fn a_polygon_around_the_eye_hides_nothing() {
+    let flat = LevelSettings::default().with_flatness(0.01);
+    let covered = cast_beside_bumps(400, 0.05, 0.3, [1e-4, 1e-2, 0.1], flat);
     assert!(covered > 1000, "{covered} pixels are covered");
 }
 
@@ -293,6 +338,49 @@ fn job_systems_agree_and_bands_lose_next_to_nothing() {
     }
     assert!(banded * 1000 >= whole * 995, "{banded} pixels in bands, {whole} as a whole");
     assert!(whole > 100_000 && hidden > 10_000, "{whole} pixels are covered, {hidden} objects hidden");
+}
+
+/// A polygon that is far from flat hides nothing where its faces may reach through the near plane, inside its
+/// outline or where it is cut.
+#[test]
+fn the_near_plane_cuts_faces_of_polygons_that_are_not_flat() {
+    let bulging = LevelSettings::default().with_bulge(0.3);
+    let covered = cast_beside_bumps(150, 1.0, 3.0, [0.1, 0.5, 1.5], bulging);
+    assert!(covered > 100_000, "{covered} pixels are covered");
+}
+
+/// The peak of a low pyramid that is one polygon reaches through the near plane. All of the outline is beyond
+/// it.
+#[test]
+fn a_peak_through_the_near_plane_leaves_a_hole() {
+    let at = |k: usize| {
+        let [i, j] = [k % 3, k / 3].map(|k| 2.0 * k as f32 - 2.0);
+        Vec3::new(i, j, if k == 4 { 0.25 } else { 0.0 })
+    };
+    let corners = [0, 1, 3, 4].map(|a| quad([a, a + 1, a + 4, a + 3].map(at))).concat();
+    let window = Window { left: -1.0, right: 1.0, bottom: -1.0, top: 1.0 };
+    let mut random = Random(37);
+    for two_sided in [false, true] {
+        let triangles: Vec<LevelTriangle> =
+            corners.iter().map(|&corners| LevelTriangle { corners, two_sided }).collect();
+        let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
+        assert_eq!(level.polygons().len(), 1);
+        let mut hzb = Hzb::new(64, 64).unwrap().with_level(level, DVec3::ZERO);
+        // The near plane above the peak, then through it.
+        for (height, near, is_whole) in [(3.0, 0.2, true), (0.35, 0.15, false)] {
+            let pose = Pose::look_at(DVec3::Z * height, DVec3::ZERO, DVec3::X);
+            let before = height - if is_whole { 0.6 } else { 0.15 };
+            for view in [
+                View::perspective(pose, 0.8, 1.0, near, f64::INFINITY).unwrap(),
+                View::orthographic(pose, window, before, 60.0).unwrap(),
+            ] {
+                hzb.begin(&view, DVec3::ZERO);
+                hzb.flush();
+                let [_, pixels] = check(&as_faces(&triangles), &view, &hzb, &mut random, "a peak");
+                assert!(!is_whole || pixels == 64 * 64, "{pixels} pixels are covered, {two_sided}");
+            }
+        }
+    }
 }
 
 /// All instruction sets give the same pixels, and a warm frame allocates nothing.

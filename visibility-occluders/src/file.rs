@@ -87,8 +87,9 @@ impl LevelOccluders {
         out.u32(self.vertices().len() as u32);
         out.u32s(self.vertices().iter().flat_map(|p| p.to_array()).map(f32::to_bits));
         out.u32(self.polygons().len() as u32);
-        for OccluderPolygon { normal, extent, area, .. } in self.polygons() {
-            out.u64s([normal.x, normal.y, normal.z, extent[0], extent[1], *area].map(f64::to_bits));
+        for OccluderPolygon { normal, extent, area, least_cosine, .. } in self.polygons() {
+            let shape = [normal.x, normal.y, normal.z, extent[0], extent[1], *area, *least_cosine];
+            out.u64s(shape.map(f64::to_bits));
         }
         let mut numbers = Vec::new();
         for cluster in self.clusters() {
@@ -142,7 +143,7 @@ impl LevelOccluders {
             return Err(reader.content_error("a vertex is not finite").into());
         }
         let polygon_count = reader.u32()? as usize;
-        let shapes = reader.u64s(polygon_count.saturating_mul(6))?;
+        let shapes = reader.u64s(polygon_count.saturating_mul(SHAPE_NUMBERS))?;
         let number_bytes = usize::try_from(reader.u64()?).unwrap_or(usize::MAX);
         let numbers = reader.bytes(number_bytes)?;
         reader.end()?;
@@ -171,14 +172,19 @@ fn counts_mut(report: &mut LevelReport) -> [&mut usize; 7] {
     [triangles, faces, open_edges, t_junctions, open_edges_left, polygons, straightened]
 }
 
+/// Numbers of a polygon's shape in a file.
+const SHAPE_NUMBERS: usize = 7;
+
 /// Edges, polygons and clusters, and why there are none.
 type Read = Result<(Vec<[u32; 2]>, Vec<OccluderPolygon>, Vec<OccluderCluster>), &'static str>;
 
-/// Reads the polygons and clusters of `vertices` from the last part of a file. `shapes` has six numbers for
-/// each polygon: normal, extent and area.
+/// Reads the polygons and clusters of `vertices` from the last part of a file. `shapes` has
+/// [`SHAPE_NUMBERS`] numbers for each polygon: normal, extent, area and least cosine.
 fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read {
     let (mut edges, mut polygons, mut clusters) = (Vec::new(), Vec::new(), Vec::new());
-    let mut shapes = shapes.chunks_exact(6).map(|shape| [0, 1, 2, 3, 4, 5].map(|i| f64::from_bits(shape[i])));
+    let mut shapes = shapes
+        .chunks_exact(SHAPE_NUMBERS)
+        .map(|shape| [0, 1, 2, 3, 4, 5, 6].map(|i| f64::from_bits(shape[i])));
     // For each vertex of a cluster, the edges of a polygon that begin there less those that end there.
     let mut balance: Vec<i64> = Vec::new();
     let mut first_vertex = 0;
@@ -199,12 +205,15 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
         let first_polygon = polygons.len() as u32;
         let mut area = 0.0;
         for _ in 0..polygon_count {
-            let [x, y, z, low, high, own_area] =
+            let [x, y, z, low, high, own_area, least_cosine] =
                 shapes.next().ok_or("more polygons than there are normals")?;
             let normal = DVec3::new(x, y, z);
             let flat = low <= high && low.is_finite() && high.is_finite() && own_area.is_finite();
             if !((normal.length_squared() - 1.0).abs() <= NORMAL_ERROR && flat && own_area >= 0.0) {
                 return Err("a polygon has no plane or no area");
+            }
+            if !(0.0 < least_cosine && least_cosine <= 1.0 + NORMAL_ERROR) {
+                return Err("a polygon has faces that do not face its front");
             }
             let edge_count = number()?;
             let two_sided = match number()? {
@@ -234,6 +243,7 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
                 normal,
                 extent: [low, high],
                 area: own_area,
+                least_cosine,
                 edges: [first, end],
                 two_sided,
             });

@@ -15,13 +15,14 @@ use visibility_core::{Aabb, ObjectId, Scene, level_version};
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct LevelSettings {
     flatness: f64,
+    bulge: f64,
     kept_area: f64,
     max_cluster_edges: usize,
 }
 
 impl Default for LevelSettings {
     fn default() -> Self {
-        Self { flatness: 4.0 * f64::from(f32::EPSILON), kept_area: 0.98, max_cluster_edges: 96 }
+        Self { flatness: 4.0 * f64::from(f32::EPSILON), bulge: 0.03, kept_area: 0.98, max_cluster_edges: 96 }
     }
 }
 
@@ -32,6 +33,16 @@ impl LevelSettings {
     #[must_use]
     pub fn with_flatness(self, flatness: f64) -> Self {
         Self { flatness: flatness.max(0.0), ..self }
+    }
+
+    /// Sets how far a polygon's vertices may be off the plane of its first face, as a share of the square root
+    /// of its area, where that is more than the [flatness](Self::with_flatness). 0.03 by default, which gives
+    /// terrain and curved walls a half to a third of the polygons that 0 gives. Greater values give fewer
+    /// polygons, which count as farther away by as much, and hide nothing from an eye within that distance.
+    /// Below 0 or NaN counts as 0.
+    #[must_use]
+    pub fn with_bulge(self, bulge: f64) -> Self {
+        Self { bulge: bulge.max(0.0), ..self }
     }
 
     /// Sets the least share of the area of all polygons that is kept, from 0 to 1. The smallest polygons are
@@ -48,16 +59,20 @@ impl LevelSettings {
     }
 }
 
-/// A planar polygon of a level, of any form: concave, with holes, or in several parts.
+/// A polygon of a level, of any form: concave, with holes, or in several parts; flat, or nearly so. Its edges
+/// are edges of the level, which need not lie in one plane.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OccluderPolygon {
     /// Unit normal of the front.
     pub normal: DVec3,
-    /// Bounds on `normal . p` over all points `p` of the polygon, least and greatest, in metres. Roundings of
-    /// that product in `f64` are included.
+    /// Bounds on `normal . p` over all points `p` of the polygon's faces, least and greatest, in metres.
+    /// Roundings of that product in `f64` are included.
     pub extent: [f64; 2],
-    /// Area in square metres.
+    /// Sum of the areas of the polygon's faces in square metres.
     pub area: f64,
+    /// Least cosine of the angle between `normal` and the normal of the front of any of the polygon's faces,
+    /// above 0.
+    pub least_cosine: f64,
     /// Range of the polygon's edges in [`LevelOccluders::edges`], half-open.
     pub edges: [u32; 2],
     /// True if the polygon hides from both sides, false if from its front only.
@@ -92,7 +107,7 @@ pub struct LevelReport {
     pub t_junctions: usize,
     /// Number of edges that one face alone has, after T-junctions were resolved.
     pub open_edges_left: usize,
-    /// Number of planar polygons found.
+    /// Number of polygons found.
     pub polygons: usize,
     /// Number of vertices of outlines removed from the middle of straight lines.
     pub straightened: usize,
@@ -130,11 +145,12 @@ impl core::error::Error for LevelError {}
 /// them.
 const MAX_TRIANGLES: usize = (u32::MAX / 4) as usize;
 
-/// The occluders of a level: planar polygons made of its opaque, static triangles, in clusters.
+/// The occluders of a level: polygons made of its opaque, static triangles, in clusters.
 ///
 /// A line that meets no edge goes through a polygon if the polygon's outline winds round the line. It then
 /// goes through a triangle of the level within the polygon's [extent] along the normal: nothing is hidden
-/// that the triangles do not hide. The winding number is positive for a line that comes from the front.
+/// that the triangles do not hide. The winding number is positive for a line that comes from the front of all
+/// the polygon's faces.
 ///
 /// [extent]: OccluderPolygon::extent
 ///
@@ -184,7 +200,7 @@ impl LevelOccluders {
         report.open_edges_left = open_sides(&sides).count();
         let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
         let flatness = settings.flatness * f64::from(magnitude.max_element());
-        let mut regions = Regions::find(&faces, &sides, flatness);
+        let mut regions = Regions::find(&faces, &sides, flatness, settings.bulge);
         divide_regions(&mut regions, &faces, settings.max_cluster_edges);
         report.polygons = regions.regions.len();
         let mut kept: Vec<&Region> = regions.regions.iter().collect();
@@ -271,6 +287,7 @@ impl LevelOccluders {
                 normal: region.normal,
                 extent: [region.extent[0] - rounding, region.extent[1] + rounding],
                 area: region.area,
+                least_cosine: region.least_cosine,
                 edges: [first, self.edges.len() as u32],
                 two_sided: region.two_sided,
             });

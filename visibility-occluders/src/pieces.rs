@@ -30,15 +30,7 @@ pub(crate) fn divide_regions(regions: &mut Regions, faces: &Faces, max_edges: us
             middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.face.cmp(&b.face))
         });
         for range in [[first, first + half], [first + half, end]] {
-            (region.extent, region.area) = ([f64::INFINITY, f64::NEG_INFINITY], 0.0);
-            for member in &regions.members[range[0]..range[1]] {
-                let face = &faces.faces[member.face as usize];
-                region.area += face.area;
-                for &vertex in faces.corners_of(face) {
-                    let along = region.normal.dot(faces.at(vertex));
-                    region.extent = [region.extent[0].min(along), region.extent[1].max(along)];
-                }
-            }
+            region.measure(faces, &regions.members[range[0]..range[1]]);
             waiting.push(Region { members: range.map(|index| index as u32), ..region.clone() });
         }
     }

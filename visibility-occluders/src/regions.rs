@@ -1,14 +1,16 @@
-//! Planar regions: neighbouring faces in one plane, to be drawn as one polygon.
+//! Regions: neighbouring faces that are flat together, or nearly so, to be drawn as one polygon.
 
-use crate::faces::{Faces, Side};
+use crate::faces::{Face, Faces, Side};
 use alloc::vec::Vec;
+use visibility_core::geometry::sqrt;
 use visibility_core::glam::DVec3;
 
-/// Least cosine of the angle between the normals of a region and of a face in it. Faces of one plane may be
-/// off by more than their rounding only where they are thin.
-const LEAST_COSINE: f64 = 0.999;
+/// Least cosine of the angle between the normals of a region's first face and of any other face in it. The
+/// angle is less than half a right angle, so that all faces look to the side that a mean of their normals
+/// looks to. Wider angles join few faces more.
+const LEAST_COSINE: f64 = 0.85;
 
-/// Faces whose vertices all lie within a thin slab.
+/// Faces that hang together by edges, look the same way, and lie within a slab.
 #[derive(Clone, Debug)]
 pub(crate) struct Region {
     /// Range of the region's faces in [`Regions::members`], half-open.
@@ -19,6 +21,8 @@ pub(crate) struct Region {
     pub(crate) extent: [f64; 2],
     /// Sum of the areas of the faces in square metres.
     pub(crate) area: f64,
+    /// Least cosine of the angle between `normal` and the normal of any of the faces, once turned.
+    pub(crate) least_cosine: f64,
     /// True if all faces are two-sided, false if none is.
     pub(crate) two_sided: bool,
 }
@@ -41,11 +45,49 @@ pub(crate) struct Regions {
     pub(crate) members: Vec<Member>,
 }
 
+impl Region {
+    /// Sets all that follows from the `normal`, the faces and which of them are turned: `members`.
+    pub(crate) fn measure(&mut self, faces: &Faces, members: &[Member]) {
+        (self.extent, self.area) = ([f64::INFINITY, f64::NEG_INFINITY], 0.0);
+        self.least_cosine = 1.0;
+        for member in members {
+            let face = &faces.faces[member.face as usize];
+            self.area += face.area;
+            self.least_cosine = self.least_cosine.min(self.normal.dot(member.normal(face)));
+            for &vertex in faces.corners_of(face) {
+                let along = self.normal.dot(faces.at(vertex));
+                self.extent = [self.extent[0].min(along), self.extent[1].max(along)];
+            }
+        }
+    }
+
+    /// Turns the `normal` to the mean of the normals of `members`, by area, if the slab gets thinner.
+    fn fit(&mut self, faces: &Faces, members: &[Member]) {
+        let mean = members.iter().fold(DVec3::ZERO, |sum, member| {
+            let face = &faces.faces[member.face as usize];
+            sum + member.normal(face) * face.area
+        });
+        let mut other = Self { normal: mean.normalize_or(self.normal), ..self.clone() };
+        other.measure(faces, members);
+        let thickness = |region: &Self| region.extent[1] - region.extent[0];
+        if thickness(&other) < thickness(self) {
+            *self = other;
+        }
+    }
+}
+
+impl Member {
+    /// Returns the normal of the member's face, once turned.
+    fn normal(&self, face: &Face) -> DVec3 {
+        if self.turned { -face.normal } else { face.normal }
+    }
+}
+
 impl Regions {
-    /// Joins each face with its neighbours in the same plane: those that share an edge with it, lie within
-    /// `flatness` metres of the plane of the region's first face, and look the same way. `sides` are all
-    /// sides of the faces, sorted by edge.
-    pub(crate) fn find(faces: &Faces, sides: &[Side], flatness: f64) -> Self {
+    /// Joins each face with its neighbours: those that share an edge with it, lie close to the plane of the
+    /// region's first face, and look the same way. Close is within `flatness` metres, or within `bulge` times
+    /// the square root of the region's area. `sides` are all sides of the faces, sorted by edge.
+    pub(crate) fn find(faces: &Faces, sides: &[Side], flatness: f64, bulge: f64) -> Self {
         // For each corner, the first of the sides at the edge that begins at the corner.
         let mut first_of_edge = alloc::vec![0u32; faces.corners.len()];
         let mut at = 0;
@@ -74,7 +116,8 @@ impl Regions {
                 members: [first as u32; 2],
                 normal: faces.faces[seed as usize].normal,
                 extent: [f64::INFINITY, f64::NEG_INFINITY],
-                area: 0.0,
+                area: faces.faces[seed as usize].area,
+                least_cosine: 1.0,
                 two_sided: faces.faces[seed as usize].two_sided,
             };
             let plane = region.normal.dot(faces.at(faces.corners_of(&faces.faces[seed as usize])[0]));
@@ -82,11 +125,6 @@ impl Regions {
             while let Some(&member) = found.members.get(next) {
                 next += 1;
                 let face = &faces.faces[member.face as usize];
-                region.area += face.area;
-                for &vertex in faces.corners_of(face) {
-                    let along = region.normal.dot(faces.at(vertex));
-                    region.extent = [region.extent[0].min(along), region.extent[1].max(along)];
-                }
                 for corner in face.corners[0]..face.corners[1] {
                     let own = neighbours(corner).find(|side| side.corner == corner);
                     let Some(own) = own else { continue };
@@ -95,15 +133,20 @@ impl Regions {
                             continue;
                         }
                         let Some(turned) = turn(faces, &region, member, own, side) else { continue };
-                        let flat = |v: &u32| (region.normal.dot(faces.at(*v)) - plane).abs() <= flatness;
+                        let area = region.area + faces.faces[side.face as usize].area;
+                        let limit = flatness.max(bulge * sqrt(area));
+                        let flat = |v: &u32| (region.normal.dot(faces.at(*v)) - plane).abs() <= limit;
                         if faces.corners_of(&faces.faces[side.face as usize]).iter().all(flat) {
                             taken[side.face as usize] = true;
+                            region.area = area;
                             found.members.push(Member { face: side.face, turned });
                         }
                     }
                 }
             }
             region.members[1] = found.members.len() as u32;
+            region.measure(faces, &found.members[first..]);
+            region.fit(faces, &found.members[first..]);
             found.regions.push(region);
         }
         found

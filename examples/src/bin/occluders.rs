@@ -15,7 +15,7 @@ use visibility_examples::{Hint, Reading, eprintln, open_with_walks, println};
 use visibility_hzb::Hzb;
 use visibility_occluders::{LevelOccluders, LevelSettings};
 
-/// Make the occluders of a level: its opaque triangles welded, joined into planar polygons, in clusters.
+/// Make the occluders of a level: its opaque triangles welded, joined into nearly flat polygons, in clusters.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -40,6 +40,11 @@ struct Arguments {
     /// roundings.
     #[arg(long, value_name = "FRACTION")]
     flatness: Option<f64>,
+
+    /// How far a polygon may be off its plane, as a share of the square root of its area, if that is more. By
+    /// default as for the z-buffer; 0 for flat polygons.
+    #[arg(long, value_name = "SHARE")]
+    bulge: Option<f64>,
 
     /// File to write, for `walkthrough --cullers hzb-level:FILE`. It is refused for a scene with other
     /// triangles, hints or units.
@@ -91,6 +96,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(flatness) = arguments.flatness {
         settings = settings.with_flatness(flatness);
     }
+    if let Some(bulge) = arguments.bulge {
+        settings = settings.with_bulge(bulge);
+    }
     let start = Instant::now();
     let level = make(&world, settings)?;
     let seconds = start.elapsed().as_secs_f64();
@@ -99,10 +107,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     println!("{}: {} opaque triangles of {all} stand still", world.source.name, report.triangles);
     println!("{} faces, {} open edges", report.faces, report.open_edges);
     println!("{} T-junctions, {} open edges left", report.t_junctions, report.open_edges_left);
-    println!(
-        "{} planar polygons, {} vertices on straight lines removed",
-        report.polygons, report.straightened
-    );
+    println!("{} polygons, {} vertices on straight lines removed", report.polygons, report.straightened);
     println!(
         "{} polygons kept with {} edges in {} clusters, {:.1} m2 left out; {seconds:.2} s",
         level.polygons().len(),

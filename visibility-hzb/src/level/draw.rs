@@ -326,6 +326,8 @@ fn draw_polygon(
     let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
+    // Whether vertices of edges that may be cut are moved into the plane at `far`. `None` before such an edge.
+    let mut flattened = None;
     edges.clear();
     clip.edges.clear();
     let (mut joined, mut most_w, mut nearest_w) = (false, 0.0f32, f32::INFINITY);
@@ -343,10 +345,13 @@ fn draw_polygon(
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
             continue;
         }
+        let flatten = *flattened.get_or_insert_with(|| !is_beyond_window(frame, polygon, far));
         clip.edges.push([0, 1].map(|end| {
             let at = [a, b][end];
-            let p = level.level.vertices()[first + at].as_dvec3();
-            let p = p - polygon.normal * (polygon.normal.dot(p) - far);
+            let mut p = level.level.vertices()[first + at].as_dvec3();
+            if flatten {
+                p -= polygon.normal * (polygon.normal.dot(p) - far);
+            }
             let plain = vertices.plain[at].then(|| [x[at], y[at]]);
             End { point: frame.object.at(p.to_array()), plain }
         }));
@@ -366,14 +371,15 @@ fn draw_polygon(
         return Some(false);
     }
     let thickness = polygon.extent[1] - polygon.extent[0];
-    let bend =
-        if plain && polygon.two_sided { 0.0 } else { 1.25 * thickness * frame.pixels_per_metre / least_w };
+    let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
+    let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(lanes.middle[axis][at % WIDTH])));
+    let radius = f64::from(lanes.radius[at % WIDTH]);
+    let exact = flattened != Some(true) && (polygon.two_sided || faces_eye(frame, polygon, middle, radius));
+    let bend = if exact { 0.0 } else { 1.25 * thickness * frame.pixels_per_metre / least_w };
     if !(bend <= MAX_BEND_PX && error <= f64::from(MAX_ERROR_PX)) {
         return None;
     }
-    let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
-    let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(lanes.middle[axis][at % WIDTH])));
-    let plane = depth_plane(frame, polygon.normal, middle, f64::from(lanes.radius[at % WIDTH]), far);
+    let plane = depth_plane(frame, polygon.normal, middle, radius, far);
     // A face may be as far behind its outline as the slab is thick.
     let floor = if frame.perspective {
         down((1.0 / (most_w + 2.0 * thickness * frame.w_per_metre)) * (1.0 - 1e-7))
@@ -403,23 +409,66 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
 }
 
 /// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`
-/// if the polygon is not seen from a side from which it hides, or the eye is in the slab or so close to it
-/// that a ray may meet it at less than half the distance of its far side.
+/// if the polygon is not seen from a side from which it hides, the eye is in the slab, or rays may meet the
+/// slab before the near plane.
 #[inline(always)]
 fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let [low, high] = polygon.extent;
     let along = polygon.normal.dot(frame.eye);
-    let margin = 8.0 * U * polygon.normal.abs().dot(frame.eye.abs());
+    let thickness = high - low;
     if !frame.perspective {
         let back = along > 0.0;
         let seen = along.abs() > LEAST_PARALLEL_COSINE && (polygon.two_sided || !back);
-        return seen.then_some(if back { high } else { low });
+        let far = if back { high } else { low };
+        let before_near = thickness > frame.most_flattened && !is_beyond_window(frame, polygon, far);
+        return (seen && !before_near).then_some(far);
     }
-    let thickness = high - low;
-    if along - high > thickness + 2.0 * margin {
-        return Some(low);
-    }
-    (polygon.two_sided && low - along > thickness + 2.0 * margin).then_some(high)
+    let margin = 16.0 * U * polygon.normal.abs().dot(frame.eye.abs());
+    let front = along > high;
+    let (far, beside) = if front { (low, along - high) } else { (high, low - along) };
+    let seen = beside > margin && (polygon.two_sided || front);
+    // A ray meets a face at no less than half the distance of the far side, or beyond the window.
+    (seen && (beside > thickness + margin || is_beyond_window(frame, polygon, far))).then_some(far)
+}
+
+/// Returns 1 if the eye is in front of a polygon whose slab has its far side at `far`, -1 if behind.
+#[inline(always)]
+fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
+    let along = normal.dot(frame.eye);
+    let front = if frame.perspective { along > far } else { along < 0.0 };
+    if front { 1.0 } else { -1.0 }
+}
+
+/// Returns whether the eye's window is certainly on the eye's side of a polygon's slab, whose far side is at
+/// `far`: then what the picture sees of the slab is beyond the distance at which outlines are cut.
+#[inline(always)]
+fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, far: f64) -> bool {
+    let (normal, anchor) = (polygon.normal, frame.projection.anchor);
+    let side = eye_side(frame, normal, far);
+    let near_side = if side > 0.0 { polygon.extent[1] } else { polygon.extent[0] };
+    frame.window.is_some_and(|window| {
+        window.iter().all(|&point| {
+            let margin = 16.0 * U * (normal.abs().dot(anchor.abs() + point.abs()) + near_side.abs());
+            side * (normal.dot(anchor) + normal.dot(point) - near_side) > margin
+        })
+    })
+}
+
+/// Returns whether the eye is certainly in front of all faces of a polygon. `middle` and `radius` are the
+/// middle and radius of a ball around the vertices of its outline.
+#[inline(always)]
+fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: DVec3, radius: f64) -> bool {
+    let [low, high] = polygon.extent;
+    // Square of the sine of the greatest angle between the normal and those of faces.
+    let sine_squared = 1.0 - polygon.least_cosine * polygon.least_cosine + 1e-12;
+    let along = polygon.normal.dot(frame.eye);
+    // Height of the eye above the slab, and an upper bound on its distance from points of faces.
+    let (height, distance) = if frame.perspective {
+        (along - high, (frame.eye - middle).length() + radius + 2.0 * (high - low))
+    } else {
+        (-along, 1.0)
+    };
+    height > 0.0 && height * height > sine_squared * distance * distance * (1.0 + 1e-5)
 }
 
 /// Returns the plane, over tile columns and rows, that is the least depth key of a polygon in a tile: that of
@@ -429,9 +478,8 @@ fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, fa
     let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;
     let along = normal.cross(across);
     // A point whose coordinate along the normal is to be `far` misses it by a few roundings.
-    let away = if normal.dot(frame.eye) > far { -1.0 } else { 1.0 };
     let rounding = 16.0 * f64::EPSILON * (normal.abs().dot(middle.abs()) + far.abs() + radius);
-    let foot = middle + normal * (far + away * rounding - normal.dot(middle));
+    let foot = middle + normal * (far - eye_side(frame, normal, far) * rounding - normal.dot(middle));
     let corners = [foot, foot + across, foot + along].map(|p| frame.object.at(p.to_array()));
     let plane = plane(corners.each_ref(), &frame.object, &frame.projection, &frame.plane_errors);
     tile_minimum_plane(plane, frame.projection.size)

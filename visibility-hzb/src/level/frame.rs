@@ -4,8 +4,8 @@ use super::prepared::PreparedLevel;
 use crate::buffer::tile_layout::SIDE;
 use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;
-use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, project_object};
-use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, U, project_object};
+use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
 use visibility_core::view::ViewPlanes;
 use visibility_core::{Aabb, View};
 
@@ -49,6 +49,14 @@ pub(crate) struct LevelFrame {
     pub(super) least_near: f64,
     /// `w` at which outlines are cut.
     pub(super) least_w: f64,
+    /// In a parallel view, the greatest thickness of a polygon's slab whose outline may be moved into one
+    /// plane to be cut, in metres.
+    pub(super) most_flattened: f64,
+    /// The eye's *window*: four points on rays beside the corners of the buffer, so far from the eye that
+    /// outlines are not cut there, relative to the anchor. What the picture shows of the space before the
+    /// distance at which outlines are cut is in the hull of the eye and these. `None` if not all the rays
+    /// come to that distance.
+    pub(super) window: Option<[DVec3; 4]>,
     /// Greatest magnitude of columns and rows of outlines, in pixels. Where they leave it they are cut.
     pub(super) guard: f64,
     /// Distance in pixels within which an edge is near a pixel: more than outlines are off by.
@@ -88,16 +96,19 @@ impl LevelFrame {
         } else {
             (x.cross(y).normalize_or_zero(), projection.rows[2].constant * projection.rows[2].constant)
         };
+        let side = projection.size[0].max(projection.size[1]);
+        let pixels_per_metre = x.length().max(y.length()) + side * w.length();
         // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and has the
         // constant of its row at the eye. A polygon whose slab is no thicker than the eye's distance from it
         // is met at no less than half the `w` of its plane.
+        let most_flattened = MAX_BEND_PX * projection.rows[2].constant.abs() / pixels_per_metre;
         let least_near = if perspective {
             projection.near.constant.abs() + projection.near.error
         } else {
-            near.length() * level.thickness * (2.0 / LEAST_PARALLEL_COSINE)
+            near.length() * level.thickness.min(most_flattened) * (2.0 / LEAST_PARALLEL_COSINE)
         };
         let least_near = least_near * (1.0 + 1e-6) + 2.0 * object.near_limit();
-        let side = projection.size[0].max(projection.size[1]);
+        let least_w = 1024.0 * object.error[2];
         let across = |row: DVec3| {
             let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
             (row - along).length()
@@ -113,11 +124,13 @@ impl LevelFrame {
             perspective,
             clip_planes: view.clip_planes_from(level.origin),
             least_near,
-            least_w: 1024.0 * object.error[2],
+            least_w,
+            most_flattened,
+            window: window(&projection, least_near, least_w),
             guard: GUARD_BAND * side,
             slack: up(2.0 * f64::from(MAX_ERROR_PX) + MAX_BEND_PX + 64.0 * U32 * GUARD_BAND * side),
             pixels_per_area: (across(x) * across(y) / depth) as f32,
-            pixels_per_metre: x.length().max(y.length()) + side * w.length(),
+            pixels_per_metre,
             w_per_metre: w.length(),
             projection,
         })
@@ -145,4 +158,38 @@ pub(crate) fn sides(projection: &ScreenProjection, rows: [usize; 2]) -> [[f64; 5
     let right = projection.size[0] * depth - left;
     let sides = [left, right, top - above * depth, below * depth - top, row(&projection.near)];
     sides.map(|side| [side.x, side.y, side.z, side.w, side.truncate().length()])
+}
+
+/// Returns the eye's window (see [`LevelFrame::window`]): points on the rays through the corners of the
+/// buffer, enlarged by a pixel on each side, at twice the distance `least_near` beyond the near plane. `None`
+/// if such a point is behind the eye or not beyond the `w` of `least_w`.
+fn window(projection: &ScreenProjection, least_near: f64, least_w: f64) -> Option<[DVec3; 4]> {
+    let [x, y, w, _] = projection.rows;
+    let near = projection.near;
+    let [rx, ry, rw, rn] = [x, y, w, near].map(|row| DVec3::from(row.linear));
+    let ([width, height], distance) = (projection.size, 2.0 * least_near);
+    let mut points = [DVec3::ZERO; 4];
+    let corners = [[-1.0, -1.0], [width + 1.0, -1.0], [width + 1.0, height + 1.0], [-1.0, height + 1.0]];
+    for (point, [column, row]) in points.iter_mut().zip(corners) {
+        let columns = DMat3::from_cols(rx - rw * column, ry - rw * row, rn);
+        let wanted = DVec3::new(
+            w.constant * column - x.constant,
+            w.constant * row - y.constant,
+            distance - near.constant,
+        );
+        *point = columns.transpose().inverse() * wanted;
+        // Whatever rounding did, the point is where it should be, within half a pixel and a quarter of the
+        // distance. The comparisons are false for NaN.
+        let [x, y, w, near] = [x, y, w, near].map(|row| {
+            let linear = DVec3::from(row.linear);
+            let error = 8.0 * U * linear.abs().dot(point.abs()) + 2.0 * row.error;
+            (linear.dot(*point) + row.constant, error)
+        });
+        let is_at = |of: (f64, f64), at: f64| (of.0 - at * w.0).abs() + of.1 + at.abs() * w.1 <= 0.5 * w.0;
+        let is_beyond = near.0 - near.1 >= 1.5 * least_near && w.0 - w.1 > 2.0 * least_w;
+        if !(is_at(x, column) && is_at(y, row) && is_beyond) {
+            return None;
+        }
+    }
+    Some(points)
 }

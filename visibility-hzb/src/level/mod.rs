@@ -18,16 +18,32 @@
 //! take the same numbers for its ends, and decide by the same slack for which tiles they count. A tile in
 //! which one is left out, because it holds something nearer, is left out of the sum.
 //!
-//! A polygon that hides from its front alone has all faces turned to the front, by less than a right angle.
-//! On the plane its outline winds round a point at least 0 times. Moving each vertex from the plane to its
-//! place moves the outline on the screen by no more than the *bend*, which is part of the slack, so the same
-//! holds for the lines of a pixel: an odd number means that more faces are gone through from the front.
+//! Polygons need not be flat: their outlines run through the vertices of the level, and all that is said of
+//! windings holds for closed curves in space. What is not flat matters in four places.
 //!
-//! *Depth*: a ray reaches the far side of the slab after the face. *Near plane*: outlines are cut at twice
-//! the near distance of the eye, in the polygon's plane, along one straight line that counts as an edge. A
-//! face that a ray meets lies in the slab, which the ray crosses between half the distance of the plane and
-//! that distance, since a polygon whose slab is thicker than the eye's distance from it is not drawn. So the
-//! face is beyond the near plane.
+//! *Sides*: a polygon that hides from its front alone must not count where a line goes through a face from the
+//! back. If the eye is in front of all its faces there is no such line. It is if its height above the slab is
+//! more than its distance from each point of the polygon times the sine of the greatest angle between the
+//! normals of slab and faces. Else the outline must be nearly flat. On the plane it winds round a point at
+//! least 0 times, since all faces are turned to the front by less than a right angle. Moving each vertex from
+//! the plane to its place moves the outline on the screen by no more than the *bend*, which is part of the
+//! slack, so the same holds for the lines of a pixel: an odd number means that more faces are gone through
+//! from the front.
+//!
+//! *Depth*: the eye is outside the slab, and a ray reaches the far side of the slab after the face.
+//!
+//! *Near plane*: a face inside an outline may be nearer than all of the outline. It is beyond the near plane
+//! if the polygon's slab is no thicker than the eye's distance from it: a ray crosses the slab between half
+//! the distance of the far side and that distance, and outlines lie beyond twice the near distance of the
+//! eye. It is so too if the eye's *window*, a rectangle across the picture beyond that distance, is on the
+//! eye's side of the slab: a ray is past the window when it comes to the slab. Other polygons are not drawn.
+//!
+//! *Cuts*: outlines are cut at twice the near distance of the eye. The faces end there along a curve in the
+//! slab that is not known. A straight edge takes its place. If the window is on the eye's side of the slab,
+//! the part of the slab at that distance, which is convex and holds both curve and edge, is beside the
+//! picture, so that they wind round the lines of its pixels alike. Else all vertices of edges that are cut
+//! are moved into the plane of the far side of the slab, by no more than the bend: there the curve is that
+//! edge.
 //!
 //! *Guard band*: what is above, below or to the right of it has no pixel to the right. What is to its left
 //! becomes an edge along its side, in the same rows.
