@@ -7,6 +7,7 @@
 
 pub mod arguments;
 pub mod bake;
+pub mod cameras;
 pub mod description;
 pub mod engine;
 pub mod error;
@@ -14,6 +15,7 @@ pub mod frame_hints;
 pub mod gltf_file;
 mod json;
 pub mod load;
+pub mod made_up_walks;
 pub mod occlusion;
 pub mod output_file;
 pub mod plan;
@@ -31,6 +33,7 @@ pub mod vscn;
 pub mod walk;
 pub mod walkthrough;
 
+pub use cameras::Cameras;
 pub use description::load_walks;
 pub use error::SourceError;
 pub use load::{cars5, load, load_as, open, open_as, open_by_object};

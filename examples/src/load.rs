@@ -1,8 +1,7 @@
 //! Scene files, loaded by extension, with the JSON description that lies beside a VSCN file.
 //!
 //! A VSCN file holds only triangles. The JSON of the same stem gives names, the up axis, which objects are
-//! glass or doors, and the camera walks. Without the JSON the scene still loads, with z up and walks derived
-//! from its bounds.
+//! glass or doors, and the camera walks. Without the JSON the scene still loads, with z up and without walks.
 
 use crate::description::Description;
 use crate::error::{SourceError, ordinary};
@@ -176,7 +175,7 @@ fn load_vscn(
 }
 
 /// Makes the scene of a VSCN file and a description, and passes its objects on. Absent facts get defaults: z
-/// up, and a near plane and walks derived from the bounds. Returns an error when the file is invalid or its
+/// up, a near plane derived from the bounds, and no walks. Returns an error when the file is invalid or its
 /// counts differ from the description's.
 fn assemble(
     path: &Path,
@@ -201,9 +200,6 @@ fn assemble(
     let near = description.near.unwrap_or(walk::made_up_near(bounds));
     let mut scene = SceneSource::new(name, description.up.unwrap_or(Vec3::Z), near);
     scene.walks = description.walks.clone();
-    if scene.walks.is_empty() {
-        scene.walks = walk::made_up(bounds, scene.up);
-    }
     Ok(scene)
 }
 

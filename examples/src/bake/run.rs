@@ -41,6 +41,11 @@ pub fn run<'a>(
     mut progress: impl FnMut(Progress) + Send,
 ) -> Result<SandwichOutcome, Failure> {
     let start = Instant::now();
+    // Half of the time is for the sweeps: without rays and proofs, nobody knows how good they are.
+    let baker = || match run.limit {
+        Some(limit) => baker().with_sweep_end(clock() + limit / 2),
+        None => baker(),
+    };
     let mut bake = match std::fs::read(&run.state) {
         Ok(bytes) => Bake::resume(baker(), &bytes)
             .map_err(|error| format!("{}: {error}; remove the file to begin anew", run.state.display()))?,

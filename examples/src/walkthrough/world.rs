@@ -150,7 +150,7 @@ impl World {
         if 2 * open > all {
             eprintln!(
                 "{name}: {open} of {all} cameras stand in the open, where cells hide little; \
-                 hzb, horizon or view-cdt suit such scenes better"
+                 --cullers hzb,horizon,view-cdt compares what suits such scenes better"
             );
         }
         Ok(cells)
