@@ -12,6 +12,7 @@ use crate::search::{Method, Search};
 use crate::settings::Settings;
 use crate::tiled_scene::{PreparedScene, TiledScene};
 use std::ops::Range;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use visibility_core::Scene;
@@ -37,6 +38,13 @@ const SWEEP: u32 = 1;
 const LOOK: u32 = 2;
 /// The stage of proofs of boxes.
 const BOXES: u32 = 3;
+
+/// Phase of a stage that has time left.
+const IN_TIME: u8 = 0;
+/// Phase of a stage in the round in which its time has ended: no item is begun any more.
+const ENDED: u8 = 1;
+/// Phase of a stage later on: its items come after those of all viewcells that have come farther.
+const PUT_OFF: u8 = 2;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
 /// with progress, stopping and resuming, on any number of threads with the same result.
@@ -89,8 +97,10 @@ pub struct SandwichBaker<'a> {
     done: Vec<Option<FoundCell>>,
     /// By group and stage, the cost of what was open in its viewcells that have come to the stage.
     costs: Vec<[u64; STAGES]>,
-    /// Time on the clock from which on sweeps of viewcells are left out.
-    sweep_end: Duration,
+    /// By stage, the time on the clock at which the stage gives way to later ones.
+    ends: [Duration; STAGES],
+    /// By stage, [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
+    phases: [AtomicU8; STAGES],
     /// By group with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
     /// Why a viewcell could not be worked on: the first that happened.
@@ -195,7 +205,8 @@ impl<'a> SandwichBaker<'a> {
             clock: || Duration::ZERO,
             done: Vec::new(),
             costs: Vec::new(),
-            sweep_end: Duration::MAX,
+            ends: [Duration::MAX; STAGES],
+            phases: Default::default(),
             found_groups: Vec::new(),
             error: Mutex::default(),
         };
@@ -222,12 +233,17 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the baker with a time on its [clock](Self::with_clock) from which on no viewcell is swept by
-    /// itself: what the sweep of its group has left goes on to the later stages. For a bake with little time,
-    /// of which some must be left for them. Sweeps that were left out stay so when the bake is resumed.
+    /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
+    /// must run: no stage takes all of the time. After a third of it, viewcells whose groups are not swept
+    /// wait until all others are done; after half, viewcells are not swept by themselves, and what their
+    /// groups have left goes on to the later stages; after three quarters, those without rays wait. The caller
+    /// ends the bake. Sweeps that were left out stay so when the bake is resumed.
     #[must_use]
-    pub fn with_sweep_end(mut self, end: Duration) -> Self {
-        self.sweep_end = end;
+    pub fn with_time(mut self, time: Duration) -> Self {
+        let now = (self.clock)();
+        for (stage, part) in [(GROUP, 1.0 / 3.0), (SWEEP, 0.5), (LOOK, 0.75)] {
+            self.ends[stage as usize] = now.saturating_add(time.mul_f64(part));
+        }
         self
     }
 
@@ -391,11 +407,17 @@ impl<'a> SandwichBaker<'a> {
         if before.map_or(GROUP, |before| before.next) != stage {
             return Ok(Some(None));
         }
-        if let Some(before) = before
-            && stage == SWEEP
-            && (self.clock)() >= self.sweep_end
-        {
-            return Ok(Some(Some(FoundCell { next: LOOK, is_skipped: true, ..before.clone() })));
+        if (self.clock)() >= self.ends[stage as usize] {
+            if let Some(before) = before
+                && stage == SWEEP
+            {
+                return Ok(Some(Some(FoundCell { next: LOOK, is_skipped: true, ..before.clone() })));
+            }
+            let phase = &self.phases[stage as usize];
+            if phase.load(Ordering::Relaxed) != PUT_OFF {
+                phase.store(ENDED, Ordering::Relaxed);
+                return Ok(None);
+            }
         }
         let number = self.range.start + place;
         let of = self.groups.of[number];
@@ -584,7 +606,15 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn stage(&self, item: u32) -> u32 {
-        self.place_and_stage(item).1
+        let (place, stage) = self.place_and_stage(item);
+        let next = self.done[place].as_ref().map_or(GROUP, |found| found.next) as usize;
+        let Some(phase) = self.phases.get(next) else { return stage };
+        if phase.load(Ordering::Relaxed) == IN_TIME {
+            return stage;
+        }
+        // No item is worked on while the next round is chosen.
+        phase.store(PUT_OFF, Ordering::Relaxed);
+        stage + STAGES as u32
     }
 
     fn work(

@@ -41,9 +41,8 @@ pub fn run<'a>(
     mut progress: impl FnMut(Progress) + Send,
 ) -> Result<SandwichOutcome, Failure> {
     let start = Instant::now();
-    // Half of the time is for the sweeps: without rays and proofs, nobody knows how good they are.
     let baker = || match run.limit {
-        Some(limit) => baker().with_sweep_end(clock() + limit / 2),
+        Some(limit) => baker().with_time(limit),
         None => baker(),
     };
     let mut bake = match std::fs::read(&run.state) {

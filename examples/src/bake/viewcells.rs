@@ -12,11 +12,14 @@ use visibility_bake::{CameraRange, Grid, GridError, TiledScene};
 use visibility_core::Scene;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
+/// Least and greatest height in metres of the eye of someone who stands.
+const STANDING: [f64; 2] = [1.0, 2.0];
+
 /// Where viewcells are.
 #[derive(Args, Clone, PartialEq, Debug)]
 pub struct Places {
-    /// Places of the viewcells: `stand` for the boxes of a grid above all floors where one can stand, at
-    /// --heights, without what opaque objects separate from there; `walks` for those that the scene's walks pass, without what
+    /// Places of the viewcells: `stand` for the boxes of a grid above all floors where one can stand, 1
+    /// to 2 m high, without what opaque objects separate from there; `walks` for those that the scene's walks pass, without what
     /// opaque objects separate from the walks; `free` for those, and all that a walking camera reaches from
     /// the walks (or from --from) without passing through opaque objects; `grid` for all boxes over the
     /// scene, or over --over; `graph` for the scene's own cells; or a file (.glb, .gltf, .vscn) of walkable
@@ -41,7 +44,7 @@ pub struct Places {
     pub from: Vec<[f64; 3]>,
 
     /// Least and greatest height of a walking camera above what is below it, in metres, falls and jumps
-    /// included. For `stand`, `free` and files of walkable triangles.
+    /// included. For `free` and files of walkable triangles.
     #[arg(long, value_name = "LOW,HIGH", value_parser = heights, default_value = "1,3",
         allow_hyphen_values = true)]
     pub heights: [f64; 2],
@@ -260,7 +263,7 @@ pub fn make(
 /// Returns the ends of the line on which an eye can be above a floor, given with the free height above it.
 fn eyes_above((floor, free): (DVec3, f64), places: &Places, up: Vec3) -> Vec<DVec3> {
     let highest = free - places.radius;
-    places.heights.map(|height| floor + up.as_dvec3() * height.min(highest)).to_vec()
+    STANDING.map(|height| floor + up.as_dvec3() * height.min(highest)).to_vec()
 }
 
 #[cfg(test)]

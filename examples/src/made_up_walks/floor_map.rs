@@ -60,8 +60,8 @@ pub(super) struct Span {
     /// Whether one can stand on it: its highest triangle is less steep than 60 degrees, and drawn from
     /// above.
     pub is_floor: bool,
-    /// Whether its lowest triangle faces up and is drawn from above alone. Who is right below it is inside
-    /// something solid.
+    /// Whether its lowest triangle faces up and is drawn from above alone. Who has nothing else above is
+    /// inside something solid.
     pub is_back: bool,
 }
 

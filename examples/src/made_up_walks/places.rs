@@ -57,9 +57,10 @@ impl Places {
         for column in 0..map.counts[0] * map.counts[1] {
             let spans = map.spans(column);
             for (index, span) in spans.iter().enumerate() {
-                let above = spans.get(index + 1);
-                let ceiling = above.map_or(f32::INFINITY, |above| above.low);
-                let is_inside = above.is_some_and(|above| above.is_back);
+                let above = &spans[index + 1..];
+                let ceiling = above.first().map_or(f32::INFINITY, |above| above.low);
+                // Some files have a face turned the wrong way, but not all.
+                let is_inside = !above.is_empty() && above.iter().all(|above| above.is_back);
                 if span.is_floor && !is_inside && ceiling - span.high >= BODY {
                     all.heights.push([span.high, ceiling]);
                     all.columns.push(column as u32);

@@ -7,7 +7,6 @@ use crate::region::read_sets;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
 use std::path::Path;
-use std::sync::Arc;
 use visibility_core::View;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::PvsCuller;
