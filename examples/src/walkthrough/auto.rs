@@ -117,7 +117,7 @@ impl Sample {
         let source =
             SceneSource { objects, cells: world.source.cells.clone(), ..world.source.without_objects() };
         let mut sample = World::with_views(source, world.views.clone(), Vec::new(), world.size);
-        sample.makes_cells = world.makes_cells;
+        (sample.makes_cells, sample.is_quiet) = (world.makes_cells, true);
         Self { world: sample, factor: (all as f64 / triangles.max(1) as f64).max(1.0).powf(GROWTH) }
     }
 
@@ -175,7 +175,11 @@ impl fmt::Display for Advice {
             chosen.total_us / least_us.max(1.0),
         )?;
         if !untried.is_empty() {
-            writeln!(f, "no time for {}: --thorough tries them", untried.join(", "))?;
+            let mut names: Vec<&str> =
+                untried.iter().filter_map(|entry| entry.split([':', '+']).next()).collect();
+            names.dedup();
+            let (count, names) = (untried.len(), names.join(", "));
+            writeln!(f, "no time for {count} settings of {names}: --thorough tries them")?;
         }
         writeln!(f, "by the frustum alone {:.0} us for {:.0} objects", frustum.total_us, frustum.objects)?;
         match bake {
