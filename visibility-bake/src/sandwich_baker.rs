@@ -397,7 +397,8 @@ impl<'a> SandwichBaker<'a> {
         scratch: &mut BakeScratch,
         stop: &dyn Fn() -> bool,
     ) -> Result<Option<Option<FoundCell>>, LevelError> {
-        let mut last = (self.clock)();
+        let begun = (self.clock)();
+        let mut last = begun;
         let mut lap = || {
             let now = (self.clock)();
             now.saturating_sub(std::mem::replace(&mut last, now))
@@ -407,7 +408,7 @@ impl<'a> SandwichBaker<'a> {
         if before.map_or(GROUP, |before| before.next) != stage {
             return Ok(Some(None));
         }
-        if (self.clock)() >= self.ends[stage as usize] {
+        if begun >= self.ends[stage as usize] {
             if let Some(before) = before
                 && stage == SWEEP
             {
