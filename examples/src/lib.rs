@@ -7,6 +7,7 @@
 
 pub mod arguments;
 pub mod bake;
+pub mod cameras;
 pub mod description;
 pub mod engine;
 pub mod error;
@@ -15,6 +16,7 @@ pub mod gltf_file;
 mod json;
 pub mod level_occluders;
 pub mod load;
+pub mod made_up_walks;
 pub mod occlusion;
 pub mod output_file;
 pub mod plan;
@@ -32,9 +34,10 @@ pub mod vscn;
 pub mod walk;
 pub mod walkthrough;
 
+pub use cameras::Cameras;
 pub use description::load_walks;
 pub use error::SourceError;
-pub use load::{cars5, load, load_as, open, open_as, open_by_object, open_with_walks};
+pub use load::{cars5, load, load_as, open, open_as, open_by_object};
 pub use reading::Reading;
 pub use recipes::built_in;
 pub use source::{Hint, SceneSource, SourceObject};

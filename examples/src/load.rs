@@ -1,10 +1,9 @@
 //! Scene files, loaded by extension, with the JSON description that lies beside a VSCN file.
 //!
 //! A VSCN file holds only triangles. The JSON of the same stem gives names, the up axis, which objects are
-//! glass or doors, and the camera walks. Without the JSON the scene still loads, with z up and walks derived
-//! from its bounds.
+//! glass or doors, and the camera walks. Without the JSON the scene still loads, with z up and without walks.
 
-use crate::description::{Description, load_walks};
+use crate::description::Description;
 use crate::error::{SourceError, ordinary};
 use crate::reading::Reading;
 use crate::recipes::{built_in_by_object, known_recipes};
@@ -34,29 +33,6 @@ pub fn open(name: &str) -> Result<SceneSource, SourceError> {
 /// Returns the errors of [`open`].
 pub fn open_as(name: &str, reading: &Reading) -> Result<SceneSource, SourceError> {
     collected(|each| open_by_object(name, reading, &mut |_, object| each(object)))
-}
-
-/// Opens the scene `name`. If `cameras` is given, the walks, near plane and up axis come from that JSON
-/// description, in the unit of the scene.
-///
-/// # Errors
-///
-/// Returns [`SourceError`] when a file cannot be read or is invalid.
-pub fn open_with_walks(
-    name: &str,
-    reading: &Reading,
-    cameras: Option<&Path>,
-) -> Result<SceneSource, SourceError> {
-    let mut source = open_as(name, reading)?;
-    if let Some(cameras) = cameras {
-        let unit = reading.metres();
-        source.walks = load_walks(cameras)?;
-        source.walks.iter_mut().for_each(|walk| walk.map(|point| point * unit));
-        let description = Description::load(cameras)?;
-        source.near = description.near.map_or(source.near, |near| near * unit as f32);
-        source.up = reading.up.or(description.up).unwrap_or(source.up);
-    }
-    Ok(source)
 }
 
 /// Makes the same scene as [`open_as`], object by object: each is passed to `each` with the scene's origin as
@@ -199,7 +175,7 @@ fn load_vscn(
 }
 
 /// Makes the scene of a VSCN file and a description, and passes its objects on. Absent facts get defaults: z
-/// up, and a near plane and walks derived from the bounds. Returns an error when the file is invalid or its
+/// up, a near plane derived from the bounds, and no walks. Returns an error when the file is invalid or its
 /// counts differ from the description's.
 fn assemble(
     path: &Path,
@@ -224,9 +200,6 @@ fn assemble(
     let near = description.near.unwrap_or(walk::made_up_near(bounds));
     let mut scene = SceneSource::new(name, description.up.unwrap_or(Vec3::Z), near);
     scene.walks = description.walks.clone();
-    if scene.walks.is_empty() {
-        scene.walks = walk::made_up(bounds, scene.up);
-    }
     Ok(scene)
 }
 

@@ -31,6 +31,13 @@ impl Reading {
     pub fn metres(&self) -> f64 {
         self.unit.unwrap_or(1.0)
     }
+
+    /// Returns the arguments that say this on a command line, each after a space.
+    pub fn arguments(&self) -> String {
+        let unit = self.unit.map_or(String::new(), |unit| format!(" --unit {unit}"));
+        let up = self.up.map_or("", |up| [" --up x", " --up y", " --up z"][up.abs().max_position()]);
+        format!("{unit}{up}{}", if self.two_sided { " --two-sided" } else { "" })
+    }
 }
 
 // Beside the scene's other methods it would need `eprintln` in every crate that takes their module.

@@ -29,9 +29,11 @@ pub struct SceneSource {
     pub notes: Vec<String>,
     /// Objects, in the order of the file or recipe. The index of an object is its identity.
     pub objects: Vec<SourceObject>,
-    /// Camera walks. A loader derives walks from the bounds when the source has none, so the list is empty
-    /// only for a scene without finite points.
+    /// Camera walks. Empty for a file that brings none, until [`with_walks`](Self::with_walks) makes some up.
     pub walks: Vec<Walk>,
+    /// Floors in world space where one can stand, half a metre apart: each with the height in metres that is
+    /// free above it. Empty unless the walks were made up and stand there.
+    pub floors: Vec<(DVec3, f64)>,
     /// Cells and portals of the scene. `None` for sources that bring none, such as most files.
     pub cells: Option<SourceCells>,
 }
@@ -272,7 +274,21 @@ impl SceneSource {
             notes: Vec::new(),
             objects: Vec::new(),
             walks: Vec::new(),
+            floors: Vec::new(),
             cells: None,
+        }
+    }
+
+    /// Returns the scene without its objects and cells.
+    pub fn without_objects(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            notes: self.notes.clone(),
+            walks: self.walks.clone(),
+            floors: self.floors.clone(),
+            objects: Vec::new(),
+            cells: None,
+            ..*self
         }
     }
 

@@ -116,6 +116,28 @@ pub fn along(waypoints: &[DVec3], keys: usize, look_ahead: f64) -> Vec<CameraKey
         .collect()
 }
 
+/// Makes camera keys along a polyline: one at each vertex, and more between vertices that are farther than
+/// `spacing` metres apart, at equal distances. So a camera that goes straight from key to key stays on the
+/// polyline. Each key looks ahead as in [`along`], and repeated waypoints are ignored. Empty where [`along`]
+/// is, or when `spacing` is not positive.
+pub fn through(waypoints: &[DVec3], spacing: f64, look_ahead: f64) -> Vec<CameraKey> {
+    let Some(route) = Route::new(waypoints) else {
+        return Vec::new();
+    };
+    let is_positive = |length: f64| length > 0.0;
+    if !is_positive(look_ahead) || !is_positive(spacing) {
+        return Vec::new();
+    }
+    let key = |way| CameraKey { eye: route.at(way), target: route.ahead(way, look_ahead) };
+    let mut keys = vec![key(0.0)];
+    for leg in route.points.windows(2) {
+        let (start, length) = (leg[0].0, leg[1].0 - leg[0].0);
+        let count = (length / spacing).ceil().max(1.0) as usize;
+        keys.extend((1..=count).map(|i| key(start + length * i as f64 / count as f64)));
+    }
+    keys
+}
+
 /// Polyline parameterized by the distance along it.
 struct Route {
     /// Distance from the start, in metres, and position of each vertex. Distances increase strictly, and
@@ -173,38 +195,6 @@ impl Route {
         let (end, to) = self.points[leg];
         from + (to - from) * ((way - start) / (end - start))
     }
-}
-
-/// Number of keys of each walk of [`made_up`].
-const MADE_UP_KEYS: usize = 48;
-/// Vertical field of view of the walks of [`made_up`], in degrees.
-const MADE_UP_FOV: f32 = 60.0;
-
-/// Makes two walks for a scene that has none: one around its bounds from outside, and one straight through
-/// its centre. `bounds` are the minimum and maximum corner; `up` must be a unit vector.
-///
-/// The result is empty when `bounds` is `None`, as for a scene without finite points.
-pub fn made_up(bounds: Option<(Vec3, Vec3)>, up: Vec3) -> Vec<Walk> {
-    let Some((low, high)) = bounds else {
-        return Vec::new();
-    };
-    let (low, high) = (low.as_dvec3(), high.as_dvec3());
-    let centre = (low + high) * 0.5;
-    // The minimum radius keeps the eye away from a scene that is a single point.
-    let radius = ((high - low).length() * 0.5).max(1e-3);
-    let up = up.as_dvec3();
-    let side = up.any_orthonormal_vector();
-    let other = up.cross(side);
-
-    let orbit = (0..MADE_UP_KEYS).map(|i| {
-        let angle = i as f64 * std::f64::consts::TAU / (MADE_UP_KEYS - 1) as f64;
-        let around = side * angle.cos() + other * angle.sin();
-        CameraKey { eye: centre + (around * 1.6 + up * 0.6) * radius, target: centre }
-    });
-    let through = along(&[centre - side * radius, centre + side * radius], MADE_UP_KEYS, radius * 0.1);
-    let walk =
-        |name: &str, keys| Walk { name: name.to_owned(), fov_y_degrees: MADE_UP_FOV, up: up.as_vec3(), keys };
-    vec![walk("around the scene", orbit.collect()), walk("through the middle", through)]
 }
 
 /// Returns a near-plane distance for a scene that has none: 1/2000 of the diagonal of its bounds, clamped to
@@ -268,6 +258,16 @@ mod tests {
     }
 
     #[test]
+    fn keys_through_a_corner_have_its_vertices_and_are_near_one_another() {
+        let corner = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(4.0, 1.0, 0.0)];
+        let keys = through(&corner, 1.5, 1.0);
+        let eyes: Vec<[f64; 2]> = keys.iter().map(|key| [key.eye.x, key.eye.y]).collect();
+        assert_eq!(eyes, [[0.0, 0.0], [4.0 / 3.0, 0.0], [8.0 / 3.0, 0.0], [4.0, 0.0], [4.0, 1.0]]);
+        assert_eq!(keys[3].target, corner[2]);
+        assert!(through(&corner, 0.0, 1.0).is_empty() && through(&corner[..1], 1.0, 1.0).is_empty());
+    }
+
+    #[test]
     fn keys_along_a_corner_look_ahead_and_past_the_end() {
         let corner = [DVec3::ZERO, DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(4.0, 4.0, 0.0)];
         let keys = along(&corner, 5, 1.0);
@@ -277,15 +277,5 @@ mod tests {
         assert_eq!(keys[4].target, DVec3::new(4.0, 5.0, 0.0));
         assert!(along(&[DVec3::ZERO], 5, 1.0).is_empty());
         assert!(along(&corner, 5, f64::NAN).is_empty());
-    }
-
-    #[test]
-    fn made_up_walks_look_somewhere() {
-        for up in [Vec3::Y, Vec3::Z] {
-            for walk in made_up(Some((Vec3::ONE, Vec3::ONE)), up) {
-                assert!(walk.keys.iter().all(|k| k.eye.distance(k.target) > 1e-5));
-            }
-        }
-        assert!(made_up(None, Vec3::Z).is_empty());
     }
 }

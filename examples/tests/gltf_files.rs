@@ -1,6 +1,6 @@
 //! Tests of the glTF loader: valid files give the right triangles, and hostile files give errors.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -104,6 +104,31 @@ fn extras_of_nodes_are_hints() {
 }
 
 #[test]
+fn perspective_cameras_of_nodes_are_walks() {
+    let mut document = square();
+    document["cameras"] = json!([
+        {"type": "perspective", "name": "wide", "perspective": {"yfov": 1.5, "znear": 0.0002}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "zfar": 1, "znear": 0}}
+    ]);
+    // The first looks along -x, since its node turns -z there.
+    let half = 0.5_f64.sqrt();
+    let nodes = document["nodes"].as_array_mut().expect("nodes");
+    nodes.push(json!({"camera": 0, "translation": [1, 2, 3], "rotation": [0, half, 0, half]}));
+    nodes.push(json!({"camera": 1}));
+    nodes.push(json!({"camera": 0, "name": "in no scene"}));
+    document["scenes"][0]["nodes"] = json!([0, 2, 3]);
+    let scene = read(&document).expect("a good file");
+    assert_eq!(scene.walks.len(), 1);
+    let walk = &scene.walks[0];
+    assert_eq!((&walk.name[..], walk.keys.len()), ("wide", 1));
+    assert!((walk.fov_y_degrees - 1.5_f32.to_degrees()).abs() < 1e-3 && scene.near <= 0.0002);
+    let (eye, ahead) = (walk.keys[0].eye, (walk.keys[0].target - walk.keys[0].eye).normalize());
+    assert!(eye.distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-9 && ahead.distance(-DVec3::X) < 1e-9, "{ahead}");
+    assert!(walk.up.distance(Vec3::Y) < 1e-6);
+    assert_eq!(scene.notes, ["not read: 1 camera", "walks are the cameras of the file: 1"]);
+}
+
+#[test]
 fn nodes_place_strips_fans_and_lists() {
     let scene = read(&square()).expect("a good file");
     assert_eq!(scene.up, Vec3::Y);
@@ -111,7 +136,7 @@ fn nodes_place_strips_fans_and_lists() {
     assert_eq!(scene.objects[0].name, "tile");
     let strip = [[p(10.0, 0.0), p(12.0, 0.0), p(10.0, 2.0)], [p(12.0, 0.0), p(12.0, 2.0), p(10.0, 2.0)]];
     assert_eq!(scene.objects[0].triangles, strip);
-    assert!(!scene.walks.is_empty() && scene.near > 0.0);
+    assert!(scene.walks.is_empty() && scene.near > 0.0);
 
     let triangles = |pointer, value| read(&with(pointer, value)).expect(pointer).triangle_count();
     assert_eq!(triangles("/meshes/0/primitives/0/mode", json!(6)), 2);

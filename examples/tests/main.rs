@@ -17,6 +17,7 @@ mod gltf_meshopt;
 mod hom_scenes;
 mod hzb_scenes;
 mod limit_programs;
+mod made_up_walks;
 mod moved_origin;
 mod occluder_scenes;
 mod occlusion_scenes;

@@ -12,6 +12,7 @@ use crate::search::{Method, Search};
 use crate::settings::Settings;
 use crate::tiled_scene::{PreparedScene, TiledScene};
 use std::ops::Range;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use visibility_core::Scene;
@@ -24,15 +25,26 @@ use visibility_region::ExtendedProjectionCuller;
 
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
-const METHODS: u32 = 10;
+const METHODS: u32 = 11;
 
-/// Number of stages of a bake. All viewcells are swept; then all are looked from along rays, and boxes are
-/// proven hidden; then, where the gap is not met, triangles are.
-const STAGES: usize = 3;
-/// The first stage.
-const SWEEP: u32 = 0;
-/// The second stage.
-const LOOK: u32 = 1;
+/// Number of stages of a bake. All groups of viewcells are swept; then all viewcells; then all are looked from
+/// along rays; then, where the gap is not met, boxes are proven hidden, and in the end triangles.
+const STAGES: usize = 5;
+/// The stage of the sweeps of groups, whose results all viewcells of a group take.
+const GROUP: u32 = 0;
+/// The stage of the sweeps of viewcells.
+const SWEEP: u32 = 1;
+/// The stage of rays.
+const LOOK: u32 = 2;
+/// The stage of proofs of boxes.
+const BOXES: u32 = 3;
+
+/// Phase of a stage that has time left.
+const IN_TIME: u8 = 0;
+/// Phase of a stage in the round in which its time has ended: no item is begun any more.
+const ENDED: u8 = 1;
+/// Phase of a stage later on: its items come after those of all viewcells that have come farther.
+const PUT_OFF: u8 = 2;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
 /// with progress, stopping and resuming, on any number of threads with the same result.
@@ -41,7 +53,7 @@ const LOOK: u32 = 1;
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
 /// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
 /// first, until the [gap](Settings::gap) is met; then, where it is not met, for their triangles. So the bake
-/// has three items for each viewcell. In the later stages, of about as many viewcells as came before, the
+/// has five items for each viewcell. In the later stages, of about as many viewcells as came before, the
 /// groups with the most costly open objects come first.
 ///
 /// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
@@ -85,6 +97,10 @@ pub struct SandwichBaker<'a> {
     done: Vec<Option<FoundCell>>,
     /// By group and stage, the cost of what was open in its viewcells that have come to the stage.
     costs: Vec<[u64; STAGES]>,
+    /// By stage, the time on the clock at which the stage gives way to later ones.
+    ends: [Duration; STAGES],
+    /// By stage, [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
+    phases: [AtomicU8; STAGES],
     /// By group with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
     /// Why a viewcell could not be worked on: the first that happened.
@@ -103,6 +119,9 @@ pub struct SandwichOutcome {
     pub times: Vec<MethodTimes>,
     /// Whether all viewcells were worked on.
     pub complete: bool,
+    /// By stage, the number of viewcells that were worked on or needed it no more: swept in groups, swept by
+    /// themselves, looked from along rays, with proofs of boxes, and of triangles.
+    pub stages: [usize; 5],
     /// Number of viewcells whose results were taken from the [cache](SandwichBaker::with_cache), but for the
     /// sweeps.
     pub reused: usize,
@@ -122,6 +141,8 @@ pub struct FoundCell {
     /// Cost of the open objects.
     cost: u64,
     is_reused: bool,
+    /// Whether the sweep of the viewcell was left out.
+    is_skipped: bool,
     /// The next stage, or their number if there is nothing left to do.
     next: u32,
 }
@@ -184,6 +205,8 @@ impl<'a> SandwichBaker<'a> {
             clock: || Duration::ZERO,
             done: Vec::new(),
             costs: Vec::new(),
+            ends: [Duration::MAX; STAGES],
+            phases: Default::default(),
             found_groups: Vec::new(),
             error: Mutex::default(),
         };
@@ -207,6 +230,20 @@ impl<'a> SandwichBaker<'a> {
     #[must_use]
     pub fn with_clock(mut self, clock: fn() -> Duration) -> Self {
         self.clock = clock;
+        self
+    }
+
+    /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
+    /// must run: no stage takes all of the time. After a third of it, viewcells whose groups are not swept
+    /// wait until all others are done; after half, viewcells are not swept by themselves, and what their
+    /// groups have left goes on to the later stages; after three quarters, those without rays wait. The caller
+    /// ends the bake. Sweeps that were left out stay so when the bake is resumed.
+    #[must_use]
+    pub fn with_time(mut self, time: Duration) -> Self {
+        let now = (self.clock)();
+        for (stage, part) in [(GROUP, 1.0 / 3.0), (SWEEP, 0.5), (LOOK, 0.75)] {
+            self.ends[stage as usize] = now.saturating_add(time.mul_f64(part));
+        }
         self
     }
 
@@ -241,7 +278,7 @@ impl<'a> SandwichBaker<'a> {
         for (cell, done) in self.range.clone().zip(&self.done) {
             let of = self.groups.of[cell] as usize;
             let slot = self.slots[of].get_mut().unwrap_or_else(PoisonError::into_inner);
-            let next = done.as_ref().map_or(SWEEP, |found| found.next) as usize;
+            let next = done.as_ref().map_or(GROUP, |found| found.next) as usize;
             slot.left.iter_mut().skip(next).for_each(|left| *left += 1);
             if let Some(found) = done {
                 add_cost(&mut self.costs[of], found);
@@ -308,10 +345,14 @@ impl<'a> SandwichBaker<'a> {
         scratch: &mut BakeScratch,
     ) -> Result<Group, LevelError> {
         if let Some(record) = &self.found_groups[number as usize]
-            && stage != SWEEP
+            && stage != GROUP
         {
             let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
-            return Ok(Group { record: record.clone(), objects, content: Content::Objects });
+            let content = match stage {
+                SWEEP => Content::Scene(Box::new(self.level.prepared(&objects)?)),
+                _ => Content::Objects,
+            };
+            return Ok(Group { record: record.clone(), objects, content });
         }
         let members = &self.groups.cells[number as usize];
         let all = self.viewcells.cells();
@@ -344,7 +385,7 @@ impl<'a> SandwichBaker<'a> {
         let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
         let content = match self.cache.group(record.key).filter(|records| is_usable(records, &objects)) {
             Some(records) => Content::Cached(records.to_vec()),
-            None => Content::Scene(Box::new(self.level.prepared(&objects)?)),
+            None => Content::Objects,
         };
         Ok(Group { record, objects, content })
     }
@@ -356,15 +397,28 @@ impl<'a> SandwichBaker<'a> {
         scratch: &mut BakeScratch,
         stop: &dyn Fn() -> bool,
     ) -> Result<Option<Option<FoundCell>>, LevelError> {
-        let mut last = (self.clock)();
+        let begun = (self.clock)();
+        let mut last = begun;
         let mut lap = || {
             let now = (self.clock)();
             now.saturating_sub(std::mem::replace(&mut last, now))
         };
         let (place, stage) = self.place_and_stage(item);
         let before = self.done[place].as_ref();
-        if before.map_or(SWEEP, |before| before.next) != stage {
+        if before.map_or(GROUP, |before| before.next) != stage {
             return Ok(Some(None));
+        }
+        if begun >= self.ends[stage as usize] {
+            if let Some(before) = before
+                && stage == SWEEP
+            {
+                return Ok(Some(Some(FoundCell { next: LOOK, is_skipped: true, ..before.clone() })));
+            }
+            let phase = &self.phases[stage as usize];
+            if phase.load(Ordering::Relaxed) != PUT_OFF {
+                phase.store(ENDED, Ordering::Relaxed);
+                return Ok(None);
+            }
         }
         let number = self.range.start + place;
         let of = self.groups.of[number];
@@ -379,11 +433,19 @@ impl<'a> SandwichBaker<'a> {
                 let member = self.groups.cells[of as usize].binary_search(&(number as u32));
                 (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
             }
-            (Content::Scene(scene), _) => {
+            (Content::Scene(scene), before) => {
                 let _memory = self.level.reserve_cell(objects, false)?;
                 let (record, is_known) = self.sweep(number, objects, scene, scratch);
-                let times = MethodTimes { sweep: lap(), ..MethodTimes::default() };
+                let group = before.map_or(Duration::ZERO, |before| before.times.sweep);
+                let times = MethodTimes { sweep: group + lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
+            }
+            (Content::Objects, None) => {
+                let left: Vec<u32> = (0..objects.len() as u32).collect();
+                let hash = self.content_hash(objects.iter().copied());
+                let key = with_viewcell(hash, &self.viewcells.cells()[number]).value();
+                let record = CellRecord { key, answers: vec![OPEN; left.len()], left, steps: 0 };
+                (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, SWEEP)
             }
             // Saved bytes may be forged.
             (Content::Objects, Some(before)) if before.record.is_of(objects) => {
@@ -402,7 +464,8 @@ impl<'a> SandwichBaker<'a> {
             group: group.record.clone(),
             cost: open.map(cost).sum(),
             record,
-            is_reused: stage == SWEEP && next == done,
+            is_reused: stage <= SWEEP && next == done,
+            is_skipped: before.is_some_and(|before| before.is_skipped),
             next,
         })))
     }
@@ -449,13 +512,16 @@ impl<'a> SandwichBaker<'a> {
         let answers = record.answers.clone();
         let mut search = Search::new(&scene, cell, &triangles, &self.settings, answers, stop);
         let mut times = before.times;
-        if before.next == LOOK {
-            search.aim_rays();
-            times.rays += lap();
-            search.prove(Method::Boxes);
-        } else {
-            search.prove(Method::QuickTriangles);
-            search.prove(Method::Triangles);
+        match before.next {
+            LOOK => {
+                search.aim_rays();
+                times.rays += lap();
+            }
+            BOXES => search.prove(Method::Boxes),
+            _ => {
+                search.prove(Method::QuickTriangles);
+                search.prove(Method::Triangles);
+            }
         }
         times.proofs += lap();
         if search.is_stopped() {
@@ -532,7 +598,7 @@ impl Baker for SandwichBaker<'_> {
     fn rank(&self, item: u32) -> u64 {
         let (place, stage) = self.place_and_stage(item);
         let of = self.groups.of[self.range.start + place];
-        if stage == SWEEP {
+        if stage <= SWEEP {
             // The viewcells of a group follow one another.
             return u64::from(of);
         }
@@ -541,7 +607,15 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn stage(&self, item: u32) -> u32 {
-        self.place_and_stage(item).1
+        let (place, stage) = self.place_and_stage(item);
+        let next = self.done[place].as_ref().map_or(GROUP, |found| found.next) as usize;
+        let Some(phase) = self.phases.get(next) else { return stage };
+        if phase.load(Ordering::Relaxed) == IN_TIME {
+            return stage;
+        }
+        // No item is worked on while the next round is chosen.
+        phase.store(PUT_OFF, Ordering::Relaxed);
+        stage + STAGES as u32
     }
 
     fn work(
@@ -600,12 +674,18 @@ impl Baker for SandwichBaker<'_> {
                 let place = (cell as usize).checked_sub(self.range.start)?;
                 self.done.get(place).filter(|done| is_done(done))?.as_ref()
             });
+            // A bake that sweeps all of a group would find other results.
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
+                && !found.iter().any(|found| found.is_skipped)
             {
                 cache.insert(first.group.clone(), found.iter().map(|found| found.record.clone()).collect());
             }
         }
+        let has_passed =
+            |found: &FoundCell, stage: u32| found.next > stage && !(stage == SWEEP && found.is_skipped);
+        let stages = [0, 1, 2, 3, 4]
+            .map(|stage| self.done.iter().flatten().filter(|found| has_passed(found, stage)).count());
         let complete = waiting.is_empty() && self.done.iter().all(is_done);
         let reused = self.done.iter().flatten().filter(|found| found.is_reused).count();
         let unknown = || CellSandwich { open: all.clone(), ..CellSandwich::default() };
@@ -615,7 +695,7 @@ impl Baker for SandwichBaker<'_> {
         let (cells, times) = done.unzip();
         let first = self.range.start;
         let error = self.error.into_inner().unwrap_or_else(PoisonError::into_inner);
-        SandwichOutcome { first, cells, times, complete, reused, cache, error }
+        SandwichOutcome { first, cells, times, complete, stages, reused, cache, error }
     }
 
     fn fingerprint(&self) -> u64 {
@@ -637,7 +717,7 @@ impl Baker for SandwichBaker<'_> {
                 found.times.save(state);
                 found.record.save(state);
                 state.u64(found.cost);
-                state.u32(u32::from(found.is_reused));
+                state.u32(u32::from(found.is_reused) | u32::from(found.is_skipped) << 1);
                 state.u32(found.next);
             }
         }
@@ -662,15 +742,13 @@ impl Baker for SandwichBaker<'_> {
             *done = match (state.u32()?, &self.found_groups[of]) {
                 (0, _) => None,
                 (_, None) => return Err(state.content_error("the group of a viewcell is missing")),
-                (_, Some(group)) => Some(FoundCell {
-                    sandwich: CellSandwich::load(state, limit)?,
-                    times: MethodTimes::load(state)?,
-                    group: group.clone(),
-                    record: CellRecord::load(state)?,
-                    cost: state.u64()?,
-                    is_reused: state.u32()? != 0,
-                    next: state.u32()?,
-                }),
+                (_, Some(group)) => {
+                    let (sandwich, times) = (CellSandwich::load(state, limit)?, MethodTimes::load(state)?);
+                    let (record, cost) = (CellRecord::load(state)?, state.u64()?);
+                    let (flags, next, group) = (state.u32()?, state.u32()?, group.clone());
+                    let [is_reused, is_skipped] = [1, 2].map(|flag| flags & flag != 0);
+                    Some(FoundCell { sandwich, times, group, record, cost, is_reused, is_skipped, next })
+                }
             };
             let is_wrong = |found: &FoundCell| {
                 found.next as usize > STAGES

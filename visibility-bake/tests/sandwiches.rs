@@ -122,18 +122,19 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
         assert_eq!(bake.progress().done, 4);
         bake.run()
     });
-    // For each viewcell the clock is asked twice for the sweep, and then three times; the gap is met.
+    // For each viewcell the clock is asked twice for the sweep of its group, twice for its own, and then three
+    // times for rays and twice for proofs of boxes; the gap is met.
     let seconds = |of: fn(&MethodTimes) -> Duration| {
         let mut seconds: Vec<u64> = outcome.times.iter().map(|times| of(times).as_secs()).collect();
         seconds.sort_unstable();
         seconds
     };
     let expected = |first: u64, step: u64| (0..10).map(|i| first + step * i).collect::<Vec<_>>();
-    assert_eq!(seconds(|times| times.sweep), expected(1, 2));
-    assert_eq!(seconds(|times| times.rays), expected(21, 3));
-    assert_eq!(seconds(|times| times.proofs), expected(22, 3));
+    assert_eq!(seconds(|times| times.sweep), expected(22, 4));
+    assert_eq!(seconds(|times| times.rays), expected(41, 3));
+    assert_eq!(seconds(|times| times.proofs), expected(113, 5));
     let sum: MethodTimes = outcome.times.iter().sum();
-    assert_eq!((sum.sweep.as_secs(), sum.total().as_secs()), (100, 800));
+    assert_eq!((sum.sweep.as_secs(), sum.total().as_secs()), (400, 2300));
     let shard = Shard::new(baker().whole_fingerprint(), outcome);
     assert_eq!(shard.to_bytes(), Shard::bake(baker()).to_bytes());
 }
@@ -189,10 +190,12 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let asked = AtomicUsize::new(0);
     let count = |_: ()| asked.fetch_add(1, Ordering::Relaxed);
-    // All viewcells are swept.
+    // All groups are swept, and all viewcells.
     let mut first = Bake::new(baker());
-    pool.install(|| first.advance_unless(|| false, || count(()) == usize::MAX));
-    assert_eq!((first.progress().done, first.progress().steps), (10, 0));
+    for done in [10, 20] {
+        pool.install(|| first.advance_unless(|| false, || count(()) == usize::MAX));
+        assert_eq!((first.progress().done, first.progress().steps), (done, 0));
+    }
     let mut all = Bake::resume(baker(), &first.save()).unwrap();
     asked.store(0, Ordering::Relaxed);
     pool.install(|| all.advance_unless(|| false, || count(()) == usize::MAX));
@@ -205,12 +208,12 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
         let now = pool.install(|| bake.advance_unless(|| false, || count(()) >= most)).unwrap();
         let after = asked.load(Ordering::Relaxed) - most;
         assert!(after <= 3, "goes on to ask {after} times");
-        assert!(now.done < 20 && (most < all / 2 || now.done > 12), "{} done", now.done);
+        assert!(now.done < 30 && (most < all / 2 || now.done > 22), "{} done", now.done);
         let state = bake.save();
         let outcome = bake.finish();
         assert!(!outcome.complete);
         let searched = outcome.cells.iter().filter(|cell| cell.steps > 0);
-        assert_eq!(searched.count(), now.done - 10);
+        assert_eq!(searched.count(), now.done - 20);
         let resumed = Bake::resume(baker(), &state).unwrap().run();
         assert_eq!(Shard::new(baker().whole_fingerprint(), resumed).to_bytes(), whole);
     }
@@ -227,17 +230,57 @@ fn an_unfinished_bake_reports_all_that_is_not_hidden_yet() {
     assert!(none.cells.iter().all(|cell| std::sync::Arc::ptr_eq(&cell.open, shared)), "one list for all");
     let rows: Vec<_> = none.cells.iter().map(|cell| cell.reported()).collect();
     assert!(rows.iter().all(|row| row.as_ptr() == shared.as_ptr()), "no copies of the list");
-    // All viewcells are swept before the first is searched.
+    // All groups are swept before the first viewcell is, and all viewcells before the first is searched.
     let mut bake = Bake::new(baker());
+    bake.advance();
+    let of_groups = Bake::resume(baker(), &bake.save()).unwrap().finish();
     bake.advance();
     let swept = Bake::resume(baker(), &bake.save()).unwrap().finish();
     assert!(!swept.complete && swept.cache == BakeCache::default());
     let whole = bake.run();
+    for (group, swept) in of_groups.cells.iter().zip(&swept.cells) {
+        assert!(group.swept <= swept.swept && swept.open.iter().all(|index| group.open.contains(index)));
+    }
+    assert_eq!((of_groups.stages, swept.stages), ([10, 0, 0, 0, 0], [10, 10, 0, 0, 0]));
     for (swept, whole) in swept.cells.iter().zip(&whole.cells) {
         assert!(swept.swept > 0 && swept.swept == whole.swept);
         assert!(swept.seen.is_empty() && swept.open.len() as u32 + swept.swept == scene.len() as u32);
         assert!(whole.reported().iter().all(|index| swept.open.contains(index)));
     }
+}
+
+#[test]
+fn little_time_is_divided_among_the_stages() {
+    // A second passes each time that the clock is asked: twice for a sweep, three times for rays.
+    static ASKED: AtomicU64 = AtomicU64::new(0);
+    fn clock() -> Duration {
+        Duration::from_secs(ASKED.fetch_add(1, Ordering::Relaxed))
+    }
+    let (scene, cells) = street();
+    let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
+    let whole = Bake::new(baker()).run();
+    assert_eq!(whole.stages, [10; 5]);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let timed = |until: u64| {
+        ASKED.store(0, Ordering::Relaxed);
+        let mut bake = Bake::new(baker().with_clock(clock).with_time(Duration::from_secs(36)));
+        let is_over = || ASKED.load(Ordering::Relaxed) >= until;
+        pool.install(|| while !is_over() && bake.advance_unless(is_over, || false).is_some() {});
+        bake.finish()
+    };
+    // Groups are swept for 12 s, viewcells until 18 s; then there are rays.
+    let [groups, swept, seen, ..] = timed(27).stages;
+    assert!(0 < swept && swept < groups && groups < 10, "{groups} groups, {swept} viewcells");
+    assert!(seen > 0, "no rays");
+    // If there is time in the end, it is for what was put off, but not for what was left out.
+    let late = timed(u64::MAX);
+    assert!(late.complete && late.stages[1] < 10 && [0, 2, 3, 4].map(|stage| late.stages[stage]) == [10; 4]);
+    for (late, whole) in late.cells.iter().zip(&whole.cells) {
+        assert!(whole.seen.iter().all(|index| late.reported().contains(index)), "a seen object is hidden");
+    }
+    // Results without sweeps are not for a bake that sweeps.
+    let bytes = |outcome| Shard::new(0, outcome).to_bytes();
+    assert!(bytes(Bake::new(baker().with_cache(late.cache)).run()) == bytes(whole));
 }
 
 #[test]

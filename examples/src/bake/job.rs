@@ -2,7 +2,7 @@
 
 use super::viewcells::Places;
 use crate::source::parse_hint;
-use crate::{Hint, Reading};
+use crate::{Cameras, Hint, Reading};
 use clap::Args;
 
 /// What is baked: the same for all shards of a bake.
@@ -16,6 +16,10 @@ pub struct Job {
     /// How scene files are read.
     #[command(flatten)]
     pub reading: Reading,
+
+    /// Where cameras come from.
+    #[command(flatten)]
+    pub cameras: Cameras,
 
     /// Where viewcells are.
     #[command(flatten)]

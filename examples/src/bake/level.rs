@@ -29,6 +29,8 @@ pub struct Level {
     pub name: String,
     /// All viewcells of the bake.
     pub viewcells: Viewcells,
+    /// Eyes of all keys of the scene's walks.
+    eyes: Vec<DVec3>,
     content: Content,
     settings: Settings,
     /// Results of an earlier bake, empty without one.
@@ -53,20 +55,25 @@ impl Level {
     /// many, or the memory or the time is too small.
     pub fn open(job: &Job, scratch: &Path, stop: fn() -> bool) -> Result<Self, Failure> {
         let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
+        let eyes;
         let (name, content, viewcells) = match job.memory {
             None => {
                 let mut objects = Vec::new();
                 let (source, bounds) = read(job, &mut |_, object| objects.push(object))?;
-                let world = world(SceneSource { objects, ..source });
+                let mut source = SceneSource { objects, ..source };
+                job.cameras.give_whole(&mut source, &job.reading)?;
+                source.print_notes();
+                let world = world(source);
                 let solids = Solids::Scene(&world.scene);
                 let viewcells =
                     viewcells::make(&job.places, &job.reading, &world.source, bounds, &solids, stop)?;
+                eyes = eyes_of(&world.source);
                 (world.source.name.clone(), Content::World(Box::new(world)), viewcells)
             }
             Some(memory) => {
                 // The origin is known with the first object.
                 let (mut writer, mut failed) = (None, None);
-                let (source, bounds) = read(job, &mut |origin, object| {
+                let (mut source, bounds) = read(job, &mut |origin, object| {
                     if failed.is_some() {
                         return;
                     }
@@ -82,15 +89,24 @@ impl Level {
                 if let Some(failed) = failed {
                     return Err(failed.into());
                 }
+                // What was read without an error is read again.
+                job.cameras.give(&mut source, &job.reading, |each| {
+                    let _ = open_by_object(&job.scene, &job.reading, &mut |_, mut object| {
+                        object.take_all(&job.hints, &mut vec![false; job.hints.len()]);
+                        each(&object);
+                    });
+                })?;
+                source.print_notes();
                 let writer = writer.map_or_else(|| TiledScene::writer(scratch, source.origin), Ok)?;
                 let (level, places) = (writer.finish(memory, PROGRAM_BYTES)?, &job.places);
                 let viewcells =
                     viewcells::make(places, &job.reading, &source, bounds, &Solids::Level(&level), stop)?;
+                eyes = eyes_of(&source);
                 (source.name, Content::File(Arc::new(level)), viewcells)
             }
         };
         let viewcells = Viewcells::new(viewcells);
-        Ok(Self { name, viewcells, content, settings, cache: Arc::default() })
+        Ok(Self { name, viewcells, eyes, content, settings, cache: Arc::default() })
     }
 
     /// Lets the bake take results from a file that an earlier bake has written, if it exists.
@@ -120,6 +136,12 @@ impl Level {
             Content::File(level) => SandwichBaker::of_level(level.clone(), &self.viewcells, self.settings),
         };
         baker.with_clock(clock).with_cache(self.cache.clone())
+    }
+
+    /// Returns the number of cameras, which are the keys of all walks, and of those inside a viewcell.
+    pub fn cameras(&self) -> [usize; 2] {
+        let inside = self.eyes.iter().filter(|&&eye| self.viewcells.locate(eye).is_some()).count();
+        [self.eyes.len(), inside]
     }
 
     /// Returns the gap that the bake is asked for.
@@ -175,7 +197,7 @@ impl Level {
 
 /// Makes the scene of a job, and passes its objects to `each` one by one, with the scene's origin and the
 /// job's hints. Returns the scene without objects, and the bounds of all objects relative to the origin,
-/// `None` if there are none. Prints the scene's notes.
+/// `None` if there are none.
 ///
 /// # Errors
 ///
@@ -192,9 +214,13 @@ fn read(
         each(origin, object);
     });
     let source = source.map_err(|error| error.to_string())?;
-    source.print_notes();
     check_hints(&job.hints, &is_named)?;
     Ok((source, bounds.corners()))
+}
+
+/// Returns the eyes of all keys of a scene's walks.
+fn eyes_of(source: &SceneSource) -> Vec<DVec3> {
+    source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye).collect()
 }
 
 /// Appends an object to a level in a file, with its occluder mesh.

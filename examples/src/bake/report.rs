@@ -11,6 +11,13 @@ pub struct Report {
     pub scene: String,
     /// Number of objects.
     pub objects: usize,
+    /// Numbers of viewcells that were swept in groups, swept by themselves, looked from along rays, with
+    /// proofs of boxes, and of triangles, or needed that no more. 0 if shards were assembled.
+    pub stages: [usize; 5],
+    /// Number of cameras of the walks.
+    pub cameras: usize,
+    /// Number of cameras inside a viewcell. From outside, everything counts as visible.
+    pub cameras_inside: usize,
     /// Seconds that the bake took, without loading the scene.
     pub seconds: f64,
     /// Seconds that each method took, summed over all threads. 0 if shards were assembled.
@@ -103,13 +110,16 @@ impl Report {
             }
         });
         let viewcells: Vec<Cell> = viewcells.collect();
-        let asked_gap = level.gap();
+        let (asked_gap, [cameras, cameras_inside]) = (level.gap(), level.cameras());
         Self {
             version: format!("{:016x}", set.version()),
             asked_gap,
             viewcells_over_gap: viewcells.iter().filter(|cell| cell.gap > asked_gap).count(),
             scene: level.name.clone(),
             objects: level.object_count(),
+            stages: [0; 5],
+            cameras,
+            cameras_inside,
             seconds,
             methods: Seconds::from(&times.iter().sum()),
             complete,
@@ -144,10 +154,27 @@ impl Report {
             self.bytes,
             100.0 * self.bytes as f64 / self.plain_bytes.max(1) as f64,
         );
+        if self.cameras > 0 {
+            let (inside, all) = (self.cameras_inside, self.cameras);
+            let then = if inside < all {
+                "; the others see everything: --cameras, --from or --over cover more"
+            } else {
+                ""
+            };
+            text += &format!("{inside} of {all} cameras are inside viewcells{then}\n");
+        }
         let Seconds { sweep, rays, proofs } = self.methods;
         if sweep + rays + proofs > 0.0 {
             text +=
                 &format!("seconds of all threads: sweep {sweep:.1}, rays {rays:.1}, proofs {proofs:.1}\n");
+        }
+        if let [groups, swept, seen, boxes, triangles] = self.stages
+            && groups > 0
+        {
+            text += &format!(
+                "viewcells done with: {groups} sweep of their group, {swept} sweep of their own, {seen} rays, \
+                 {boxes} proofs of boxes, {triangles} of triangles\n"
+            );
         }
         if let Some(worst) = worst.filter(|worst| worst.gap > 0.0) {
             let [a, b, c, d, e, f] = worst.cell;

@@ -41,6 +41,10 @@ pub fn run<'a>(
     mut progress: impl FnMut(Progress) + Send,
 ) -> Result<SandwichOutcome, Failure> {
     let start = Instant::now();
+    let baker = || match run.limit {
+        Some(limit) => baker().with_time(limit),
+        None => baker(),
+    };
     let mut bake = match std::fs::read(&run.state) {
         Ok(bytes) => Bake::resume(baker(), &bytes)
             .map_err(|error| format!("{}: {error}; remove the file to begin anew", run.state.display()))?,

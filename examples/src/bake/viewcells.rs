@@ -12,21 +12,26 @@ use visibility_bake::{CameraRange, Grid, GridError, TiledScene};
 use visibility_core::Scene;
 use visibility_core::pvs::{Viewcell, Viewcells};
 
+/// Least and greatest height in metres of the eye of someone who stands.
+const STANDING: [f64; 2] = [1.0, 2.0];
+
 /// Where viewcells are.
 #[derive(Args, Clone, PartialEq, Debug)]
 pub struct Places {
-    /// Places of the viewcells: `walks` for the boxes of a grid that the scene's walks pass, without what
+    /// Places of the viewcells: `stand` for the boxes of a grid above all floors where one can stand, 1
+    /// to 2 m high, without what opaque objects separate from there; `walks` for those that the scene's walks pass, without what
     /// opaque objects separate from the walks; `free` for those, and all that a walking camera reaches from
     /// the walks (or from --from) without passing through opaque objects; `grid` for all boxes over the
     /// scene, or over --over; `graph` for the scene's own cells; or a file (.glb, .gltf, .vscn) of walkable
     /// triangles, such as a navigation mesh, for the boxes above them. By default `grid` with --over, `free`
-    /// with --from, else `walks`. An eye outside all viewcells sees everything.
+    /// with --from, `walks` for a scene with cameras, else `stand`. An eye outside all viewcells sees everything.
     #[arg(long, value_name = "PLACES|FILE")]
     pub cells: Option<Placement>,
 
-    /// Size of a viewcell in metres along x, y and z. By default 4 m on the ground and 2 m up.
-    #[arg(long, value_name = "X,Y,Z", value_parser = size)]
-    pub size: Option<[f64; 3]>,
+    /// Size of a viewcell in metres: two sizes on the ground, in the order of the axes, and the height,
+    /// whatever axis is up.
+    #[arg(long, value_name = "WIDTH,DEPTH,HEIGHT", value_parser = size, default_value = "4,4,2")]
+    pub size: [f64; 3],
 
     /// Box to fill with viewcells, or that `free` does not leave.
     #[arg(long, value_name = "MINX,MINY,MINZ,MAXX,MAXY,MAXZ", value_parser = corners,
@@ -58,7 +63,7 @@ impl Default for Places {
     fn default() -> Self {
         Self {
             cells: None,
-            size: None,
+            size: [4.0, 4.0, 2.0],
             over: None,
             from: Vec::new(),
             heights: [1.0, 3.0],
@@ -73,6 +78,8 @@ impl Default for Places {
 pub enum Placement {
     /// In the free space that the scene's walks reach, and along the walks.
     Free,
+    /// Above the floors where one can stand.
+    Stand,
     /// Along the scene's walks.
     Walks,
     /// Over a box.
@@ -89,11 +96,12 @@ impl FromStr for Placement {
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
             "free" => Ok(Self::Free),
+            "stand" => Ok(Self::Stand),
             "walks" => Ok(Self::Walks),
             "grid" => Ok(Self::Grid),
             "graph" => Ok(Self::Graph),
             file if Path::new(file).extension().is_some() => Ok(Self::Above(file.into())),
-            other => Err(format!("`{other}` is none of free, walks, grid and graph, and no file")),
+            other => Err(format!("`{other}` is none of stand, walks, free, grid and graph, and no file")),
         }
     }
 }
@@ -163,15 +171,14 @@ pub fn make(
     let double = |point: Vec3| point.as_dvec3();
     let (low, high) = bounds
         .map_or((DVec3::ZERO, DVec3::ZERO), |(a, b)| (double(a) + source.origin, double(b) + source.origin));
-    let up = source.up.abs().max_position();
-    let usual = DVec3::from_array([0, 1, 2].map(|axis| if axis == up { 2.0 } else { 4.0 }));
-    let size = places.size.map_or(usual, DVec3::from_array);
+    let size = cells::on_axes(places.size, source.up);
     let over = places.over.map(|[a, b, c, d, e, f]| (DVec3::new(a, b, c), DVec3::new(d, e, f)));
     let placement = match &places.cells {
         Some(placement) => placement.clone(),
         None if over.is_some() => Placement::Grid,
         None if !places.from.is_empty() => Placement::Free,
-        None => Placement::Walks,
+        None if source.floors.is_empty() => Placement::Walks,
+        None => Placement::Stand,
     };
     // The first eye is in the middle of its viewcell: one that reaches down to the ground sees along it,
     // under all that stands there.
@@ -186,9 +193,7 @@ pub fn make(
         heights: (!places.fly).then_some(places.heights),
         up: double(source.up),
     };
-    let along = || {
-        let walks = source.walks.iter();
-        let eyes: Vec<Vec<DVec3>> = walks.map(|walk| walk.keys.iter().map(|key| key.eye).collect()).collect();
+    let along = |eyes: Vec<Vec<DVec3>>| {
         let (min, max) = eyes
             .iter()
             .flatten()
@@ -197,12 +202,19 @@ pub fn make(
         let walks = eyes.iter().map(Vec::as_slice);
         solids.seek((min - margin, max + margin), |scene| grid.along_free(scene, walks, &camera))
     };
+    let walks = || {
+        let walks = source.walks.iter();
+        along(walks.map(|walk| walk.keys.iter().map(|key| key.eye).collect()).collect())
+    };
     let found = match placement {
-        Placement::Walks => along()?,
+        Placement::Walks => walks()?,
+        Placement::Stand => {
+            along(source.floors.iter().map(|&floor| eyes_above(floor, places, source.up)).collect())?
+        }
         Placement::Free => {
             let (from, mut all): (Vec<DVec3>, _) = if places.from.is_empty() {
                 let eyes = source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye);
-                (eyes.collect(), along()?)
+                (eyes.collect(), walks()?)
             } else {
                 (places.from.iter().copied().map(DVec3::from_array).collect(), Vec::new())
             };
@@ -246,6 +258,12 @@ pub fn make(
         return Err(message.to_owned().into());
     }
     Ok(found)
+}
+
+/// Returns the ends of the line on which an eye can be above a floor, given with the free height above it.
+fn eyes_above((floor, free): (DVec3, f64), places: &Places, up: Vec3) -> Vec<DVec3> {
+    let highest = free - places.radius;
+    STANDING.map(|height| floor + up.as_dvec3() * height.min(highest)).to_vec()
 }
 
 #[cfg(test)]

@@ -194,7 +194,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
     let baker = || level.baker().with_range(range.clone());
     let outcome = run(baker, &settings, |now| {
         let (step, done) = (now.done / range.len().max(1), now.done % range.len().max(1));
-        if let Some(step) = ["sweeps", "rays and boxes", "triangles"].get(step)
+        if let Some(step) = ["sweeps of groups", "sweeps", "rays", "boxes", "triangles"].get(step)
             && bar.message() != *step
         {
             bar.set_message(*step);
@@ -215,7 +215,8 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         let seconds = start.elapsed().as_secs_f64();
         let set = level.set(&outcome.cells)?;
         write(&arguments.out, &set.to_bytes())?;
-        let report = Report::new(&level, &outcome.cells, &outcome.times, &set, seconds, outcome.complete);
+        let mut report = Report::new(&level, &outcome.cells, &outcome.times, &set, seconds, outcome.complete);
+        report.stages = outcome.stages;
         write_report(&level, &outcome.cells, &report, &arguments.json, &arguments.pictures)?;
         report.text()
     };

@@ -9,7 +9,7 @@ use visibility_examples::output_file::write;
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::walkthrough::cell_sets::{CELL_STEPS, OBJECT_STEPS, cell_rows, objects, settings};
 use visibility_examples::walkthrough::{World, world::objects_in_cells};
-use visibility_examples::{built_in, load};
+use visibility_examples::{SceneSource, built_in, load};
 use visibility_examples::{eprintln, println};
 use visibility_portals::prt;
 
@@ -62,7 +62,8 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         From::Polygons => Origin::Polygons,
     };
     let path = Path::new(&arguments.scene);
-    let source = if path.is_file() { load(path) } else { built_in(&arguments.scene) };
+    let source =
+        if path.is_file() { load(path).map(SceneSource::with_walks) } else { built_in(&arguments.scene) };
     let world = World::new(source.map_err(|error| error.to_string())?, (64, 36), Some(1))
         .map_err(|error| error.to_string())?;
     let start = Instant::now();

@@ -51,7 +51,7 @@ fn sweep(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     println!("| scene | map | us a frame | tests | reported | triangles | false hidden | wrong pixels |");
     println!("|---|---|---:|---:|---:|---:|---:|---:|");
     for scene in &arguments.scenes {
-        let source = if scene.contains('.') { load(scene.as_ref())? } else { built_in(scene)? };
+        let source = if scene.contains('.') { load(scene.as_ref())?.with_walks() } else { built_in(scene)? };
         let mut world = World::new(source, arguments.size.into(), Some(arguments.frames))?;
         let hom = Hom::new(width, height)?;
         let plane = || hom.clone().with_depth_estimate(DepthEstimate::Plane);

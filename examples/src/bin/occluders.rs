@@ -11,7 +11,7 @@ use visibility_examples::level_occluders::{make, picture};
 use visibility_examples::output_file::{plain_name, write};
 use visibility_examples::source::{check_hints, parse_hint};
 use visibility_examples::walkthrough::World;
-use visibility_examples::{Hint, Reading, eprintln, open_with_walks, println};
+use visibility_examples::{Cameras, Hint, Reading, eprintln, open_as, println};
 use visibility_hzb::Hzb;
 use visibility_occluders::{LevelOccluders, LevelSettings};
 
@@ -55,9 +55,9 @@ struct Arguments {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
-    /// JSON description whose camera walks replace the scene's own.
-    #[arg(long, value_name = "FILE.json", requires = "pictures")]
-    cameras: Option<PathBuf>,
+    /// Camera walks of the pictures.
+    #[command(flatten)]
+    cameras: Cameras,
 
     /// Number of pictures, spread evenly over the walks.
     #[arg(long, value_name = "N", value_parser = count(), default_value = "6", requires = "pictures")]
@@ -79,11 +79,14 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let mut source = open_with_walks(&arguments.scene, &arguments.reading, arguments.cameras.as_deref())?;
-    source.print_notes();
+    let mut source = open_as(&arguments.scene, &arguments.reading)?;
     let mut is_named = vec![false; arguments.hints.len()];
     source.objects.iter_mut().for_each(|object| object.take_all(&arguments.hints, &mut is_named));
     check_hints(&arguments.hints, &is_named)?;
+    if arguments.pictures.is_some() {
+        arguments.cameras.give_whole(&mut source, &arguments.reading)?;
+    }
+    source.print_notes();
     let world = if arguments.pictures.is_some() {
         World::new(source, arguments.size.into(), Some(arguments.frames))?
     } else {

@@ -72,7 +72,7 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut source = if let Some(car) = name.strip_prefix("cars5:") {
         cars5(Path::new(car))?
     } else if Path::new(name).extension().is_some() {
-        load(Path::new(name))?
+        load(Path::new(name))?.with_walks()
     } else {
         built_in(name)?
     };

@@ -13,7 +13,7 @@ use visibility_examples::region::cells::TurnedBox;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
 use visibility_examples::region::{cells, methods, picture, planes, plot, trial};
-use visibility_examples::{Reading, load_walks, open_as, region};
+use visibility_examples::{Cameras, Reading, open_as, region};
 use visibility_examples::{eprintln, println};
 
 /// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
@@ -41,16 +41,16 @@ struct Arguments {
 
     /// Greatest size of these viewcells in metres: two sizes on the ground, and the height. They are smaller
     /// where something opaque is in the way.
-    #[arg(long, value_name = "X,Y,Z", value_parser = cells::parse_size, default_value = "4,4,2")]
+    #[arg(long, value_name = "WIDTH,DEPTH,HEIGHT", value_parser = cells::parse_size, default_value = "4,4,2")]
     size: [f64; 3],
 
     /// Methods, separated by commas.
     #[arg(long, value_name = "LIST", default_value = "rays", help = methods_help())]
     method: String,
 
-    /// JSON description whose camera walks replace the scene's own.
-    #[arg(long, value_name = "FILE.json")]
-    cameras: Option<PathBuf>,
+    /// Where cameras come from.
+    #[command(flatten)]
+    cameras: Cameras,
 
     /// File to write a line of JSON to for each viewcell and method. By default none.
     #[arg(long, value_name = "FILE")]
@@ -103,12 +103,8 @@ fn main() -> ExitCode {
 
 fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut source = open_as(&arguments.scene, &arguments.reading)?;
+    arguments.cameras.give_whole(&mut source, &arguments.reading)?;
     source.print_notes();
-    if let Some(cameras) = &arguments.cameras {
-        source.walks = load_walks(cameras)?;
-        let unit = arguments.reading.metres();
-        source.walks.iter_mut().for_each(|walk| walk.map(|point| point * unit));
-    }
     let world = region::world(source);
     println!(
         "{}: {} objects, {} triangles",

@@ -8,12 +8,12 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-use visibility_examples::open;
 use visibility_examples::output_file::{plain_name, write_with};
 use visibility_examples::tradeoff::{Effort, output, plot, sweep};
 use visibility_examples::walkthrough::auto::advise;
 use visibility_examples::walkthrough::cullers::quick_entries;
 use visibility_examples::walkthrough::{Prepared, World};
+use visibility_examples::{Reading, open};
 use visibility_examples::{eprintln, println};
 
 #[global_allocator]
@@ -68,7 +68,7 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut names: Vec<String> = Vec::new();
     let mut advised_costs = Vec::new();
     for scene in scenes {
-        let source = open(scene)?;
+        let source = open(scene)?.with_walks();
         source.print_notes();
         let world = World::new(source, (640, 360), Some(effort.frames));
         let mut world = world.map_err(|error| format!("{scene}: {error}"))?;
@@ -90,10 +90,13 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         println!("{}", swept.truth);
         println!("{}", output::table(&swept.points));
         let affordable = wanted.iter().filter(|entry| !swept.too_slow.contains(entry));
-        let advice = advise(&world, &affordable.cloned().collect::<Vec<_>>())?;
+        let advice = advise(&world, &affordable.cloned().collect::<Vec<_>>(), true)?;
         println!("{advice}");
         if let Some(bake) = advice.bake.as_ref().ok().filter(|bake| bake.is_worth_it()) {
-            println!("  {}", bake.command(scene, &[], &format!("{}.pvs", plain_name(&name))));
+            println!(
+                "  {}",
+                bake.command(scene, &Reading::default(), None, &[], &format!("{}.pvs", plain_name(&name)))
+            );
         }
         if let Some(best) = output::best_sound(&swept.points, true) {
             println!(

@@ -10,13 +10,13 @@ use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::output_file::{plain_name, write_with};
 use visibility_examples::progress::Steps;
 use visibility_examples::source::{check_hints, parse_hint};
-use visibility_examples::walkthrough::bake_advice::BakeEstimate;
+use visibility_examples::walkthrough::bake_advice::{BakeEstimate, quoted};
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
     Trial, World, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
 };
-use visibility_examples::{Hint, Reading, load_as, open_with_walks};
+use visibility_examples::{Cameras, Hint, Reading, load_as, open_as};
 use visibility_examples::{eprintln, print, println};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
@@ -45,9 +45,9 @@ struct Arguments {
     #[arg(long = "hint", value_name = "HINT=TEXT", value_parser = parse_hint)]
     hints: Vec<(Hint, String)>,
 
-    /// JSON description whose camera walks replace the scene's own.
-    #[arg(long, value_name = "FILE.json")]
-    cameras: Option<PathBuf>,
+    /// Where cameras come from.
+    #[command(flatten)]
+    cameras: Cameras,
 
     /// Cullers to compare, separated by commas. a+b runs b after a, and `auto` is the best of all for the
     /// scene. All but `frustum` itself run after the frustum. `portals` and `pvs` need cells and portals; if
@@ -55,6 +55,11 @@ struct Arguments {
     /// minute for thousands of cells.
     #[arg(long, default_value = "frustum,hzb", value_name = "LIST")]
     cullers: String,
+
+    /// Let `auto` try all cullers on twelve views, which takes minutes for large scenes. By default it ends
+    /// after about ten seconds, with fewer views and without the cullers that need long preparation.
+    #[arg(long)]
+    thorough: bool,
 
     /// Number of frames, spread evenly over the walks. By default every key of the walks is a frame.
     #[arg(long, value_name = "N", value_parser = count())]
@@ -102,8 +107,7 @@ fn main() -> ExitCode {
 fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let name = arguments.scene.as_deref().or(arguments.file.as_deref()).unwrap_or("plpcity");
     let start = Instant::now();
-    let mut source = open_with_walks(name, &arguments.reading, arguments.cameras.as_deref())?;
-    source.print_notes();
+    let mut source = open_as(name, &arguments.reading)?;
     for file in &arguments.with {
         let with = load_as(file, &arguments.reading)?;
         with.print_notes();
@@ -112,14 +116,15 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut is_named = vec![false; arguments.hints.len()];
     source.objects.iter_mut().for_each(|object| object.take_all(&arguments.hints, &mut is_named));
     check_hints(&arguments.hints, &is_named)?;
-    let (objects, triangles, surfaces) = (source.objects.len(), source.triangle_count(), source.surfaces());
+    arguments.cameras.give_whole(&mut source, &arguments.reading)?;
+    source.print_notes();
     let loaded = start.elapsed();
     let start = Instant::now();
     let mut world = World::new(source, arguments.size.into(), arguments.frames)?;
     world.makes_cells = true;
+    println!("{}", output::header(&world, &arguments.reading));
     println!(
-        "{}: {objects} objects, {triangles} triangles ({surfaces}), {} walks, {} frames; made in {:.0} ms, hierarchy in {:.0} ms",
-        world.source.name,
+        "{} walks, {} frames; made in {:.0} ms, hierarchy in {:.0} ms",
         world.source.walks.len(),
         world.views.len(),
         loaded.as_secs_f64() * 1e3,
@@ -134,18 +139,18 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         return Err(format!("there is no frame {frame} to freeze, only {}", world.views.len()).into());
     }
 
-    let (list, advice) = auto::resolve(&arguments.cullers, &world)?;
+    let (list, advice) = auto::resolve(&arguments.cullers, &world, arguments.thorough)?;
     if let Some(advice) = advice {
         println!("{advice}");
+        println!("to see it again: {}", again(arguments, name, &advice.entry));
         if let Some(bake) = advice.bake.ok().filter(BakeEstimate::is_worth_it) {
-            if arguments.with.is_empty() && arguments.cameras.is_none() {
+            if arguments.with.is_empty() {
                 let file = format!("{}.pvs", plain_name(&world.source.name));
-                println!("  {}", bake.command(name, &arguments.hints, &file));
+                let cameras = arguments.cameras.cameras.as_deref();
+                println!("  {}", bake.command(name, &arguments.reading, cameras, &arguments.hints, &file));
                 println!("  then --cullers frustum,baked:{file}");
             } else {
-                println!(
-                    "  the program `bake` takes one scene with its own walks, without --with and --cameras"
-                );
+                println!("  the program `bake` takes one scene, without --with");
             }
         }
     }
@@ -187,6 +192,21 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     println!("pictures: {}", arguments.pictures.display());
     Ok(())
+}
+
+/// Returns the command that walks through the same scene with a culler.
+fn again(arguments: &Arguments, scene: &str, culler: &str) -> String {
+    let mut command = format!("cargo run --release -- {}{}", quoted(scene), arguments.reading.arguments());
+    for with in &arguments.with {
+        command += &format!(" --with {}", quoted(&with.display().to_string()));
+    }
+    if let Some(cameras) = &arguments.cameras.cameras {
+        command += &format!(" --cameras {}", quoted(&cameras.display().to_string()));
+    }
+    for (hint, part) in &arguments.hints {
+        command += &format!(" --hint {}", quoted(&format!("{hint}={part}")));
+    }
+    format!("{command} --cullers frustum,{culler}")
 }
 
 /// Writer of pictures of a world into a folder. `marked` is the index of the object that is marked in the

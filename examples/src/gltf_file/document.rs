@@ -4,6 +4,7 @@
 //! are missing, or of a kind that is not known, has its triangles all the same. Extensions that are required
 //! are let through, since nearly all of them change how surfaces look.
 
+use super::camera::Camera;
 use super::unread::Unread;
 use crate::error::SourceError;
 use crate::json;
@@ -24,6 +25,8 @@ pub(super) struct Document {
     pub transforms: Vec<LocalTransform>,
     /// Whether a pointer of `KHR_animation_pointer` moves the node, by index. Where to is not read.
     pub is_pointed_at: Vec<bool>,
+    /// Perspective cameras of the nodes.
+    pub cameras: Vec<Camera>,
     /// Counts of the parts of the file that are not read.
     pub unread: Unread,
 }
@@ -111,7 +114,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Document, SourceError> {
     check_indices(&root, "", false).map_err(|(key, index)| {
         wrong(&key, format!("{index} is beyond all indices, of which there are at most 2^32"))
     })?;
-    let mut unread = Unread::new(&root);
+    let (mut unread, cameras) = (Unread::new(&root), Camera::all(&root));
     let nodes = json::list(&root, "nodes");
     let transforms: Vec<_> = nodes.iter().map(LocalTransform::of).collect();
     let mut is_pointed_at = vec![false; nodes.len()];
@@ -139,7 +142,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Document, SourceError> {
         return Err(wrong(&place, problem));
     }
     let gltf = gltf::Document::from_json_without_validation(root);
-    Ok(Document { gltf, chunk, transforms, is_pointed_at, unread })
+    Ok(Document { gltf, chunk, transforms, is_pointed_at, cameras, unread })
 }
 
 /// Text and binary chunk of a GLB.

@@ -8,6 +8,7 @@
 //! nothing, and has bounds over all clips.
 
 mod buffers;
+mod camera;
 mod document;
 mod instances;
 mod meshopt;
@@ -46,7 +47,8 @@ const MOST_TRIANGLES: usize = 1 << 25;
 /// A node may carry a [`Hint`] for its objects: the extra (custom property) `visibility` with the value
 /// `occluder`, `detail`, `door`, `mover` or `never-cull`.
 ///
-/// The near plane and the walks are derived from the bounds of the scene.
+/// Each perspective camera of the nodes is a walk with one key. The near plane is derived from the bounds of
+/// the scene, and is not farther than that of any of the cameras.
 ///
 /// # Errors
 ///
@@ -87,6 +89,8 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
     collector.bound_movers();
     let (origin, objects) = (collector.origin, collector.objects);
     document.unread.without_triangles = collector.without_triangles;
+    let walks: Vec<_> = document.cameras.iter().filter_map(|camera| camera.walk(&nodes)).collect();
+    document.unread.cameras = document.unread.cameras.saturating_sub(walks.len());
 
     let movers = objects.iter().filter(|object| object.motion.is_some()).count();
     let mut notes: Vec<String> = document.unread.line().into_iter().collect();
@@ -106,8 +110,13 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
     scene.notes.extend(hints);
     let bounds = scene.bounds();
     scene.near = walk::made_up_near(bounds);
-    scene.walks = walk::made_up(bounds, scene.up);
-    scene.walks.iter_mut().for_each(|walk| walk.translate(origin));
+    if !walks.is_empty() {
+        scene.notes.push(format!("walks are the cameras of the file: {}", walks.len()));
+    }
+    scene.walks = walks;
+    if let Some(near) = document.cameras.iter().filter_map(|camera| camera.near).reduce(f64::min) {
+        scene.near = scene.near.min((near * reading.metres()) as f32);
+    }
     Ok(scene)
 }
 

@@ -32,7 +32,8 @@ pub(super) struct Unread {
     pub pointers: usize,
     /// Nodes that `KHR_node_visibility` hides, with all below them.
     pub hidden_nodes: usize,
-    cameras: usize,
+    /// Cameras that are no walk.
+    pub cameras: usize,
     lights: usize,
     /// Scenes beside the one that is read.
     scenes: usize,

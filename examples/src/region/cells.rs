@@ -46,6 +46,16 @@ pub fn parse_size(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
+/// Returns the sizes along x, y and z of a box with two sizes on the ground, in the order of the axes, and a
+/// height.
+pub fn on_axes([width, depth, height]: [f64; 3], up: Vec3) -> DVec3 {
+    match up.abs().max_position() {
+        0 => DVec3::new(height, width, depth),
+        1 => DVec3::new(width, height, depth),
+        _ => DVec3::new(width, depth, height),
+    }
+}
+
 /// Reads N finite numbers separated by commas. The error is a message for a person.
 pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let read = |part: &str| {
@@ -78,16 +88,7 @@ pub fn viewcell(given: &TurnedBox, up: Vec3) -> Viewcell {
 /// touch an opaque object, so that it stays in its room or street. An eye that touches an opaque object gives
 /// no viewcell.
 pub fn along_walks(world: &World, count: usize, size: [f64; 3]) -> Vec<Viewcell> {
-    let up = world.source.up;
-    // The height is the size on the axis that points up.
-    let [width, depth, height] = size;
-    let size = if up.y.abs() > 0.5 {
-        DVec3::new(width, height, depth)
-    } else if up.x.abs() > 0.5 {
-        DVec3::new(height, width, depth)
-    } else {
-        DVec3::new(width, depth, height)
-    };
+    let size = on_axes(size, world.source.up);
     // Twice as many frames as cells, and every second of them: the ends of walks are often at walls.
     let all: Vec<Frame> = frames(&world.source.walks, count.saturating_mul(2));
     let eyes = all.into_iter().skip(1).step_by(2).map(|frame| frame.camera.eye);

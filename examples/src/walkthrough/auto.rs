@@ -1,15 +1,29 @@
 //! Automatic choice of a culler: tries every culler that suits a world on a few of its views, and advises the
 //! fastest with the measured reason.
+//!
+//! A quick choice ends after about ten seconds. It draws as many views as there is time for, and leaves out
+//! cullers whose preparation would take longer than is left, judged by that for a sample of the objects.
 
 use super::bake_advice::{self, BakeEstimate};
 use super::{World, cullers};
+use crate::SceneSource;
 use std::fmt;
-use std::time::Instant;
-use visibility_core::View;
+use std::time::{Duration, Instant};
+use visibility_core::{Pipeline, View, VisibleSet};
 use visibility_measure::{Advisor, CullerTrial, DrawCost, MeasureError, SceneFacts};
 
 /// Maximum number of views that are probed, spread evenly over the walks.
 const VIEWS: usize = 12;
+/// Time in seconds in which a quick choice draws its views.
+const DRAWING: f64 = 1.5;
+/// Time in seconds after which a quick choice tries no further culler.
+const TRYING: f64 = 6.0;
+/// Time of a quick choice for the estimate of a bake.
+const BAKING: Duration = Duration::from_millis(2500);
+/// Most triangles in the sample on which preparations are timed.
+const SAMPLE: usize = 5_000;
+/// Power of the number of triangles with which the time of a preparation is taken to grow.
+const GROWTH: f64 = 1.5;
 
 /// Advice on the culler to use, with the measurements behind it.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +40,8 @@ pub struct Advice {
     pub least_us: f64,
     /// Number of cullers that were tried.
     pub tried: usize,
+    /// Cullers for which there was no time.
+    pub untried: Vec<String>,
     /// Whether the scene brings cells and portals; cells made of its triangles do not count.
     pub cells: bool,
     /// What a bake would give, or why that is not known.
@@ -34,23 +50,40 @@ pub struct Advice {
 
 /// Tries the given cullers and advises the one with the least time to cull and draw, among those that promise
 /// to hide no visible object and kept the promise. The first entry should be `frustum`, with which the advice
-/// is compared; cullers that do not suit the scene are skipped.
+/// is compared; cullers that do not suit the scene are skipped. Unless the choice is `thorough`, it ends after
+/// about ten seconds, and says what it has not tried.
 ///
 /// # Errors
 ///
 /// Returns [`MeasureError`] when the scene has too many triangles to number.
-pub fn advise(world: &World, entries: &[String]) -> Result<Advice, MeasureError> {
-    let step = world.views.len().div_ceil(VIEWS).max(1);
-    let views: Vec<View> = world.views.iter().step_by(step).cloned().collect();
-    let advisor = Advisor::new(&world.scene, &views, DrawCost::default())?;
+pub fn advise(world: &World, entries: &[String], thorough: bool) -> Result<Advice, MeasureError> {
     let clock = Instant::now();
     let now = || clock.elapsed().as_secs_f64();
+    let spread = |count: usize| -> Vec<View> {
+        world.views.iter().step_by(world.views.len().div_ceil(count).max(1)).cloned().collect()
+    };
+    let mut count = VIEWS;
+    if !thorough {
+        Advisor::new(&world.scene, &spread(1), DrawCost::default())?;
+        count = ((DRAWING / now().max(1e-6)) as usize).clamp(1, VIEWS);
+    }
+    let views = spread(count);
+    let advisor = Advisor::new(&world.scene, &views, DrawCost::default())?;
+    let sample = (!thorough).then(|| Sample::new(world));
     let mut best: Option<(String, CullerTrial)> = None;
-    let (mut frustum, mut tried) = (CullerTrial::default(), 0);
+    let (mut frustum, mut tried, mut untried) = (CullerTrial::default(), 0, Vec::new());
     for entry in entries {
+        if sample.as_ref().is_some_and(|sample| now() + sample.seconds(entry) > TRYING) {
+            untried.push(entry.clone());
+            continue;
+        }
         // A culler that does not suit the scene is an error here.
         let Ok(mut made) = cullers::parse(entry, world) else { continue };
         let limit = best.as_ref().map_or(f64::INFINITY, |(_, trial)| trial.total_us);
+        if !thorough && is_hopeless(&mut made[0].1, world, &views, limit) {
+            tried += 1;
+            continue;
+        }
         tried += 1;
         let Some((_, trial)) = advisor.best([&mut made[0].1], now) else { continue };
         if tried == 1 {
@@ -62,9 +95,49 @@ pub fn advise(world: &World, entries: &[String]) -> Result<Advice, MeasureError>
     }
     let (entry, chosen) = best.unwrap_or(("frustum".to_owned(), frustum));
     let (facts, least_us) = (*advisor.facts(), advisor.least_us());
-    let bake = bake_advice::estimate(world, &views, &entry);
+    let bake = bake_advice::estimate(world, &views, &entry, (!thorough).then_some(BAKING));
     let cells = world.source.cells.is_some();
-    Ok(Advice { entry, facts, chosen, frustum, least_us, tried, cells, bake })
+    Ok(Advice { entry, facts, chosen, frustum, least_us, tried, untried, cells, bake })
+}
+
+/// A part of a world, on which the preparation of cullers is timed.
+struct Sample {
+    world: World,
+    /// Factor from the time of a preparation for the sample to that for the world.
+    factor: f64,
+}
+
+impl Sample {
+    /// Takes objects evenly from a world, as many as have the triangles of a sample.
+    fn new(world: &World) -> Self {
+        let all = world.source.triangle_count();
+        let step = all.div_ceil(SAMPLE).max(1);
+        let objects: Vec<_> = world.source.objects.iter().step_by(step).cloned().collect();
+        let triangles = objects.iter().map(|object| object.triangles.len()).sum::<usize>();
+        let source =
+            SceneSource { objects, cells: world.source.cells.clone(), ..world.source.without_objects() };
+        let mut sample = World::with_views(source, world.views.clone(), Vec::new(), world.size);
+        (sample.makes_cells, sample.is_quiet) = (world.makes_cells, true);
+        Self { world: sample, factor: (all as f64 / triangles.max(1) as f64).max(1.0).powf(GROWTH) }
+    }
+
+    /// Returns the time in seconds that the preparation of an entry takes for the whole world, about. What
+    /// was prepared for an earlier entry takes no time.
+    fn seconds(&self, entry: &str) -> f64 {
+        let start = Instant::now();
+        // A culler that does not suit the scene is no matter here.
+        let _ = cullers::parse(entry, &self.world);
+        start.elapsed().as_secs_f64() * self.factor
+    }
+}
+
+/// Returns whether a culler takes much longer for the first view than the best in all, so that trying it on
+/// all views is a waste. The first view also takes the memory that later ones use again.
+fn is_hopeless(pipeline: &mut Pipeline, world: &World, views: &[View], limit_us: f64) -> bool {
+    let Some(view) = views.first() else { return false };
+    let start = Instant::now();
+    pipeline.cull(&world.scene, view, &mut VisibleSet::new());
+    start.elapsed().as_secs_f64() * 1e6 > 10.0 * limit_us + 20_000.0
 }
 
 /// Returns a list of cullers with each `auto` replaced by the advised culler, and the advice; `None` as the
@@ -73,18 +146,18 @@ pub fn advise(world: &World, entries: &[String]) -> Result<Advice, MeasureError>
 /// # Errors
 ///
 /// Returns the errors of [`advise`].
-pub fn resolve(list: &str, world: &World) -> Result<(String, Option<Advice>), MeasureError> {
+pub fn resolve(list: &str, world: &World, thorough: bool) -> Result<(String, Option<Advice>), MeasureError> {
     if !list.split(',').any(|entry| entry.trim() == "auto") {
         return Ok((list.to_owned(), None));
     }
-    let advice = advise(world, &cullers::quick_entries(world))?;
+    let advice = advise(world, &cullers::quick_entries(world), thorough)?;
     let resolved = list.split(',').map(|entry| if entry.trim() == "auto" { &advice.entry } else { entry });
     Ok((resolved.collect::<Vec<_>>().join(","), Some(advice)))
 }
 
 impl fmt::Display for Advice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { entry, facts, chosen, frustum, least_us, tried, cells, bake } = self;
+        let Self { entry, facts, chosen, frustum, least_us, tried, untried, cells, bake } = self;
         let with = if *cells { "with" } else { "without given" };
         writeln!(f, "{facts}, {with} cells")?;
         writeln!(
@@ -101,6 +174,13 @@ impl fmt::Display for Advice {
             chosen.objects / facts.box_limit.max(1.0),
             chosen.total_us / least_us.max(1.0),
         )?;
+        if !untried.is_empty() {
+            let mut names: Vec<&str> =
+                untried.iter().filter_map(|entry| entry.split([':', '+']).next()).collect();
+            names.dedup();
+            let (count, names) = (untried.len(), names.join(", "));
+            writeln!(f, "no time for {count} settings of {names}: --thorough tries them")?;
+        }
         writeln!(f, "by the frustum alone {:.0} us for {:.0} objects", frustum.total_us, frustum.objects)?;
         match bake {
             Ok(bake) => bake.fmt(f),
@@ -117,8 +197,8 @@ mod tests {
     #[test]
     fn auto_becomes_a_culler_that_hides_nothing_visible_and_is_worth_it() {
         let world = World::new(built_in("office:1,2").unwrap(), (64, 36), Some(3)).unwrap();
-        assert_eq!(resolve("frustum,hzb", &world).unwrap(), ("frustum,hzb".to_owned(), None));
-        let (list, advice) = resolve("frustum, auto", &world).unwrap();
+        assert_eq!(resolve("frustum,hzb", &world, false).unwrap(), ("frustum,hzb".to_owned(), None));
+        let (list, advice) = resolve("frustum, auto", &world, false).unwrap();
         let advice = advice.unwrap();
         assert_eq!(list, format!("frustum,{}", advice.entry));
         assert!(advice.chosen.is_sound() && advice.chosen.total_us <= advice.frustum.total_us);

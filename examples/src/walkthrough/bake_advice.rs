@@ -6,6 +6,7 @@ use crate::bake::viewcells::{Places, Solids, make};
 use crate::reading::Reading;
 use crate::region::open_doors;
 use std::fmt;
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
@@ -62,8 +63,19 @@ impl BakeEstimate {
 
     /// Returns the command that bakes the scene, as programs are told it, into the file `file`. A bake that
     /// was not finished here ends after [`whole_seconds`](Self::whole_seconds).
-    pub fn command(&self, scene: &str, hints: &[(Hint, String)], file: &str) -> String {
+    pub fn command(
+        &self,
+        scene: &str,
+        reading: &Reading,
+        cameras: Option<&Path>,
+        hints: &[(Hint, String)],
+        file: &str,
+    ) -> String {
         let mut command = format!("cargo run --release --bin bake -- {} -o {}", quoted(scene), quoted(file));
+        command += &reading.arguments();
+        if let Some(cameras) = cameras {
+            command += &format!(" --cameras {}", quoted(&cameras.display().to_string()));
+        }
         for (hint, part) in hints {
             command += &format!(" --hint {}", quoted(&format!("{hint}={part}")));
         }
@@ -107,7 +119,7 @@ impl fmt::Display for BakeEstimate {
 }
 
 /// Returns a word of a command for a Unix shell, in quotes if it has characters that a shell may read.
-fn quoted(word: &str) -> String {
+pub fn quoted(word: &str) -> String {
     let is_plain = |letter: char| letter.is_alphanumeric() || "-_.,:+=/".contains(letter);
     if !word.is_empty() && word.chars().all(is_plain) {
         word.to_owned()
@@ -116,19 +128,26 @@ fn quoted(word: &str) -> String {
     }
 }
 
-/// Bakes viewcells with the eyes of some views, in a few seconds, and culls these views by them, and by the
+/// Bakes viewcells with the eyes of some views, in a few seconds or within `limit`, and culls these views by them, and by the
 /// culler `advised`, an entry of [`cullers`].
 ///
 /// # Errors
 ///
 /// Returns a message, for a person, why there is no estimate.
-pub fn estimate(world: &World, views: &[View], advised: &str) -> Result<BakeEstimate, String> {
+pub fn estimate(
+    world: &World,
+    views: &[View],
+    advised: &str,
+    limit: Option<Duration>,
+) -> Result<BakeEstimate, String> {
+    let [place_time, bake_time] =
+        limit.map_or([PLACE_TIME, BAKE_TIME], |limit| [limit / 4, limit.saturating_sub(limit / 4)]);
     if world.source.triangle_count() > MOST_TRIANGLES {
         return Err(format!("not tried with more than {MOST_TRIANGLES} triangles"));
     }
     let mut scene = world.scene.clone();
     open_doors(&world.source, &mut scene);
-    *PLACE_END.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now().checked_add(PLACE_TIME);
+    *PLACE_END.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now().checked_add(place_time);
     let (bounds, solids) = (world.source.bounds(), Solids::Scene(&scene));
     let places =
         make(&Places::default(), &Reading::default(), &world.source, bounds, &solids, is_too_late_to_place);
@@ -137,7 +156,7 @@ pub fn estimate(world: &World, views: &[View], advised: &str) -> Result<BakeEsti
         Eye::Point(eye) => places.locate(eye),
         Eye::Direction(_) => None,
     };
-    let found = bake(&scene, &places, views.iter().filter_map(place).collect());
+    let found = bake(&scene, &places, views.iter().filter_map(place).collect(), bake_time);
     let views: Vec<View> =
         views.iter().filter(|&view| place(view).is_some_and(|at| found.ids.contains(&at))).copied().collect();
     if views.is_empty() {
@@ -184,17 +203,17 @@ struct Found {
     complete: bool,
 }
 
-/// Bakes the viewcells `wanted` among the places for at most [`BAKE_TIME`]: as many as there are threads at
+/// Bakes the viewcells `wanted` among the places for at most `limit`: as many as there are threads at
 /// once, from all over the walks. Those that are not finished by then are left out, unless they are the
 /// first.
-fn bake(scene: &Scene, places: &Viewcells, mut wanted: Vec<ViewcellId>) -> Found {
+fn bake(scene: &Scene, places: &Viewcells, mut wanted: Vec<ViewcellId>, limit: Duration) -> Found {
     wanted.sort_unstable();
     wanted.dedup();
     let mut order: Vec<usize> = (0..wanted.len()).collect();
     // The second is from the middle, the next from the quarters.
     order.sort_by_key(|&index| index.reverse_bits());
     let start = Instant::now();
-    let is_over = || start.elapsed() >= BAKE_TIME;
+    let is_over = || start.elapsed() >= limit;
     let mut found = Found { ids: Vec::new(), cells: Vec::new(), seconds: 0.0, complete: true };
     for batch in order.chunks(available_parallelism().map_or(1, usize::from)) {
         let ids: Vec<ViewcellId> = batch.iter().map(|&index| wanted[index]).collect();
@@ -218,11 +237,12 @@ fn bake(scene: &Scene, places: &Viewcells, mut wanted: Vec<ViewcellId>) -> Found
 mod tests {
     use super::*;
     use crate::built_in;
+    use visibility_core::glam::Vec3;
 
     #[test]
     fn a_bake_of_rooms_leaves_fewer_objects_than_the_frustum() {
         let world = World::new(built_in("office:1,3").unwrap(), (64, 36), Some(6)).unwrap();
-        let by_frustum = estimate(&world, &world.views, "frustum").unwrap();
+        let by_frustum = estimate(&world, &world.views, "frustum", None).unwrap();
         assert!(by_frustum.trial.objects < by_frustum.advised.objects && by_frustum.trial.is_sound());
         assert!(by_frustum.least_objects <= by_frustum.trial.objects && by_frustum.least_objects > 0.0);
         assert!((1..=by_frustum.viewcells).contains(&by_frustum.baked));
@@ -244,13 +264,13 @@ mod tests {
             seconds: 5.0,
             complete: true,
         };
-        let command = complete.command("office:1,3", &[], "office.pvs");
+        let command = complete.command("office:1,3", &Reading::default(), None, &[], "office.pvs");
         assert_eq!(command, "cargo run --release --bin bake -- office:1,3 -o office.pvs");
         let hints = [(Hint::NeverCull, "a lift".to_owned()), (Hint::Door, "Door".to_owned())];
         let open = BakeEstimate { complete: false, ..complete };
-        let command = open.command("my 'house'.glb", &hints, "x.pvs");
-        let words =
-            r"-- 'my '\''house'\''.glb' -o x.pvs --hint 'never-cull=a lift' --hint door=Door --time 143";
+        let reading = Reading { unit: Some(0.001), up: Some(Vec3::Z), two_sided: true };
+        let command = open.command("my 'house'.glb", &reading, Some(Path::new("a.json")), &hints, "x.pvs");
+        let words = r"-- 'my '\''house'\''.glb' -o x.pvs --unit 0.001 --up z --two-sided --cameras a.json --hint 'never-cull=a lift' --hint door=Door --time 143";
         assert!(command.ends_with(words), "{command}");
     }
 
@@ -258,7 +278,7 @@ mod tests {
     fn without_viewcells_there_is_a_reason() {
         let mut world = World::new(built_in("town:1").unwrap(), (64, 36), Some(1)).unwrap();
         world.source.walks.clear();
-        assert!(estimate(&world, &world.views, "frustum").unwrap_err().contains("viewcells"));
-        assert!(estimate(&world, &[], "frustum").is_err());
+        assert!(estimate(&world, &world.views, "frustum", None).unwrap_err().contains("viewcells"));
+        assert!(estimate(&world, &[], "frustum", None).is_err());
     }
 }

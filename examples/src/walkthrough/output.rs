@@ -2,6 +2,7 @@
 
 use super::judge::{Judgement, Verdict, over_ideal};
 use super::{Trial, World};
+use crate::{Reading, SourceObject};
 use comfy_table::{CellAlignment, Table, presets};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -12,6 +13,28 @@ fn cost_over_ideal(trial: &Trial, verdict: &Verdict, judgement: &Judgement) -> f
     let triangles = verdict.reported_triangles as f64 / judgement.exact.len().max(1) as f64;
     let visible = [judgement.mean_exact(), judgement.mean_visible_triangles()];
     over_ideal(trial.quantile(0.5), [trial.mean_visible(), triangles], visible)
+}
+
+/// Returns a line on what was loaded: objects by kind, occluders, triangles, unit, up axis and origin.
+pub fn header(world: &World, reading: &Reading) -> String {
+    let (source, scene) = (&world.source, &world.scene);
+    let count = |is: fn(&SourceObject) -> bool| source.objects.iter().filter(|&object| is(object)).count();
+    let moving = |object: &SourceObject| object.motion.is_some() || object.never_cull;
+    let occluders = scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder)).count();
+    let up = ["x", "y", "z"][source.up.abs().max_position()];
+    format!(
+        "{}: {} objects: {} opaque, {} see-through, {} moving; {occluders} occluders; {} triangles ({}); \
+         unit {} m, {up} up, origin {}",
+        source.name,
+        source.objects.len(),
+        count(|object| !object.see_through),
+        count(|object| object.see_through),
+        count(moving),
+        source.triangle_count(),
+        source.surfaces(),
+        reading.metres(),
+        source.origin,
+    )
 }
 
 /// Returns a line on what there is to report: visible objects, box limit and ideal, means per frame.

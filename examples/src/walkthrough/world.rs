@@ -30,6 +30,8 @@ pub struct World {
     /// Whether [`cells`](Self::cells) makes the cells of a scene that brings none, from its opaque
     /// triangles. False for a new world.
     pub makes_cells: bool,
+    /// Whether [`cells`](Self::cells) prints nothing. False for a new world.
+    pub is_quiet: bool,
     /// Cells made from the opaque triangles, or why there are none. Empty until they are first asked for.
     made_cells: OnceLock<Result<SourceCells, String>>,
 }
@@ -91,7 +93,7 @@ impl World {
         // both faces, and may have any winding.
         scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
         let (prepared, made_cells) = (Prepared::default(), OnceLock::new());
-        Self { source, scene, views, poses, size, prepared, makes_cells: false, made_cells }
+        Self { source, scene, views, poses, size, prepared, makes_cells: false, is_quiet: false, made_cells }
     }
 
     /// Returns the objects in the form that the item buffer takes, by ascending index, which is their key.
@@ -129,12 +131,17 @@ impl World {
             return Err("cells are made of triangles only where the world's origin is zero".to_owned());
         }
         let name = &self.source.name;
-        eprintln!("{name} brings no cells: making cells and portals from its opaque triangles ...");
+        if !self.is_quiet {
+            eprintln!("{name} brings no cells: making cells and portals from its opaque triangles ...");
+        }
         let start = Instant::now();
         let mut cells = built::cells(&self.source, built::Origin::Polygons)?;
         let ids: Vec<ObjectId> = self.scene.ids().collect();
         let pairs = objects_in_cells(&self.scene, &ids, &cells.viewcells);
         cells.graph.set_objects(pairs).map_err(|error| error.to_string())?;
+        if self.is_quiet {
+            return Ok(cells);
+        }
         eprintln!(
             "{name}: {} cells and {} portals made in {:.2} s",
             cells.graph.cell_count(),
@@ -150,7 +157,7 @@ impl World {
         if 2 * open > all {
             eprintln!(
                 "{name}: {open} of {all} cameras stand in the open, where cells hide little; \
-                 hzb, horizon or view-cdt suit such scenes better"
+                 --cullers hzb,horizon,view-cdt compares what suits such scenes better"
             );
         }
         Ok(cells)

@@ -1,13 +1,16 @@
 //! Entry of the potentially visible sets of cells, which are baked when they are first asked for.
 
 use super::known::{Known, Made};
+use crate::eprintln;
 use crate::pvs::built::Origin;
 use crate::region::read_sets;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
 use std::path::Path;
-use std::sync::Arc;
+use visibility_core::View;
+use visibility_core::glam::DVec3;
 use visibility_core::pvs::PvsCuller;
+use visibility_core::view::Eye;
 
 pub(super) const KNOWN: &[Known] = &[
     Known {
@@ -33,9 +36,25 @@ pub(super) const KNOWN: &[Known] = &[
     },
 ];
 
-/// Reads the sets of a file for the scene of a world.
+/// Reads the sets of a file for the scene of a world. Says on standard error, once, how many cameras are
+/// outside all viewcells, if any.
 fn baked(file: &str, world: &World) -> Made {
-    Ok(Box::new(PvsCuller::new(Arc::new(read_sets(Path::new(file), world)?))))
+    let sets = world.prepared.get(&format!("sets of the file {file}"), || {
+        let sets = read_sets(Path::new(file), world)?;
+        let is_outside = |view: &&View| match view.eye(DVec3::ZERO) {
+            Eye::Point(eye) => sets.viewcells().locate(eye).is_none(),
+            Eye::Direction(_) => true,
+        };
+        let (outside, all) = (world.views.iter().filter(is_outside).count(), world.views.len());
+        if outside > 0 {
+            eprintln!(
+                "{file}: {outside} of {all} cameras are outside all viewcells, and see everything there: \
+                 bake with the same --cameras, or with --cells, --over or --from where the cameras are"
+            );
+        }
+        Ok(sets)
+    })?;
+    Ok(Box::new(PvsCuller::new(sets)))
 }
 
 fn make(dial: Option<&str>, world: &World) -> Made {

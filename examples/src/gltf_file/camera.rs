@@ -1,0 +1,50 @@
+//! The perspective cameras of a glTF document.
+
+use super::nodes::Nodes;
+use crate::json::list;
+use crate::walk::{CameraKey, Walk};
+use serde_json::Value;
+
+/// Perspective camera of a node.
+pub(super) struct Camera {
+    /// Index of the node.
+    node: usize,
+    name: String,
+    /// Vertical field of view in radians.
+    fov_y: f64,
+    /// Distance of the near plane in the unit of the file. `None` if it is not positive.
+    pub near: Option<f64>,
+}
+
+impl Camera {
+    /// Returns the cameras of all nodes of a document, in the order of the nodes.
+    pub(super) fn all(root: &Value) -> Vec<Self> {
+        let cameras = list(root, "cameras");
+        let of_node = |(node, value): (usize, &Value)| {
+            let camera = cameras.get(value.get("camera")?.as_u64()? as usize)?;
+            let perspective = camera.get("perspective")?;
+            let named = |value: &Value| value.get("name").and_then(Value::as_str).map(str::to_owned);
+            let near = perspective.get("znear").and_then(Value::as_f64);
+            Some(Self {
+                node,
+                name: named(value).or(named(camera)).unwrap_or_else(|| format!("camera of node {node}")),
+                fov_y: perspective.get("yfov")?.as_f64()?,
+                near: near.filter(|&near| near as f32 > 0.0 && near.is_finite()),
+            })
+        };
+        list(root, "nodes").iter().enumerate().filter_map(of_node).collect()
+    }
+
+    /// Returns the walk of the camera, with one key at rest. `None` if its node is not in the scene that is
+    /// read, or its field of view or its place cannot be used.
+    pub(super) fn walk(&self, nodes: &Nodes) -> Option<Walk> {
+        let world = nodes.worlds[self.node];
+        let fov_y_degrees = self.fov_y.to_degrees() as f32;
+        let (eye, ahead) = (world.w_axis.truncate(), -world.z_axis.truncate().try_normalize()?);
+        let up = world.y_axis.truncate().try_normalize()?.as_vec3();
+        let is_usable = fov_y_degrees > 0.0 && fov_y_degrees < 180.0 && eye.is_finite();
+        let key = CameraKey { eye, target: eye + ahead * eye.abs().max_element().max(1.0) };
+        let is_placed = nodes.placed.contains(&self.node);
+        (is_placed && is_usable).then(|| Walk { name: self.name.clone(), fov_y_degrees, up, keys: vec![key] })
+    }
+}

@@ -1,0 +1,215 @@
+//! Map of the solid surfaces of a scene in columns, from which follows where a person can stand.
+//!
+//! The scene is cut into square columns. Each column has a list of solid spans, from triangles clipped to the
+//! column, as in the heightfields of navigation meshes (Mikko Mononen, "Recast").
+
+use crate::SourceObject;
+use glam::{DVec2, DVec3, Vec3};
+
+/// Side of a column in metres.
+pub(super) const COLUMN: f64 = 0.25;
+/// Distance in metres up to which spans of a column count as one.
+const TOUCH: f32 = 0.02;
+/// Greatest thickness in metres of a door leaf with its frame, and least and greatest height of a door.
+const DOOR: [f32; 3] = [0.6, 1.5, 3.5];
+
+/// Axes of a scene: two on the ground, and one up.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GroundAxes {
+    /// Numbers of the axes on the ground, then of the one that is up.
+    axes: [usize; 3],
+    /// Whether up is against the axis.
+    is_down: bool,
+}
+
+impl GroundAxes {
+    /// Returns the axes for the direction that points up, of which the nearest axis counts.
+    pub(super) fn new(up: Vec3) -> Self {
+        let axis = up.abs().max_position();
+        Self { axes: [(axis + 1) % 3, (axis + 2) % 3, axis], is_down: up[axis] < 0.0 }
+    }
+
+    /// Returns the place on the ground of a point, then its height.
+    pub(super) fn flat(&self, p: DVec3) -> DVec3 {
+        let [a, b, up] = self.axes.map(|axis| p[axis]);
+        DVec3::new(a, b, if self.is_down { -up } else { up })
+    }
+
+    /// Returns the point of a place on the ground with a height.
+    pub(super) fn point(&self, flat: DVec3) -> DVec3 {
+        let mut p = DVec3::ZERO;
+        let [a, b, up] = self.axes;
+        (p[a], p[b], p[up]) = (flat.x, flat.y, if self.is_down { -flat.z } else { flat.z });
+        p
+    }
+
+    /// Returns the corners of a box, by their places on the ground and heights, the least first.
+    pub(super) fn sorted(&self, low: DVec3, high: DVec3) -> (DVec3, DVec3) {
+        let (a, b) = (self.flat(low), self.flat(high));
+        (a.min(b), a.max(b))
+    }
+}
+
+/// Heights between which a column is solid, in metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Span {
+    /// Least height.
+    pub low: f32,
+    /// Greatest height.
+    pub high: f32,
+    /// Whether one can stand on it: its highest triangle is less steep than 60 degrees, and drawn from
+    /// above.
+    pub is_floor: bool,
+    /// Whether its lowest triangle faces up and is drawn from above alone. Who has nothing else above is
+    /// inside something solid.
+    pub is_back: bool,
+}
+
+/// Solid spans of the columns of a scene, relative to its origin.
+pub(super) struct FloorMap {
+    /// Axes of the scene.
+    pub axes: GroundAxes,
+    /// Place on the ground of the least corner, in metres.
+    pub corner: DVec2,
+    /// Number of columns on each axis of the ground.
+    pub counts: [usize; 2],
+    /// By column, its spans in ascending order. They do not touch.
+    spans: Vec<Vec<Span>>,
+}
+
+impl FloorMap {
+    /// Greatest length in metres of a side of a map.
+    pub(super) const REACH: f64 = 256.0;
+
+    /// Creates the map of a scene without any triangle yet, between two corners on the ground: all of it, or
+    /// what is around a point.
+    pub(super) fn new(axes: GroundAxes, low: DVec2, high: DVec2, around: DVec2) -> Self {
+        let half = DVec2::splat(Self::REACH * 0.5);
+        let start = (around - half).min(high - half * 2.0).max(low);
+        let end = (start + half * 2.0).min(high);
+        // Columns begin at whole multiples of their side, so that walls there fill one column and not two.
+        let corner = (start / COLUMN).floor() * COLUMN;
+        let counts = ((end - corner) / COLUMN).ceil().max(DVec2::ONE);
+        let counts = [counts.x as usize, counts.y as usize];
+        Self { axes, corner, counts, spans: vec![Vec::new(); counts[0] * counts[1]] }
+    }
+
+    /// Returns the spans of a column, in ascending order.
+    pub(super) fn spans(&self, column: usize) -> &[Span] {
+        &self.spans[column]
+    }
+
+    /// Adds the triangles of an object. Doors stand open, and what moves is not there.
+    pub(super) fn add(&mut self, object: &SourceObject) {
+        if object.motion.is_some() || is_door(&self.axes, object) {
+            return;
+        }
+        for triangle in object.triangles.iter().filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
+            self.add_triangle(triangle.map(|p| self.axes.flat(p.as_dvec3())), object.one_sided);
+        }
+    }
+
+    /// Adds level ground all over the map.
+    pub(super) fn add_ground(&mut self, height: f64) {
+        for column in 0..self.spans.len() {
+            let (low, high) = (height as f32, height as f32);
+            self.insert(column, Span { low, high, is_floor: true, is_back: false });
+        }
+    }
+
+    /// Adds a triangle, by places on the ground and heights.
+    fn add_triangle(&mut self, corners: [DVec3; 3], one_sided: bool) {
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(c - a);
+        let is_level = |upwards: f64| upwards > 0.5 * normal.length();
+        let is_floor = is_level(if one_sided { normal.z } else { normal.z.abs() });
+        let is_back = one_sided && is_level(normal.z);
+        let place = |axis: usize, value: f64| (value - self.corner[axis]) / COLUMN;
+        let columns = |axis: usize, polygon: &[DVec3]| -> Option<[usize; 2]> {
+            let ends = polygon.iter().map(|p| place(axis, p[axis]));
+            let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+            let last = self.counts[axis] as f64 - 1.0;
+            // A wall in the plane between two columns is in the upper one.
+            let is_within = low <= last + 1.0 && high >= 0.0;
+            is_within.then(|| [low.floor().clamp(0.0, last) as usize, high.floor().clamp(0.0, last) as usize])
+        };
+        let Some([first_row, last_row]) = columns(1, &corners) else { return };
+        let mut found = Vec::new();
+        for row in first_row..=last_row {
+            let strip = if first_row == last_row { corners.to_vec() } else { self.clipped(&corners, 1, row) };
+            let Some([first, last]) = columns(0, &strip) else { continue };
+            for column in first..=last {
+                let part = if first == last { strip.clone() } else { self.clipped(&strip, 0, column) };
+                let heights = part.iter().map(|p| p.z as f32);
+                let (low, high) =
+                    heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)));
+                if low <= high {
+                    found.push((row * self.counts[0] + column, Span { low, high, is_floor, is_back }));
+                }
+            }
+        }
+        found.into_iter().for_each(|(column, span)| self.insert(column, span));
+    }
+
+    /// Returns the part of a convex polygon in the columns with a number on an axis.
+    fn clipped(&self, polygon: &[DVec3], axis: usize, number: usize) -> Vec<DVec3> {
+        let low = self.corner[axis] + number as f64 * COLUMN;
+        let above = half(polygon, |p| p[axis] - low);
+        half(&above, |p| low + COLUMN - p[axis])
+    }
+
+    /// Adds a span to a column, together with those that it touches.
+    fn insert(&mut self, column: usize, mut span: Span) {
+        let spans = &mut self.spans[column];
+        let first = spans.partition_point(|other| other.high + TOUCH < span.low);
+        let mut last = first;
+        while let Some(other) = spans.get(last).filter(|other| other.low <= span.high + TOUCH) {
+            // The upper surface counts, or either of two at the same height.
+            let difference = other.high - span.high;
+            span.is_floor = match difference {
+                _ if difference.abs() <= TOUCH => span.is_floor || other.is_floor,
+                _ if difference > 0.0 => other.is_floor,
+                _ => span.is_floor,
+            };
+            span.is_back = match other.low - span.low {
+                difference if difference.abs() <= TOUCH => span.is_back && other.is_back,
+                difference if difference < 0.0 => other.is_back,
+                _ => span.is_back,
+            };
+            (span.low, span.high) = (span.low.min(other.low), span.high.max(other.high));
+            last += 1;
+        }
+        spans.splice(first..last, [span]);
+    }
+}
+
+/// Returns the part of a convex polygon where a linear function is not negative.
+fn half(polygon: &[DVec3], side: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for (index, &to) in polygon.iter().enumerate() {
+        let from = polygon[(index + polygon.len() - 1) % polygon.len()];
+        let (a, b) = (side(from), side(to));
+        if (a < 0.0) != (b < 0.0) {
+            kept.push(from + (to - from) * (a / (a - b)));
+        }
+        if b >= 0.0 {
+            kept.push(to);
+        }
+    }
+    kept
+}
+
+/// Returns whether an object is a door by its hint, or by its name and shape.
+fn is_door(axes: &GroundAxes, object: &SourceObject) -> bool {
+    if object.door {
+        return true;
+    }
+    if !object.name.to_lowercase().contains("door") {
+        return false;
+    }
+    object.bounds().is_some_and(|(low, high)| {
+        let (low, high) = axes.sorted(low.as_dvec3(), high.as_dvec3());
+        let size = (high - low).as_vec3();
+        size.x.min(size.y) <= DOOR[0] && (DOOR[1]..=DOOR[2]).contains(&size.z)
+    })
+}

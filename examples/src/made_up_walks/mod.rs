@@ -1,0 +1,164 @@
+//! Camera walks for scenes that bring none: where a person can stand, at the height of the eyes.
+//!
+//! A [map of floors](floor_map) tells where one can stand, and [places](places) which of that is connected.
+//! [Tours](tour) lead through the greatest connected places. Only a scene without any such place, such as a
+//! statue, is looked at from a ring around it. The same scene always gets the same walks.
+
+mod floor_map;
+mod places;
+mod tour;
+
+use crate::walk::{CameraKey, Walk};
+use crate::{SceneSource, SourceObject};
+use floor_map::{COLUMN, FloorMap, GroundAxes};
+use glam::{DVec2, DVec3, Vec3};
+use places::{Places, Region};
+
+/// Most walks through places with a ceiling, and without.
+const MOST_WALKS: [usize; 2] = [3, 1];
+/// Least area in square metres of a place with a ceiling that gets a walk, and of one without.
+const LEAST_AREA: [f64; 2] = [4.0, 25.0];
+/// Least part of the area of the greatest place that a place must have to get a walk.
+const LEAST_SHARE: f64 = 0.05;
+/// Size in metres on the ground from which on a scene is a place: if it has no floor to stand on, then its
+/// file leaves out the ground.
+const PLACE: f64 = 30.0;
+/// Vertical field of view of all walks, in degrees.
+const FOV: f32 = 60.0;
+/// Distance in metres of the near plane for walks where one stands.
+const NEAR: f32 = 0.05;
+/// Number of keys of the walk around a scene.
+const RING_KEYS: usize = 48;
+
+/// Walks that were made up for a scene, and the distance of the near plane for them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MadeUpWalks {
+    /// Walks in world space. Empty for a scene without finite points.
+    pub walks: Vec<Walk>,
+    /// Greatest distance of the near plane in metres that suits the walks.
+    pub near: f32,
+    /// Floors where one can stand, as in [`SceneSource::floors`].
+    pub floors: Vec<(DVec3, f64)>,
+}
+
+impl MadeUpWalks {
+    /// Makes walks for a scene, whose objects `visit` passes on; it is called up to three times, and must
+    /// pass on the same objects each time. `scene` has the axis up and the origin; its own objects are not
+    /// looked at. Takes time in proportion to the triangles, and at most some seconds and 500 MB for
+    /// the map, which covers at most [256 m](FloorMap::REACH) on each side around the middle of the objects.
+    pub fn new(scene: &SceneSource, mut visit: impl FnMut(&mut dyn FnMut(&SourceObject))) -> Self {
+        let axes = GroundAxes::new(scene.up);
+        let mut bounds = crate::source::Bounds::default();
+        // Middles on the ground and least heights of all objects.
+        let mut stands: Vec<(DVec2, f64)> = Vec::new();
+        visit(&mut |object| {
+            bounds.add(object);
+            if let Some((low, high)) = object.bounds() {
+                let (low, high) = axes.sorted(low.as_dvec3(), high.as_dvec3());
+                stands.push(((low.truncate() + high.truncate()) * 0.5, low.z));
+            }
+        });
+        let Some((low, high)) = bounds.corners() else { return Self::default() };
+        let (low, high) = axes.sorted(low.as_dvec3(), high.as_dvec3());
+        let middle = DVec2::new(median(&stands, |(at, _)| at.x), median(&stands, |(at, _)| at.y));
+        let mut map = FloorMap::new(axes, low.truncate(), high.truncate(), middle);
+        visit(&mut |object| map.add(object));
+        let mut found = Self::standing(scene, &map);
+        if found.walks.is_empty() && (high - low).truncate().max_element() > PLACE {
+            map.add_ground(median(&stands, |(_, height)| *height));
+            found = Self::standing(scene, &map);
+        }
+        if found.walks.is_empty() {
+            let (low, high) = (axes.point(low), axes.point(high));
+            found.walks = vec![around(low.min(high), low.max(high), scene.up)];
+            found.near = f32::INFINITY;
+        }
+        found.walks.iter_mut().for_each(|walk| walk.translate(scene.origin));
+        found
+    }
+
+    /// Makes walks through the greatest places of a map, relative to the scene's origin.
+    fn standing(scene: &SceneSource, map: &FloorMap) -> Self {
+        let places = Places::new(map);
+        let regions = places.regions(map);
+        let area = |region: &Region| region.places.len() as f64 * COLUMN * COLUMN;
+        let greatest = regions.iter().map(area).fold(0.0, f64::max);
+        let mut made = Self { near: NEAR, ..Self::default() };
+        for (is_open, name) in ["indoors", "outdoors"].into_iter().enumerate() {
+            let least = LEAST_AREA[is_open].max(LEAST_SHARE * greatest);
+            let chosen = regions.iter().filter(|region| {
+                usize::from(!region.is_covered) == is_open && area(region) >= least && !region.is_roof
+            });
+            for region in chosen.take(MOST_WALKS[is_open]) {
+                let keys = tour::keys(map, &places, region);
+                if keys.is_empty() {
+                    continue;
+                }
+                made.walks.push(Walk { name: name.to_owned(), fov_y_degrees: FOV, up: scene.up, keys });
+            }
+        }
+        let least = LEAST_AREA[0].max(LEAST_SHARE * greatest);
+        for region in regions.iter().filter(|region| area(region) >= least && !region.is_roof) {
+            let even = region.places.iter().filter(|&&place| places.is_even(map, place));
+            made.floors.extend(even.map(|&place| {
+                let [floor, ceiling] = places.heights(place);
+                (places.point(map, place, floor) + scene.origin, f64::from(ceiling - floor))
+            }));
+        }
+        if made.walks.is_empty() { Self::default() } else { made }
+    }
+
+    /// Returns how many walks there are of each kind, as in "3 indoors, 1 around".
+    pub fn counts(&self) -> String {
+        let mut kinds: Vec<(&str, usize)> = Vec::new();
+        for walk in &self.walks {
+            match kinds.iter_mut().find(|(name, _)| *name == walk.name) {
+                Some((_, count)) => *count += 1,
+                None => kinds.push((&walk.name, 1)),
+            }
+        }
+        kinds.iter().map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl SceneSource {
+    /// Returns the scene with made-up walks if it has none, and notes what they are.
+    #[must_use]
+    pub fn with_walks(mut self) -> Self {
+        if self.walks.is_empty() {
+            let made = MadeUpWalks::new(&self, |each| self.objects.iter().for_each(each));
+            self.take_walks(made);
+        }
+        self
+    }
+
+    /// Takes walks that were made up for the scene, and notes what they are.
+    pub fn take_walks(&mut self, made: MadeUpWalks) {
+        self.notes.push(format!("walks are made up: {}", made.counts()));
+        self.near = self.near.min(made.near);
+        (self.walks, self.floors) = (made.walks, made.floors);
+    }
+}
+
+/// Makes the walk around a scene from outside. `low` and `high` are the corners of its bounds.
+fn around(low: DVec3, high: DVec3, up: Vec3) -> Walk {
+    let centre = (low + high) * 0.5;
+    // The minimum radius keeps the eye away from a scene that is a single point.
+    let radius = ((high - low).length() * 0.5).max(1e-3);
+    let direction = up.as_dvec3();
+    let side = direction.any_orthonormal_vector();
+    let other = direction.cross(side);
+    let keys = (0..RING_KEYS).map(|i| {
+        let angle = i as f64 * std::f64::consts::TAU / (RING_KEYS - 1) as f64;
+        let around = side * angle.cos() + other * angle.sin();
+        CameraKey { eye: centre + (around * 1.6 + direction * 0.6) * radius, target: centre }
+    });
+    Walk { name: "around".to_owned(), fov_y_degrees: FOV, up, keys: keys.collect() }
+}
+
+/// Returns the median of a value of some items, 0 without items.
+fn median<T>(items: &[T], value: impl Fn(&T) -> f64) -> f64 {
+    let mut values: Vec<f64> = items.iter().map(value).collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,213 @@
+//! Places where a person can stand, and the regions that are connected.
+//!
+//! A place is at a corner of four columns with free height above floors that differ by a step at most. So the
+//! eye of a person keeps the side of a column from all that reaches up above a step, there and on the way
+//! straight to the next place.
+
+use super::floor_map::{COLUMN, FloorMap};
+use glam::DVec3;
+
+/// Height in metres that must be free above the floor.
+const BODY: f32 = 1.7;
+/// Height in metres of the eye above the floor.
+const EYE: f32 = 1.6;
+/// Greatest difference of height in metres between neighbouring columns.
+const STEP: f32 = 0.5;
+/// Depth in metres below a place from which on something there makes it a roof.
+const ROOF: f32 = 2.0;
+/// Greatest part of all columns with anything that a roof covers, and greatest area in square metres of a roof
+/// that covers more.
+const ROOF_SHARE: f64 = 0.25;
+const ROOF_AREA: f64 = 900.0;
+/// Number of a place that is none.
+pub(super) const NO_PLACE: u32 = u32::MAX;
+
+/// All floors of a map with free height above.
+pub(super) struct Places {
+    /// By column, the number of its first floor, and in the end the number of all floors.
+    first: Vec<u32>,
+    /// By floor, its height, and that of the ceiling above, in metres.
+    heights: Vec<[f32; 2]>,
+    /// By floor, its column.
+    columns: Vec<u32>,
+    /// By floor, the floor of the place between its column, the next on both axes and the one across, and the
+    /// least ceiling. `None` where one cannot stand.
+    standing: Vec<Option<[f32; 2]>>,
+}
+
+/// Connected places.
+#[derive(Debug)]
+pub(super) struct Region {
+    /// Numbers of the places, ascending.
+    pub places: Vec<u32>,
+    /// Whether more than half of them have something above.
+    pub is_covered: bool,
+    /// Whether they have no ceiling, and most of them are above something deep below; or whether they are a
+    /// small part of the scene, mostly bordered by a drop.
+    pub is_roof: bool,
+}
+
+/// Steps to the four columns beside a column.
+const BESIDE: [[i64; 2]; 4] = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+
+impl Places {
+    /// Finds all places of a map.
+    pub(super) fn new(map: &FloorMap) -> Self {
+        let mut all = Self { first: vec![0], heights: Vec::new(), columns: Vec::new(), standing: Vec::new() };
+        for column in 0..map.counts[0] * map.counts[1] {
+            let spans = map.spans(column);
+            for (index, span) in spans.iter().enumerate() {
+                let above = &spans[index + 1..];
+                let ceiling = above.first().map_or(f32::INFINITY, |above| above.low);
+                // Some files have a face turned the wrong way, but not all.
+                let is_inside = !above.is_empty() && above.iter().all(|above| above.is_back);
+                if span.is_floor && !is_inside && ceiling - span.high >= BODY {
+                    all.heights.push([span.high, ceiling]);
+                    all.columns.push(column as u32);
+                }
+            }
+            all.first.push(all.heights.len() as u32);
+        }
+        all.standing = (0..all.heights.len() as u32).map(|floor| all.between(map, floor)).collect();
+        all
+    }
+
+    /// Returns the floor and the ceiling of the place between the column of a floor and the three beyond it.
+    fn between(&self, map: &FloorMap, floor: u32) -> Option<[f32; 2]> {
+        let mut all = self.heights[floor as usize];
+        for step in [[1, 0], [0, 1], [1, 1]] {
+            let [low, high] = self.heights[self.beside(map, floor, step)? as usize];
+            all = [all[0].max(low), all[1].min(high)];
+        }
+        (all[1] - all[0] >= BODY).then_some(all)
+    }
+
+    /// Returns the floor some columns from another that is at most a step higher or lower, with free height
+    /// above both. The nearest in height, if there are several.
+    pub(super) fn beside(&self, map: &FloorMap, floor: u32, step: [i64; 2]) -> Option<u32> {
+        let column = shifted(map, self.columns[floor as usize] as usize, step)?;
+        let [low, high] = self.heights[floor as usize];
+        let is_near = |&other: &u32| {
+            let [other_low, other_high] = self.heights[other as usize];
+            (other_low - low).abs() <= STEP && high.min(other_high) - low.max(other_low) >= BODY
+        };
+        let difference = |&other: &u32| (self.heights[other as usize][0] - low).abs();
+        let found = (self.first[column]..self.first[column + 1]).filter(is_near);
+        found.min_by(|a, b| difference(a).total_cmp(&difference(b)))
+    }
+
+    /// Returns whether one can stand at the place of a floor.
+    pub(super) fn is_place(&self, floor: u32) -> bool {
+        self.standing[floor as usize].is_some()
+    }
+
+    /// Returns the number of all floors.
+    pub(super) fn count(&self) -> usize {
+        self.heights.len()
+    }
+
+    /// Returns the place next to another, if one can walk there and back.
+    pub(super) fn next(&self, map: &FloorMap, place: u32, direction: usize) -> Option<u32> {
+        let [x, y] = BESIDE[direction];
+        let other = self.beside(map, place, [x, y]).filter(|&other| self.is_place(other))?;
+        (self.beside(map, other, [-x, -y]) == Some(place)).then_some(other)
+    }
+
+    /// Returns the heights of the floor and the ceiling of a place.
+    pub(super) fn heights(&self, place: u32) -> [f32; 2] {
+        self.standing[place as usize].unwrap_or(self.heights[place as usize])
+    }
+
+    /// Returns the height of the eye at a place.
+    pub(super) fn eye_height(&self, place: u32) -> f32 {
+        self.heights(place)[0] + EYE
+    }
+
+    /// Returns the column of a place on each axis.
+    pub(super) fn column(&self, map: &FloorMap, place: u32) -> [i64; 2] {
+        let (column, width) = (self.columns[place as usize] as usize, map.counts[0]);
+        [(column % width) as i64, (column / width) as i64]
+    }
+
+    /// Returns whether the numbers of a place's column are even on both axes.
+    pub(super) fn is_even(&self, map: &FloorMap, place: u32) -> bool {
+        self.column(map, place).iter().all(|at| at % 2 == 0)
+    }
+
+    /// Returns the point of a place with a height, relative to the scene's origin.
+    pub(super) fn point(&self, map: &FloorMap, place: u32, height: f32) -> DVec3 {
+        let at = self.column(map, place).map(|at| (at + 1) as f64 * COLUMN);
+        map.axes.point(DVec3::new(map.corner.x + at[0], map.corner.y + at[1], height.into()))
+    }
+
+    /// Returns the connected regions of a map, the greatest first.
+    pub(super) fn regions(&self, map: &FloorMap) -> Vec<Region> {
+        let occupied = (0..map.counts[0] * map.counts[1]).filter(|&at| !map.spans(at).is_empty()).count();
+        let most_roof = (ROOF_SHARE * occupied as f64).max(ROOF_AREA / (COLUMN * COLUMN));
+        let mut is_taken = vec![false; self.count()];
+        let mut regions = Vec::new();
+        for start in 0..self.count() as u32 {
+            if !self.is_place(start) || is_taken[start as usize] {
+                continue;
+            }
+            is_taken[start as usize] = true;
+            let mut places = vec![start];
+            // Numbers of borders, and of borders with a drop.
+            let (mut borders, mut drops, mut done) = (0, 0, 0);
+            while let Some(&place) = places.get(done) {
+                done += 1;
+                for direction in 0..BESIDE.len() {
+                    match self.next(map, place, direction) {
+                        Some(next) if is_taken[next as usize] => {}
+                        Some(next) => {
+                            is_taken[next as usize] = true;
+                            places.push(next);
+                        }
+                        None => {
+                            borders += 1;
+                            drops += usize::from(self.is_drop(map, place, direction));
+                        }
+                    }
+                }
+            }
+            places.sort_unstable();
+            let covered = places.iter().filter(|&&place| self.heights(place)[1].is_finite()).count();
+            let is_covered = 2 * covered > places.len();
+            let is_small = (places.len() as f64) < most_roof;
+            let above = places.iter().filter(|&&place| self.is_above_something(map, place)).count();
+            let is_roof = !is_covered && (2 * above > places.len() || is_small && 2 * drops > borders);
+            regions.push(Region { places, is_covered, is_roof });
+        }
+        regions.sort_by_key(|region| std::cmp::Reverse(region.places.len()));
+        regions
+    }
+
+    /// Returns whether there is something deep below the column of a place.
+    fn is_above_something(&self, map: &FloorMap, place: u32) -> bool {
+        let spans = map.spans(self.columns[place as usize] as usize);
+        spans.first().is_some_and(|lowest| lowest.low < self.heights(place)[0] - ROOF)
+    }
+
+    /// Returns whether there is no wall beside a place, and something deep below it or beside it, or nothing
+    /// at all beside it.
+    fn is_drop(&self, map: &FloorMap, place: u32, direction: usize) -> bool {
+        let floor = self.heights(place)[0];
+        let column = self.columns[place as usize] as usize;
+        let beside = (0..=3).filter_map(|count| {
+            let [x, y] = BESIDE[direction].map(|step| step * count);
+            shifted(map, column, [x, y])
+        });
+        let spans: Vec<_> = beside.flat_map(|column| map.spans(column)).collect();
+        let is_wall = spans.iter().any(|span| span.low < floor + BODY && span.high > floor + STEP);
+        let is_deep = spans.iter().any(|span| span.low < floor - ROOF);
+        !is_wall && (is_deep || spans.iter().all(|span| span.high <= floor + STEP))
+    }
+}
+
+/// Returns the column some steps from another, `None` beyond the map.
+fn shifted(map: &FloorMap, column: usize, [x, y]: [i64; 2]) -> Option<usize> {
+    let width = map.counts[0];
+    let at = [(column % width) as i64 + x, (column / width) as i64 + y];
+    let is_within = (0..2).all(|axis| (0..map.counts[axis] as i64).contains(&at[axis]));
+    is_within.then(|| at[1] as usize * width + at[0] as usize)
+}
