@@ -2,14 +2,14 @@
 //! `docs/guide` of the repository.
 
 #[doc = include_str!("../guide/first_engine.md")]
-#[cfg(feature = "hzb")]
+#[cfg(all(feature = "hzb", feature = "measure"))]
 pub mod first_engine {}
 
 #[doc = include_str!("../guide/which_culler.md")]
 pub mod which_culler {}
 
 #[doc = include_str!("../guide/portals.md")]
-#[cfg(feature = "portals")]
+#[cfg(all(feature = "portals", feature = "std"))]
 pub mod portals {}
 
 #[doc = include_str!("../guide/baking.md")]
@@ -24,6 +24,9 @@ pub mod shadows {}
 
 #[doc = include_str!("../guide/moving.md")]
 pub mod moving {}
+
+#[doc = include_str!("../guide/levels_of_detail.md")]
+pub mod levels_of_detail {}
 
 #[doc = include_str!("../guide/regions.md")]
 #[cfg(all(feature = "2d", feature = "region"))]
@@ -46,3 +49,7 @@ pub mod accuracy {}
 
 #[doc = include_str!("../guide/tradeoff.md")]
 pub mod tradeoff {}
+
+#[doc = include_str!("../guide/wrong_picture.md")]
+#[cfg(feature = "hzb")]
+pub mod wrong_picture {}

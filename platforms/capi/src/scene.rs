@@ -90,8 +90,7 @@ impl vis_object_desc {
 
 /// Returns an object with these flags and no others.
 fn flagged(object: Object, flags: u32) -> Result<Object, Error> {
-    let all =
-        VIS_OBJECT_NEVER_CULL | VIS_OBJECT_OCCLUDER | VIS_OBJECT_SEE_THROUGH | VIS_OBJECT_ONE_SIDED;
+    let all = VIS_OBJECT_NEVER_CULL | VIS_OBJECT_OCCLUDER | VIS_OBJECT_SEE_THROUGH | VIS_OBJECT_ONE_SIDED;
     if flags & !all != 0 {
         return Err(Error::argument(format_args!("the flags of an object cannot be {flags:#x}")));
     }

@@ -211,7 +211,10 @@ fn matrices_that_are_no_camera_are_refused_and_the_view_stays() {
     // SAFETY: handles are live.
     unsafe {
         assert_eq!(vis_view_set_perspective(view, &raw const pose, 9.0, 1.0, 0.1, 1.0), VIS_ERROR_ARGUMENT);
-        assert_eq!(message(), "the camera's fov_y cannot be 9");
+        assert_eq!(
+            message(),
+            "the camera's fov_y cannot be 9: it is in radians, above 0 and below pi; was it meant in degrees?"
+        );
         assert_eq!(vis_view_set_orthographic(view, &raw const pose, 0.0, 1.0, 0.1, 1.0), VIS_ERROR_ARGUMENT);
         assert_eq!(vis_view_set_clip_planes(view, [0.0_f64; 4].as_ptr(), 1), VIS_ERROR_ARGUMENT);
         let nowhere = [f64::NAN; 3];
