@@ -15,6 +15,7 @@ pub mod gltf_file;
 mod json;
 pub mod load;
 pub mod occlusion;
+mod other_formats;
 pub mod output_file;
 pub mod plan;
 pub mod plp;

@@ -3,7 +3,7 @@
 use clap::Parser;
 use std::process::ExitCode;
 use std::time::Instant;
-use visibility_examples::{eprintln, open, println};
+use visibility_examples::{Reading, eprintln, open_as, println};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 
 /// Make the occluders of a level: its opaque triangles welded, joined into planar polygons, in clusters.
@@ -12,6 +12,10 @@ use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 struct Arguments {
     /// Scene: a recipe such as `office:2,16`, or a file (.vscn, .glb, .gltf).
     scene: String,
+
+    /// How a scene file is read.
+    #[command(flatten)]
+    reading: Reading,
 
     /// Share of the area of all polygons to keep, from 0 to 1. The smallest polygons are left out. By default
     /// as much as the z-buffer draws.
@@ -35,7 +39,7 @@ fn main() -> ExitCode {
 }
 
 fn make(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let source = open(&arguments.scene)?;
+    let source = open_as(&arguments.scene, &arguments.reading)?;
     source.print_notes();
     let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
     let triangles: Vec<LevelTriangle> = opaque
