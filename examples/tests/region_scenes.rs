@@ -74,7 +74,8 @@ fn nothing_sampled_is_hidden() {
 #[test]
 fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
     let quad = |x: f32, [y, z]: [[f32; 2]; 2]| {
-        let [a, b, c, d] = [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]].map(|[y, z]| Vec3::new(x, y, z));
+        let [a, b, c, d] =
+            [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]].map(|[y, z]| Vec3::new(x, y, z));
         vec![[a, b, c], [a, c, d]]
     };
     let world_of = |crack: f32, origin: DVec3| {
@@ -103,9 +104,9 @@ fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
         (left_out, decided.false_hidden, decided.narrow)
     };
     let none = Vec::new();
-    // A crack of .3 mm: within six times the clearance of .1 mm, and not within that of a clearance of 0.
-    assert_eq!(found(3e-4, "exact", None), (vec![2], none.clone(), vec![2]));
-    assert_eq!(found(3e-4, "exact:0", None), (none.clone(), none.clone(), none.clone()));
+    // A crack of .03 mm: within six times the clearance of .1 mm, and not within that of a clearance of 0.
+    assert_eq!(found(3e-5, "exact", None), (vec![2], none.clone(), vec![2]));
+    assert_eq!(found(3e-5, "exact:0", None), (none.clone(), none.clone(), none.clone()));
     // A crack of 3 mm passes lines of sight that `exact` finds, and few rays do not.
     assert_eq!(found(3e-3, "exact", None), (none.clone(), none.clone(), none.clone()));
     assert_eq!(found(3e-3, "rays:1", None), (vec![1, 2], vec![1, 2], none.clone()));
