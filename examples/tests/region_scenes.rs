@@ -69,8 +69,9 @@ fn nothing_sampled_is_hidden() {
     assert!(verdict.trials > 2000 && verdict.hidden > 2000, "{verdict:?}");
 }
 
-/// Tests what the judge says of an object behind a wall with a crack: nothing if the crack is closed, "narrow" if
-/// only lines near the wall pass, "false hidden" if a method with a clearance should have found one.
+/// Tests what the judge says of an object behind a wall with a crack: nothing if the crack is closed,
+/// "narrow" if only lines near the wall pass, "false hidden" if a method with a clearance should have found
+/// one.
 #[test]
 fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
     let quad = |x: f32, [y, z]: [[f32; 2]; 2]| {

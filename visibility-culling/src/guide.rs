@@ -1,8 +1,8 @@
 //! The guide: from a first program to baked sets, one chapter a module. Its pictures show where this
 //! documentation was made in a checkout of the repository, which has them in its folder `docs`.
 
-/// Returns the definition of a link to a picture in the folder `docs`, by the name that a chapter has for it. It
-/// goes before the chapter, whose own definition is for readers of the file: of two, the first counts.
+/// Returns the definition of a link to a picture in the folder `docs`, by the name that a chapter has for it.
+/// It goes before the chapter, whose own definition is for readers of the file: of two, the first counts.
 macro_rules! picture {
     ($name:literal) => {
         concat!("[", $name, "]: file://", env!("CARGO_MANIFEST_DIR"), "/../docs/", $name)

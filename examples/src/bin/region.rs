@@ -77,8 +77,8 @@ struct Arguments {
     plot: Option<PathBuf>,
 
     /// Most seconds of the clock for each viewcell and method. What is not decided by then is open, and
-    /// reported. For `exact` and `share`, whose time grows with the triangles of objects that several occluders
-    /// hide together; the other methods end soon. By default as long as it takes.
+    /// reported. For `exact` and `share`, whose time grows with the triangles of objects that several
+    /// occluders hide together; the other methods end soon. By default as long as it takes.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time: Option<f64>,
 
@@ -101,8 +101,8 @@ fn seconds(text: &str) -> Result<f64, String> {
     is_usable.then_some(seconds).ok_or_else(|| "a time is a number of seconds above 0".into())
 }
 
-/// Returns a function for [`Method::set_stop`](methods::Method::set_stop) that prints every ten seconds how long
-/// a method has been at work, and is true once it has been for `most` seconds.
+/// Returns a function for [`Method::set_stop`](methods::Method::set_stop) that prints every ten seconds how
+/// long a method has been at work, and is true once it has been for `most` seconds.
 fn stop_after(most: Option<f64>, what: String) -> Box<dyn Fn() -> bool + Send + Sync> {
     let (start, said) = (Instant::now(), AtomicU64::new(0));
     Box::new(move || {

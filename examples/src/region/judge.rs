@@ -33,8 +33,8 @@ pub struct Effort {
     pub rays: usize,
 }
 
-/// What exact arithmetic says of sampled objects that a method left out. Objects that are in neither list were
-/// sampled by rounding alone.
+/// What exact arithmetic says of sampled objects that a method left out. Objects that are in neither list
+/// were sampled by rounding alone.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct LeftOut {
     /// Indices of objects with a line of sight that the method should have found, ascending.
@@ -207,9 +207,9 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Tests, relative to the scene's origin, whether a segment from the viewpoint `from` towards `through` reaches
-/// the object: it meets a triangle of the object, and up to a millionth of its length before that it keeps more
-/// than `keep` metres from all occluders, or for 0 misses them in exact arithmetic.
+/// Tests, relative to the scene's origin, whether a segment from the viewpoint `from` towards `through`
+/// reaches the object: it meets a triangle of the object, and up to a millionth of its length before that it
+/// keeps more than `keep` metres from all occluders, or for 0 misses them in exact arithmetic.
 fn has_line_of_sight(world: &World, object: u32, [from, through]: [DVec3; 2], keep: f64) -> bool {
     let target = &world.source.objects[object as usize];
     if from == through {
@@ -242,8 +242,8 @@ fn has_line_of_sight(world: &World, object: u32, [from, through]: [DVec3; 2], ke
     })
 }
 
-/// Returns where a ray meets a triangle, in lengths of `direction` (Moeller and Trumbore, "Fast, Minimum Storage
-/// Ray/Triangle Intersection", 1997). `None` if it passes the triangle or starts behind it.
+/// Returns where a ray meets a triangle, in lengths of `direction` (Moeller and Trumbore, "Fast, Minimum
+/// Storage Ray/Triangle Intersection", 1997). `None` if it passes the triangle or starts behind it.
 fn hit(from: DVec3, direction: DVec3, triangle: &[Vec3; 3]) -> Option<f64> {
     let [a, b, c] = triangle.map(Vec3::as_dvec3);
     let (across, offset) = (direction.cross(c - a), from - a);

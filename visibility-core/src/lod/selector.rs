@@ -224,7 +224,8 @@ impl LodSelector {
     /// use visibility_core::lod::LodSelector;
     /// use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
     /// let mut scene = Scene::new();
-    /// scene.insert_batch([3.0, 30.0, 31.0].map(|x| Aabb::from_arrays([x, -1.0, -1.0], [x + 1.0, 1.0, 1.0])));
+    /// let statue = |x| Aabb::from_arrays([x, -1.0, -1.0], [x + 1.0, 1.0, 1.0]);
+    /// scene.insert_batch([3.0, 30.0, 31.0].map(statue));
     /// let (mut visible, mut lods) = (VisibleSet::new(), LodSelector::new(1080.0));
     /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     /// let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0)?;

@@ -33,7 +33,8 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, cull
 ///
 /// let eye = |cells: &Arc<_>| SharedPortalCuller::new(Arc::clone(cells));
 /// let mut pipelines = [0, 1].map(|_| Pipeline::new().with(FrustumCuller::new()).with(eye(&cells)));
-/// let views = [1.8, 2.2].map(|y| Pose::look_at(DVec3::new(1.0, y, 1.5), DVec3::new(5.0, 2.0, 1.0), DVec3::Z));
+/// let to = DVec3::new(5.0, 2.0, 1.0);
+/// let views = [1.8, 2.2].map(|y| Pose::look_at(DVec3::new(1.0, y, 1.5), to, DVec3::Z));
 /// let mut visible = VisibleSet::new();
 /// for open in [true, false] {
 ///     cells.write().unwrap().set_open(PortalId(0), open)?;
