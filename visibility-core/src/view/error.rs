@@ -71,7 +71,7 @@ impl fmt::Display for ViewError {
 /// Returns the range and the unit of a camera parameter that has an unusable value.
 fn range_of(name: &str, value: f64) -> &'static str {
     match name {
-        "fov_y" if value >= core::f64::consts::PI && value < 180.0 => {
+        "fov_y" if (core::f64::consts::PI..180.0).contains(&value) => {
             "it is in radians, above 0 and below pi; was it meant in degrees?"
         }
         "fov_y" => "it is in radians, above 0 and below pi",
