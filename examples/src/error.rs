@@ -4,6 +4,7 @@
 //! instead of panicking. The position is a byte offset in binary files and a key path such as
 //! `cameras[1].keys[3].eye` in JSON, so that a person can find the spot with an editor.
 
+use crate::other_formats::way_to_gltf;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -77,11 +78,11 @@ impl fmt::Display for SourceError {
             SourceError::Content { file, place, problem } => {
                 write!(f, "{}: {place}: {problem}", file.display())
             }
-            SourceError::UnknownFormat { file } => write!(
-                f,
-                "{}: the extension names no known scene format (.vscn, .gltf, .glb)",
-                file.display()
-            ),
+            SourceError::UnknownFormat { file } => {
+                let why = way_to_gltf(file);
+                let why = why.as_deref().unwrap_or("the extension names no known scene format");
+                write!(f, "{}: scenes are .gltf, .glb or .vscn files; {why}", file.display())
+            }
             SourceError::Recipe { spec, problem } => write!(f, "recipe `{spec}`: {problem}"),
         }
     }

@@ -18,6 +18,7 @@ pub mod level_occluders;
 pub mod load;
 pub mod made_up_walks;
 pub mod occlusion;
+mod other_formats;
 pub mod output_file;
 pub mod plan;
 pub mod plp;

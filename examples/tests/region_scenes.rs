@@ -7,10 +7,12 @@
 use crate::shared_scenes;
 
 use visibility_core::Accuracy;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::Judged;
 use visibility_examples::region::{cells, methods, trial, world};
-use visibility_examples::{SceneSource, built_in};
+use visibility_examples::{SceneSource, SourceObject, built_in};
 
 /// Conservative methods.
 const METHODS: &str = "sweep,convex,volume,virtual,shrink:2";
@@ -43,7 +45,7 @@ fn run(source: SceneSource, count: usize, effort: Effort, verdict: &mut Verdict)
             for (name, method) in &mut methods {
                 assert_eq!(method.accuracy(), Accuracy::Conservative);
                 let trial = trial::run(name, method.as_mut(), &world.scene, &judged.cell);
-                let lost = judged.false_hidden(&trial);
+                let lost = judged.sampled_and_left_out(&trial);
                 if !lost.is_empty() {
                     eprintln!("{}: {:?}: {name} hides {lost:?}", world.source.name, judged.cell);
                 }
@@ -65,6 +67,69 @@ fn nothing_sampled_is_hidden() {
     println!("{verdict:?}");
     assert_eq!(verdict.lost, 0, "{verdict:?}");
     assert!(verdict.trials > 2000 && verdict.hidden > 2000, "{verdict:?}");
+}
+
+/// Tests what the judge says of an object behind a wall with a crack: nothing if the crack is closed,
+/// "narrow" if only lines near the wall pass, "false hidden" if a method with a clearance should have found
+/// one.
+#[test]
+fn what_is_left_out_is_false_hidden_narrow_or_sampled_by_rounding_alone() {
+    let quad = |x: f32, [y, z]: [[f32; 2]; 2]| {
+        let [a, b, c, d] =
+            [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]].map(|[y, z]| Vec3::new(x, y, z));
+        vec![[a, b, c], [a, c, d]]
+    };
+    let world_of = |crack: f32, origin: DVec3| {
+        let mut source = SceneSource::new("crack".to_owned(), Vec3::Z, 0.1);
+        source.origin = origin;
+        let walls = [[-20.0, 0.25], [0.25 + crack, 20.0]].map(|y| quad(5.0, [y, [-20.0, 20.0]]));
+        let parts = walls.into_iter().chain([quad(8.0, [[-1.0, 1.0]; 2])]);
+        source.objects = parts.map(|triangles| SourceObject::new("part".to_owned(), triangles)).collect();
+        world(source)
+    };
+    let found = |crack: f32, method: &str, line: Option<[DVec3; 2]>| {
+        let origin = DVec3::new(1e5, -3e5, 50.0);
+        let (world, cell) = (world_of(crack, origin), Viewcell::from_box(origin - 1.0, origin + 1.0));
+        let mut judge = Judge::new(&world, Effort { eyes: 9, side: 64, rays: 20_000 }).unwrap();
+        let (mut sampled, _) = judge.sample(&cell).unwrap();
+        let mut exact = methods::parse("exact:0", &world).unwrap();
+        trial::run("exact:0", exact[0].1.as_mut(), &world.scene, &cell);
+        let given = line.map(|line| (2, line.map(|p| p + origin)));
+        let sights: Vec<_> = exact[0].1.sights().into_iter().chain(given).collect();
+        sights.iter().for_each(|&(index, _)| sampled[index as usize] = true);
+        let (name, mut method) = methods::parse(method, &world).unwrap().remove(0);
+        let trial = trial::run(&name, method.as_mut(), &world.scene, &cell);
+        let judged = Judged { cell, sampled, trials: Vec::new() };
+        let left_out = judged.sampled_and_left_out(&trial);
+        let decided = judge.decide(&judged.cell, &left_out, method.clearance(), &sights).unwrap();
+        (left_out, decided.false_hidden, decided.narrow)
+    };
+    let none = Vec::new();
+    // A crack of .03 mm: within six times the clearance of .1 mm, and not within that of a clearance of 0.
+    assert_eq!(found(3e-5, "exact", None), (vec![2], none.clone(), vec![2]));
+    assert_eq!(found(3e-5, "exact:0", None), (none.clone(), none.clone(), none.clone()));
+    // A crack of 3 mm passes lines of sight that `exact` finds, and few rays do not.
+    assert_eq!(found(3e-3, "exact", None), (none.clone(), none.clone(), none.clone()));
+    assert_eq!(found(3e-3, "rays:1", None), (vec![1, 2], vec![1, 2], none.clone()));
+    // A line that a method took for one of sight, and that a closed wall blocks.
+    let through = [DVec3::ZERO, DVec3::new(8.0, 0.1, 0.1)];
+    assert_eq!(found(0.0, "exact", Some(through)), (vec![2], none.clone(), none.clone()));
+    let along_the_seam = [DVec3::new(0.0, 0.25, 0.0), DVec3::new(8.0, 0.25, 0.1)];
+    assert_eq!(found(0.0, "exact", Some(along_the_seam)), (vec![2], none.clone(), none));
+}
+
+/// Tests that a method with a bound on its time ends, and reports what it has not decided.
+#[test]
+fn a_method_that_is_stopped_reports_what_is_open() {
+    let world = world(built_in("town:2").unwrap());
+    let cell = cells::along_walks(&world, 1, [4.0, 4.0, 2.0]).remove(0);
+    let mut exact = methods::parse("exact", &world).unwrap().remove(0).1;
+    let whole = trial::run("exact", exact.as_mut(), &world.scene, &cell);
+    exact.set_stop(Box::new(|| true));
+    let stopped = trial::run("exact", exact.as_mut(), &world.scene, &cell);
+    let sandwich = stopped.sandwich.unwrap();
+    assert!(whole.sandwich.unwrap().hidden > 100 && sandwich.hidden == 0 && sandwich.open > 100);
+    assert_eq!(stopped.reported.len(), world.scene.len());
 }
 
 #[test]

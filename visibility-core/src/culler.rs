@@ -80,17 +80,32 @@ pub struct Lack {
 }
 
 impl Lack {
-    /// Calls `each` with what the occluders of `scene` lack for cullers that use meshes: a mesh, or one
-    /// within the object's bounds. Does not call `each` if they lack nothing. Takes constant time.
+    /// Calls `each` with what the occluders of `scene` lack for cullers that use meshes: a mesh, a mesh
+    /// within the object's bounds, or the flag of an occluder beside a mesh. Does not call `each` if they
+    /// lack nothing, as if there are no occluders. Takes constant time.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),
             ("occluders with a mesh outside their bounds", scene.occluders_outside_bounds()),
+            ("objects with an occluder mesh but without the flag of an occluder", scene.unflagged_meshes()),
         ] {
-            if count > 0 {
-                each(Self { what, count });
-            }
+            each_of(what, count, each);
         }
+    }
+
+    /// Calls `each` with the number of objects of `scene` if none of them is flagged as an occluder, for
+    /// cullers that have no occluders but the scene's. Takes constant time.
+    pub fn of_no_occluder(scene: &Scene, each: &mut dyn FnMut(Self)) {
+        if scene.occluder_count() == 0 {
+            each_of("objects of which none is flagged as an occluder", scene.len(), each);
+        }
+    }
+}
+
+/// Calls `each` with a lack, unless `count` is 0.
+fn each_of(what: &'static str, count: usize, each: &mut dyn FnMut(Lack)) {
+    if count > 0 {
+        each(Lack { what, count });
     }
 }
 
@@ -147,7 +162,8 @@ pub trait Culler {
     }
 
     /// Calls `each` for everything that keeps the culler from hiding objects of `scene` as it could: input
-    /// that is missing or of another scene. For overlays and logs rather than for every frame; see
+    /// that is missing or of another scene, or an eye of the last frame that is outside of all that the
+    /// culler knows. For overlays and logs rather than for every frame; see
     /// [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack). The default implementation reports
     /// nothing.
     fn for_each_lack(&self, _scene: &Scene, _each: &mut dyn FnMut(Lack)) {}

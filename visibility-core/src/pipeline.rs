@@ -207,9 +207,16 @@ impl Pipeline {
 
     /// Calls `each` with the name of a stage and what the stage [lacks](Culler::for_each_lack) to cull
     /// `scene`, such as "occluders without a mesh: 12"; and with "pipeline" and what no stage does, such as
-    /// to follow the draw ranges of objects. Does not call `each` if nothing is lacking.
-    /// Allocates nothing, and takes constant time for the cullers of these crates.
+    /// to follow the draw ranges of objects, or can do, such as to cull objects whose bounds are NaN or
+    /// inverted and that are not flagged as never to be culled. Does not call `each` if nothing is lacking.
+    ///
+    /// Takes up to a millisecond, and time in proportion to the number of objects that are never culled. For
+    /// overlays and logs, once in a while rather than every frame.
     pub fn for_each_lack(&self, scene: &Scene, mut each: impl FnMut(&str, Lack)) {
+        let count = scene.improper_bounds_count();
+        if count > 0 {
+            each("pipeline", Lack { what: "objects whose bounds are NaN or inverted, never culled", count });
+        }
         for (culler, _) in &self.stages {
             culler.for_each_lack(scene, &mut |lack| each(culler.name(), lack));
         }

@@ -8,7 +8,7 @@ use visibility_core::{
     lod::ContributionCuller,
     occlusion::{HardwareQueries, LateAnswers, Occlusion, OcclusionMap, QueryDevice},
     pipeline::Explanation,
-    pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcells},
+    pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells},
     scene::DrawRange,
 };
 
@@ -137,6 +137,96 @@ fn stages_report_what_they_lack() {
     walls[12..].iter().for_each(|&wall| scene.remove(wall).unwrap());
     assert!(lacks(&scene).is_empty(), "{:?}", lacks(&scene));
     assert!(lacks(&Scene::new()).is_empty());
+}
+
+/// Tests what an occlusion stage says of a scene without occluders, and of meshes without the flag of one,
+/// through all that changes their number.
+#[test]
+fn an_occlusion_stage_reports_a_scene_without_occluders_and_meshes_without_the_flag() {
+    let mut scene = Scene::new();
+    let map = || HardwareQueries::new(Counter::default(), LateAnswers::Visible);
+    let pipeline = Pipeline::new().with(OcclusionCuller::new(map()));
+    let otherwise_filled = Pipeline::new().with(OcclusionCuller::new(map()).with_price(0));
+    let lacks = |scene: &Scene| {
+        let mut lacks = Vec::new();
+        pipeline.for_each_lack(scene, |_, lack| lacks.push(lack.to_string()));
+        otherwise_filled.for_each_lack(scene, |_, lack| panic!("a map that takes no occluder: {lack}"));
+        lacks
+    };
+    let none = |count| format!("objects of which none is flagged as an occluder: {count}");
+    let unflagged = |n| format!("objects with an occluder mesh but without the flag of an occluder: {n}");
+    let ids: Vec<_> = (0..3).map(|i| scene.insert(cube(10.0, i as f32))).collect();
+    assert_eq!(lacks(&scene), [none(3)]);
+    for (i, &id) in ids.iter().enumerate() {
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&cube(10.0, i as f32)).unwrap());
+        scene.set_mesh(id, mesh, visibility_core::glam::Affine3A::IDENTITY).unwrap();
+    }
+    assert_eq!(lacks(&scene), [none(3), unflagged(3)]);
+    scene.set_occluder(ids[0], true).unwrap();
+    assert_eq!(lacks(&scene), [unflagged(2)]);
+    assert_eq!(lacks(&scene.clone()), [unflagged(2)]);
+    scene.set_bounds(ids[1], cube(20.0, 0.0)).unwrap(); // loses the mesh
+    assert_eq!(lacks(&scene), [unflagged(1)]);
+    scene.remove(ids[2]).unwrap();
+    assert!(lacks(&scene).is_empty());
+    scene.set_occluder(ids[0], false).unwrap();
+    assert_eq!(lacks(&scene), [none(2), unflagged(1)]);
+    scene.remove_batch(&ids[..2]).unwrap();
+    assert!(lacks(&scene).is_empty());
+}
+
+/// Tests that a pipeline reports bounds that are no box, however the object got them, and no others.
+#[test]
+fn a_pipeline_reports_bounds_that_are_no_box() {
+    let pipeline = Pipeline::new().with(FrustumCuller::new());
+    let lacks = |scene: &Scene| {
+        let mut lacks = Vec::new();
+        pipeline.for_each_lack(scene, |stage, lack| lacks.push(format!("{stage}: {lack}")));
+        lacks
+    };
+    let report = |n| [format!("pipeline: objects whose bounds are NaN or inverted, never culled: {n}")];
+    let nan = Aabb::from_arrays([0.0, f32::NAN, 0.0], [1.0; 3]);
+    let inverted = Aabb::from_arrays([1.0; 3], [0.0; 3]);
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch((0..200).map(|i| if i % 2 == 0 { cube(10.0, i as f32) } else { nan }));
+    assert_eq!(lacks(&scene), report(100));
+    scene.rebuild();
+    scene.set_bounds(ids[1], cube(10.0, 0.0)).unwrap();
+    scene.set_bounds(ids[0], inverted).unwrap();
+    scene.remove(ids[3]).unwrap();
+    assert_eq!(lacks(&scene), report(99));
+    assert_eq!(lacks(&scene.clone()), report(99));
+    let all: Vec<_> = scene.ids().map(|id| (id, cube(10.0, 0.0))).collect();
+    scene.set_bounds_batch(&all).unwrap();
+    assert!(lacks(&scene).is_empty());
+    // What is everywhere, or was said to be always visible, is meant so.
+    scene.insert(Aabb::from_arrays([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]));
+    scene.insert(Object { never_cull: true, ..Object::new(cube(0.0, 0.0)) });
+    scene.insert(Object { never_cull: true, ..Object::new(nan) });
+    assert!(lacks(&scene).is_empty());
+}
+
+/// Tests that a baked set says when the eye of the last frame was outside all of its viewcells.
+#[test]
+fn a_pvs_stage_reports_an_eye_outside_all_viewcells() {
+    let mut scene = Scene::new();
+    let id = scene.insert(cube(10.0, 0.0));
+    let pvs = Pvs::new(PvsTargets::Objects, 1, &[[0; 0]], |_| []).unwrap();
+    let cell = Viewcell::from_box(DVec3::splat(-1.0), DVec3::ONE);
+    let shared = ScenePvs::new(&scene, pvs, Viewcells::new([cell]), [(id, 0)]);
+    let mut pipeline = Pipeline::new().with(PvsCuller::new(std::sync::Arc::new(shared)));
+    let mut visible = VisibleSet::new();
+    let mut cull_at = |scene: &Scene, x: f64| {
+        let pose = Pose::look_at(DVec3::X * x, DVec3::X * (x + 1.0), DVec3::Z);
+        pipeline.cull(scene, &View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap(), &mut visible);
+        let mut lacks = Vec::new();
+        pipeline.for_each_lack(scene, |_, lack| lacks.push(lack.to_string()));
+        lacks
+    };
+    let outside = "objects not culled, the eye being outside all viewcells: 1";
+    assert!(cull_at(&scene, 0.0).is_empty());
+    assert_eq!(cull_at(&scene, 3.0), [outside]);
+    assert!(cull_at(&scene, 0.5).is_empty());
 }
 
 /// Tests that a pipeline says of draw ranges that no stage follows them.

@@ -48,7 +48,9 @@ impl World {
         self.visible.fill(&self.scene, view);
         self.lods.select(&self.scene, view, &self.visible, 0.1, |_| SIZES);
         let found = self.lods.selected().iter().find(|(id, _)| *id == self.pole);
-        found.expect("the pole is visible").1
+        let found = found.expect("the pole is visible").1;
+        assert_eq!(self.lods.lod(self.pole), Some(found));
+        found
     }
 }
 
@@ -131,16 +133,18 @@ fn an_object_that_becomes_visible_does_not_fade() {
     let elsewhere = view_from(-500.0).with_layers(0);
     world.visible.fill(&world.scene, &elsewhere);
     world.lods.select(&world.scene, &elsewhere, &world.visible, 0.1, |_| SIZES);
-    assert!(world.lods.selected().is_empty());
+    assert!(world.lods.selected().is_empty() && world.lods.lod(world.pole).is_none());
     assert_eq!(world.frame(10.0), steady(3));
     // A reset, a clone of the scene, another object with the same index.
     world.lods.reset();
+    assert!(world.lods.lod(world.pole).is_none());
     assert_eq!(world.frame(1000.0), steady(0));
     world.scene = world.scene.clone();
     assert_eq!(world.frame(10.0), steady(3));
     world.scene.remove(world.pole).unwrap();
-    world.pole = world.scene.insert(pole(0.0));
+    let former = std::mem::replace(&mut world.pole, world.scene.insert(pole(0.0)));
     assert_eq!((world.pole.index(), world.frame(1000.0)), (0, steady(0)));
+    assert!(world.lods.lod(former).is_none() && world.lods.lod(ObjectId::PLACEHOLDER).is_none());
 }
 
 #[test]

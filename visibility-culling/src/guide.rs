@@ -1,15 +1,27 @@
-//! The guide: from a first program to baked sets, one chapter a module. Pictures are in the folder
-//! `docs/guide` of the repository.
+//! The guide: from a first program to baked sets, one chapter a module. Its pictures show where this
+//! documentation was made in a checkout of the repository, which has them in its folder `docs`.
+
+/// Returns the definition of a link to a picture in the folder `docs`, by the name that a chapter has for it.
+/// It goes before the chapter, whose own definition is for readers of the file: of two, the first counts.
+macro_rules! picture {
+    ($name:literal) => {
+        concat!("[", $name, "]: file://", env!("CARGO_MANIFEST_DIR"), "/../docs/", $name)
+    };
+}
 
 #[doc = include_str!("../guide/first_engine.md")]
-#[cfg(feature = "hzb")]
+#[cfg(all(feature = "hzb", feature = "measure"))]
 pub mod first_engine {}
 
+#[doc = picture!("guide/office-portals.png")]
+#[doc = picture!("guide/london-horizon.png")]
+#[doc = picture!("guide/plpcity-plp.png")]
 #[doc = include_str!("../guide/which_culler.md")]
 pub mod which_culler {}
 
+#[doc = picture!("guide/office-cells.png")]
 #[doc = include_str!("../guide/portals.md")]
-#[cfg(feature = "portals")]
+#[cfg(all(feature = "portals", feature = "std"))]
 pub mod portals {}
 
 #[doc = include_str!("../guide/baking.md")]
@@ -25,6 +37,11 @@ pub mod shadows {}
 #[doc = include_str!("../guide/moving.md")]
 pub mod moving {}
 
+#[doc = include_str!("../guide/levels_of_detail.md")]
+pub mod levels_of_detail {}
+
+#[doc = picture!("region-london-20m.svg")]
+#[doc = picture!("guide/plpcity-missed-by-rays.png")]
 #[doc = include_str!("../guide/regions.md")]
 #[cfg(all(feature = "2d", feature = "region"))]
 pub mod regions {}
@@ -44,5 +61,10 @@ pub mod gpu {}
 #[doc = include_str!("../guide/accuracy.md")]
 pub mod accuracy {}
 
+#[doc = picture!("tradeoff-plpcity.svg")]
 #[doc = include_str!("../guide/tradeoff.md")]
 pub mod tradeoff {}
+
+#[doc = include_str!("../guide/wrong_picture.md")]
+#[cfg(feature = "hzb")]
+pub mod wrong_picture {}

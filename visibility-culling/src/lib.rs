@@ -45,8 +45,8 @@
 //! assert!(visible.contains(&scene, ids[7]) && !visible.contains(&scene, ids[99]));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
-//! The [`guide`] goes on from here: [your first engine in 15 minutes](guide::first_engine) and eleven more
-//! chapters.
+//! The [`guide`] goes on from here, chapter by chapter, with all features: `guide::first_engine` is your
+//! first engine in 15 minutes, `guide::wrong_picture` is for when the picture is empty or wrong.
 #![no_std]
 
 pub mod guide;

@@ -131,7 +131,10 @@ impl Baker for ExactBaker<'_> {
         let cell: &Viewcell = &self.viewcells.cells()[item as usize];
         let found = match query(self.triangles, &self.settings, cell, &mut scratch.0) {
             Some(query) => {
-                let (found, memory) = query.with_stop(stop).run(&|_| true)?;
+                let (found, memory) = query.with_stop(stop).run(&|_| true);
+                if !found.is_decided {
+                    return None;
+                }
                 scratch.0 = Some(memory);
                 found
             }

@@ -210,9 +210,9 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Takes all steps that the settings ask for, for the objects that `is_asked` names by their places among
-    /// the objects of the triangles. The others stay [`Verdict::Open`]. Returns the memory of the query too,
-    /// or `None` if it has given up.
-    pub(crate) fn run(mut self, is_asked: &dyn Fn(usize) -> bool) -> Option<(CellVerdicts, ChainScratch)> {
+    /// the objects of the triangles. The others stay [`Verdict::Open`], and so do all that are not decided
+    /// where the query gives up. Returns the memory of the query too.
+    pub(crate) fn run(mut self, is_asked: &dyn Fn(usize) -> bool) -> (CellVerdicts, ChainScratch) {
         let asked = self.usable(is_asked);
         let mut open = self.look_at(asked);
         if self.settings.proves {
@@ -225,12 +225,9 @@ impl<'a> CellQuery<'a> {
                 self.triangles(&single, false);
             }
         }
-        if self.is_stopped() {
-            return None;
-        }
-        let nodes = self.nodes();
+        let (nodes, is_decided) = (self.nodes(), !self.is_stopped());
         let Self { search, verdicts, proofs, rays, refused, .. } = self;
-        Some((CellVerdicts { verdicts, proofs, rays, nodes, refused, is_decided: true }, search.chain))
+        (CellVerdicts { verdicts, proofs, rays, nodes, refused, is_decided }, search.chain)
     }
 
     fn nodes(&self) -> u64 {

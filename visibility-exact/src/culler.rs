@@ -6,7 +6,7 @@ use crate::settings::Settings;
 use crate::sight::CellBox;
 use crate::triangles::{SceneTriangles, TargetObject};
 use crate::verdict::{CellVerdicts, Verdict};
-use alloc::{sync::Arc, vec, vec::Vec};
+use alloc::{boxed::Box, sync::Arc, vec, vec::Vec};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
@@ -45,12 +45,28 @@ pub struct ExactCuller {
     settings: Settings,
     scratch: Option<ChainScratch>,
     last: Option<CellVerdicts>,
+    stop: Option<Stop>,
 }
+
+/// A function that ends a search by returning true.
+type Stop = Box<dyn Fn() -> bool + Send + Sync>;
 
 impl ExactCuller {
     /// Makes a culler for the triangles of a scene.
     pub fn new(triangles: Arc<SceneTriangles>, settings: Settings) -> Self {
-        Self { triangles, settings, scratch: None, last: None }
+        Self { triangles, settings, scratch: None, last: None, stop: None }
+    }
+
+    /// Sets a function that the culler calls many times a second while it works, or none. Once that has
+    /// returned true, the culler gives up: objects that are neither seen nor proven hidden by then are open,
+    /// and stay.
+    pub fn set_stop(&mut self, stop: Option<Box<dyn Fn() -> bool + Send + Sync>>) {
+        self.stop = stop;
+    }
+
+    /// Returns the settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// Decides all objects from a viewcell. All are open for a viewcell that is empty, not finite, or beyond
@@ -71,10 +87,12 @@ impl ExactCuller {
     }
 
     fn decide(&mut self, cell: &Viewcell, is_asked: &dyn Fn(usize) -> bool) -> CellVerdicts {
-        let query = query(&self.triangles, &self.settings, cell, &mut self.scratch);
-        let Some((found, scratch)) = query.and_then(|query| query.run(is_asked)) else {
+        let Some(query) = query(&self.triangles, &self.settings, cell, &mut self.scratch) else {
             return CellVerdicts::undecided(&self.triangles);
         };
+        let never = || false;
+        let stop: &dyn Fn() -> bool = self.stop.as_deref().map_or(&never, |stop| stop);
+        let (found, scratch) = query.with_stop(stop).run(is_asked);
         self.scratch = Some(scratch);
         found
     }

@@ -268,6 +268,11 @@ impl SceneTriangles {
         }
     }
 
+    /// Returns the point of the world that the triangles, and lines of sight to them, are relative to.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
     /// Returns whether nothing of `scene` has changed since the triangles were collected. False for another
     /// scene, also for a clone.
     pub fn is_current(&self, scene: &Scene) -> bool {

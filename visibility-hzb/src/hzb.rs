@@ -24,8 +24,9 @@ use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::jobs::Jobs;
 use visibility_core::view::ViewPlanes;
 use visibility_core::{
-    Aabb, Accuracy, ObjectId, OccluderMesh, OcclusionMap, View,
-    occlusion::{Occlusion, Occlusion64},
+    Aabb, Accuracy, ObjectId, OccluderMesh, OcclusionMap, Scene, View,
+    culler::Lack,
+    occlusion::{Occlusion, Occlusion64, occluders_with_seams},
     scene::Boxes64,
     simd::Simd,
 };
@@ -542,5 +543,21 @@ impl OcclusionMap for Hzb {
 
     fn shared(&self) -> Option<&(dyn OcclusionMap + Sync)> {
         Some(self)
+    }
+
+    /// Reports besides the occluders that go on in the next one with a seam in between. With a
+    /// [level](Hzb::with_level) that has polygons, neither these nor a scene without occluders.
+    fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        Lack::of_occluders(scene, each);
+        if self.levels.iter().all(|prepared| prepared.level.polygons().is_empty()) {
+            Lack::of_no_occluder(scene, each);
+            let count = occluders_with_seams(scene);
+            if count > 0 {
+                each(Lack {
+                    what: "occluders with a seam to the next, which a level (with_level) closes",
+                    count,
+                });
+            }
+        }
     }
 }

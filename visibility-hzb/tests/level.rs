@@ -4,7 +4,7 @@
 use crate::common::{Face, faces, occluder, scene, view};
 use crate::rays::{check, room, sheets};
 use std::sync::Arc;
-use visibility_core::glam::{DMat4, DVec3, Vec3};
+use visibility_core::glam::{Affine3A, DMat4, DVec3, Vec3};
 use visibility_core::{
     Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View,
     VisibleSet, geometry::Plane, occlusion::Preparation, simd::Simd, view::Window,
@@ -561,4 +561,48 @@ fn a_level_is_drawn_as_far_as_its_work_is_paid() {
     let (all, most) = covered(f32::INFINITY);
     let some: Vec<usize> = (1..5).map(|i| covered(most * i as f32 / 5.0).0).collect();
     assert!(0 < some[0] && some.is_sorted() && some[3] <= all && some[0] < all, "{some:?} of {all}");
+}
+
+/// Tests that the z-buffer reports the occluders of a wall of panels, and not once a level joins them.
+#[test]
+fn seams_are_reported_unless_a_level_closes_them() {
+    let mut scene = Scene::new();
+    let mut add = |[x, y, z]: [f32; 3], [dx, dy, dz]: [f32; 3]| {
+        let bounds = Aabb::from_arrays([x, y, z], [x + dx, y + dy, z + dz]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+    };
+    // Twelve panels of a wall. A floor that only touches them, and boxes on it: a house, its copy in the same
+    // place, one a hand away, and a wall that stands flush at a right angle.
+    (0..12).for_each(|i| add([10.0, (i % 6) as f32 * 2.0, (i / 6) as f32 * 3.0], [0.2, 2.0, 3.0]));
+    add([0.0, 0.0, -0.1], [10.2, 12.0, 0.1]);
+    add([2.0, 2.0, 0.0], [2.0, 2.0, 3.0]);
+    add([2.0, 2.0, 0.0], [2.0, 2.0, 3.0]);
+    add([4.1, 2.0, 0.0], [2.0, 2.0, 3.0]);
+    add([7.0, 0.0, 0.0], [3.0, 0.2, 6.0]);
+    let lacks = |hzb: Hzb| {
+        let mut lacks = Vec::new();
+        Pipeline::new().with(HzbCuller::new(hzb)).for_each_lack(&scene, |_, lack| lacks.push(lack));
+        lacks
+    };
+    let seams = lacks(Hzb::default());
+    assert!(seams.len() == 1 && seams[0].count == 12, "{seams:?}");
+    let nothing = level(&[], LevelSettings::default());
+    assert_eq!(lacks(Hzb::default().with_level(nothing.clone(), DVec3::ZERO)), seams);
+    let wall = quad([[0.0, 0.0], [2.0, 0.0], [2.0, 3.0], [0.0, 3.0]].map(|[y, z]| Vec3::new(9.0, y, z)));
+    let wall = wall.map(|corners| LevelTriangle { corners, two_sided: true });
+    let level = level(&wall, LevelSettings::default());
+    assert!(lacks(Hzb::default().with_level(level.clone(), DVec3::ZERO)).is_empty());
+    // A level is occluders enough.
+    let lack_of = |hzb: Hzb, scene: &Scene| {
+        let mut count = 0;
+        hzb.for_each_lack(scene, &mut |_| count += 1);
+        count
+    };
+    let mut bare = Scene::new();
+    bare.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+    assert_eq!(lack_of(Hzb::default(), &bare), 1);
+    assert_eq!(lack_of(Hzb::default().with_level(nothing, DVec3::ZERO), &bare), 1);
+    assert_eq!(lack_of(Hzb::default().with_level(level, DVec3::ZERO), &bare), 0);
 }

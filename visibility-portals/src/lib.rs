@@ -91,6 +91,8 @@ pub use antipenumbra::antipenumbra;
 pub use bake_settings::{BakeError, Settings};
 pub use cell_baker::{CellBaker, Fallback, Outcome};
 pub use cell_matrix::CellMatrix;
+#[cfg(feature = "std")]
+pub use culler::SharedPortalCuller;
 pub use culler::{
     MirrorId, Narrowing, NotCulled, Passage, PortalCuller, PortalEye, PortalStats, Reflection, SceneCells,
     SceneCellsError,

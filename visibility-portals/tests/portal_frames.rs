@@ -3,17 +3,19 @@
 
 use crate::maze::{Camera, Maze, Style};
 use crate::room_row::{along, boxes, row_of_rooms, seen};
+use std::sync::{Arc, RwLock};
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Accuracy, Culler, ObjectId, Pose, Scene, View, VisibleSet,
+    Aabb, Accuracy, Culler, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
     cells::{CellGraph, CellId, PortalId},
     geometry::{ConvexPolygon, Plane},
     pvs::{Pvs, PvsTargets, Viewcell, Viewcells},
     view::Window,
 };
 use visibility_portals::{
-    CellBaker, CellMatrix, NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError, Settings,
+    CellBaker, CellMatrix, NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError,
+    Settings, SharedPortalCuller,
 };
 use visibility_testing::{Random, cameras::DEPTHS};
 
@@ -249,6 +251,42 @@ fn sets_limit_the_walk() {
     assert_eq!(seen(&mut eye, &cells, &scene, &view), [1, 2, 3]);
     let few = Pvs::new(PvsTargets::Cells, 4, &rows[..1], |_| []).unwrap();
     assert!(matches!(cells.with_pvs(few), Err(SceneCellsError::Pvs { cells: 5, viewcells: 1, targets: 4 })));
+}
+
+/// Tests that pipelines of two eyes share cells whose doors the game opens, and that each says why its last
+/// frame culled nothing.
+#[test]
+fn shared_cells_open_for_all_eyes_and_each_eye_says_why_it_culls_nothing() {
+    let (cells, mut scene, ids) = row(4);
+    let cells = Arc::new(RwLock::new(cells));
+    let eye = || Pipeline::new().with(SharedPortalCuller::new(cells.clone()));
+    let (mut pipelines, mut visible) = ([eye(), eye()], VisibleSet::new());
+    let mut counts = |scene: &Scene, view: &View| {
+        pipelines.each_mut().map(|pipeline| {
+            pipeline.cull(scene, view, &mut visible);
+            let mut lacks = Vec::new();
+            pipeline.for_each_lack(scene, |stage, lack| lacks.push(format!("{stage}: {lack}")));
+            (visible.count(scene), lacks)
+        })
+    };
+    assert_eq!(counts(&scene, &along()), [(4, vec![]), (4, vec![])]);
+    cells.write().unwrap().set_open(PortalId(1), false).unwrap();
+    assert_eq!(counts(&scene, &along()), [(2, vec![]), (2, vec![])]);
+    // A mover is taken in by the first of the two frames after the move.
+    scene.set_bounds(ids[0], scene.bounds(ids[3]).unwrap()).unwrap();
+    assert_eq!(counts(&scene, &along()), [(1, vec![]), (1, vec![])]);
+    let outside = vec!["portals: objects not culled, the eye being outside all cells: 4".to_owned()];
+    let pose = Pose::look_at(DVec3::new(-50.0, 2.0, 1.0), DVec3::new(0.0, 2.0, 1.0), DVec3::Z);
+    let far = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
+    assert_eq!(counts(&scene, &far), [(4, outside.clone()), (4, outside)]);
+    // Cells that a panic left half changed hide nothing.
+    let poisoned = std::panic::catch_unwind(|| {
+        let _guard = cells.write().unwrap();
+        panic!("a game that fails while it holds the cells");
+    });
+    assert!(poisoned.is_err() && cells.is_poisoned());
+    let lack = vec!["portals: objects not culled, a panic having left the cells: 4".to_owned()];
+    assert_eq!(counts(&scene, &along()), [(4, lack.clone()), (4, lack)]);
 }
 
 /// A door that is moved in its wall leaves cells, portals and volumes as many as before.

@@ -2,15 +2,14 @@
 //! and prints counts and times.
 
 use clap::{Parser, ValueEnum};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use visibility_examples::output_file::write;
 use visibility_examples::pvs::built::{Origin, cells};
 use visibility_examples::walkthrough::cell_sets::{CELL_STEPS, OBJECT_STEPS, cell_rows, objects, settings};
 use visibility_examples::walkthrough::{World, world::objects_in_cells};
-use visibility_examples::{SceneSource, built_in, load};
-use visibility_examples::{eprintln, println};
+use visibility_examples::{Reading, eprintln, open_as, println};
 use visibility_portals::prt;
 
 /// Make cells and portals from a scene, and compute the potentially visible set of each cell.
@@ -19,6 +18,10 @@ use visibility_portals::prt;
 struct Arguments {
     /// Scene: a recipe such as `office:2,16`, or a file.
     scene: String,
+
+    /// How a scene file is read.
+    #[command(flatten)]
+    reading: Reading,
 
     /// Origin of the cells: given by the scene, or made from its boxes or polygons.
     #[arg(long, value_enum, default_value = "polygons")]
@@ -61,11 +64,10 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         From::Walls => Origin::Walls,
         From::Polygons => Origin::Polygons,
     };
-    let path = Path::new(&arguments.scene);
     let source =
-        if path.is_file() { load(path).map(SceneSource::with_walks) } else { built_in(&arguments.scene) };
-    let world = World::new(source.map_err(|error| error.to_string())?, (64, 36), Some(1))
-        .map_err(|error| error.to_string())?;
+        open_as(&arguments.scene, &arguments.reading).map_err(|error| error.to_string())?.with_walks();
+    source.print_notes();
+    let world = World::new(source, (64, 36), Some(1)).map_err(|error| error.to_string())?;
     let start = Instant::now();
     let mut cells = cells(&world.source, origin)?;
     let made = start.elapsed().as_secs_f64();

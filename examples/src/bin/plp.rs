@@ -4,7 +4,7 @@
 use clap::Parser;
 use comfy_table::{CellAlignment, Table, presets};
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,8 +15,7 @@ use visibility_examples::plp::conservative::{Effort, conservative, front_to_back
 use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverage, plot, right_and_wrong};
 use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::cullers::plp::FINE;
-use visibility_examples::{built_in, cars5, load};
-use visibility_examples::{eprintln, println};
+use visibility_examples::{Reading, eprintln, open_as, println};
 use visibility_hzb::Hzb;
 use visibility_measure::ItemBuffer;
 use visibility_plp::{
@@ -30,6 +29,9 @@ struct Arguments {
     /// Scene: a built-in scene, a file, or cars5:car.vscn.
     #[arg(default_value = "plpcity:3,3")]
     scene: String,
+    /// How a scene file is read.
+    #[command(flatten)]
+    reading: Reading,
     /// Number of frames, spread evenly over the walks. By default every key of the walks is a frame.
     #[arg(long, value_name = "N", value_parser = count())]
     frames: Option<usize>,
@@ -68,14 +70,8 @@ fn main() -> ExitCode {
 }
 
 fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    let name = &arguments.scene;
-    let mut source = if let Some(car) = name.strip_prefix("cars5:") {
-        cars5(Path::new(car))?
-    } else if Path::new(name).extension().is_some() {
-        load(Path::new(name))?.with_walks()
-    } else {
-        built_in(name)?
-    };
+    let mut source = open_as(&arguments.scene, &arguments.reading)?.with_walks();
+    source.print_notes();
     if let Some(wanted) = &arguments.walk {
         source.walks.retain(|walk| walk.name.contains(wanted));
     }

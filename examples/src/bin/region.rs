@@ -5,6 +5,8 @@ use clap::Parser;
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Instant;
 use visibility_bake::BakedSet;
 use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_examples::arguments::count;
@@ -74,6 +76,12 @@ struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
 
+    /// Most seconds of the clock for each viewcell and method. What is not decided by then is open, and
+    /// reported. For `exact` and `share`, whose time grows with the triangles of objects that several
+    /// occluders hide together; the other methods end soon. By default as long as it takes.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    time: Option<f64>,
+
     /// Number of viewpoints of each viewcell from which the judge draws item buffers.
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = count())]
     eyes: usize,
@@ -85,6 +93,26 @@ struct Arguments {
     /// Number of rays of the judge for each viewcell.
     #[arg(long, value_name = "N", default_value_t = 400_000)]
     rays: usize,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = methods::number(text)?;
+    let is_usable = seconds > 0.0 && seconds.is_finite();
+    is_usable.then_some(seconds).ok_or_else(|| "a time is a number of seconds above 0".into())
+}
+
+/// Returns a function for [`Method::set_stop`](methods::Method::set_stop) that prints every ten seconds how
+/// long a method has been at work, and is true once it has been for `most` seconds.
+fn stop_after(most: Option<f64>, what: String) -> Box<dyn Fn() -> bool + Send + Sync> {
+    let (start, said) = (Instant::now(), AtomicU64::new(0));
+    Box::new(move || {
+        let seconds = start.elapsed().as_secs_f64();
+        let tens = seconds as u64 / 10;
+        if said.swap(tens, Relaxed) < tens {
+            eprintln!("{what}: {}0 s; what takes long is hidden by several occluders together", tens);
+        }
+        most.is_some_and(|most| seconds > most)
+    })
 }
 
 fn methods_help() -> String {
@@ -133,12 +161,22 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let (sampled, seconds) = judge.sample(&cell)?;
         cubes += seconds;
         let mut judged = Judged { cell, sampled, trials: Vec::new() };
-        let mut lines = Vec::new();
+        let (mut lines, mut sights) = (Vec::new(), Vec::new());
         for (name, method) in &mut methods {
+            method.set_stop(stop_after(arguments.time, format!("viewcell {number}, {name}")));
             judged.trials.push(trial::run(name, method.as_mut(), &world.scene, &judged.cell));
             // A line of sight is a sample, whoever found it: what a method of few rays misses counts as lost.
-            method.seen().into_iter().for_each(|index| judged.sampled[index as usize] = true);
+            let found = method.sights();
+            found.iter().for_each(|&(index, _)| judged.sampled[index as usize] = true);
+            sights.extend(found);
             lines.push(method.lines());
+        }
+        for ((_, method), place) in methods.iter().zip(0..) {
+            let left_out = judged.sampled_and_left_out(&judged.trials[place]);
+            if !left_out.is_empty() {
+                let found = judge.decide(&judged.cell, &left_out, method.clearance(), &sights)?;
+                judged.trials[place].left_out = found;
+            }
         }
         if let Some(folder) = &arguments.pictures {
             for (at, (name, method)) in methods.iter_mut().enumerate() {

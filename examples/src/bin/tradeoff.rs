@@ -13,8 +13,7 @@ use visibility_examples::tradeoff::{Effort, output, plot, sweep};
 use visibility_examples::walkthrough::auto::advise;
 use visibility_examples::walkthrough::cullers::quick_entries;
 use visibility_examples::walkthrough::{Prepared, World};
-use visibility_examples::{Reading, open};
-use visibility_examples::{eprintln, println};
+use visibility_examples::{Reading, eprintln, open_as, println};
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -28,6 +27,10 @@ struct Arguments {
     /// built-in scenes.
     #[arg(value_name = "SCENE", conflicts_with = "scenes")]
     files: Vec<String>,
+
+    /// How scene files are read.
+    #[command(flatten)]
+    reading: Reading,
 
     /// The same, separated by commas, with sizes as in plpcity:3x3.
     #[arg(long, value_delimiter = ',', default_value = "plpcity,london,town,forest,office")]
@@ -68,7 +71,7 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut names: Vec<String> = Vec::new();
     let mut advised_costs = Vec::new();
     for scene in scenes {
-        let source = open(scene)?.with_walks();
+        let source = open_as(scene, &arguments.reading)?.with_walks();
         source.print_notes();
         let world = World::new(source, (640, 360), Some(effort.frames));
         let mut world = world.map_err(|error| format!("{scene}: {error}"))?;

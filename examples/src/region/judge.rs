@@ -1,16 +1,23 @@
 //! What can be seen from a viewcell, by samples: item buffers from many viewpoints, and rays guided to gaps.
 //! A lower bound of the truth, so that a conservative method must report all of it.
 //!
+//! A sample is a line of sight by rounded arithmetic. Where a method leaves out a sampled object, exact
+//! arithmetic decides: the method is charged if a line misses all occluders, and, if the method has a
+//! clearance, keeps six times that from them, which is what it promises to find.
+//!
 //! Viewpoints keep a millionth of the viewcell's extent from its sides. The item buffer has a near plane at a
 //! micrometre: with one at the near plane of a camera, viewpoints beside a wall would see through the wall.
 
 use super::trial::timed;
+use crate::SourceObject;
 use crate::walkthrough::World;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
+use std::collections::BTreeMap;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{RegionCuller, View, VisibleSet};
+use visibility_core::{ObjectId, RegionCuller, View, VisibleSet};
 use visibility_measure::{DrawnObject, ItemBuffer, MeasureError};
 use visibility_region::SamplingCuller;
+use visibility_testing::{distance, orientation_sign};
 
 /// Distance of the near plane from the eye, in metres.
 const NEAR: f64 = 1e-6;
@@ -24,6 +31,17 @@ pub struct Effort {
     pub side: u32,
     /// Number of rays.
     pub rays: usize,
+}
+
+/// What exact arithmetic says of sampled objects that a method left out. Objects that are in neither list
+/// were sampled by rounding alone.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct LeftOut {
+    /// Indices of objects with a line of sight that the method should have found, ascending.
+    pub false_hidden: Vec<u32>,
+    /// Indices of objects of which every line of sight that samples know comes within six times the clearance
+    /// of an occluder, ascending.
+    pub narrow: Vec<u32>,
 }
 
 /// Samples of viewcells of one world.
@@ -69,6 +87,96 @@ impl<'a> Judge<'a> {
     ///
     /// Returns [`MeasureError::TooMany`] if the scene has more triangles than an item buffer counts.
     pub fn cubes(&mut self, cell: &Viewcell, seen: &mut [bool]) -> Result<(), MeasureError> {
+        self.draw(cell, &mut |_, _, buffer| {
+            buffer
+                .visible()
+                .objects()
+                .iter()
+                .for_each(|object| seen[object.key as usize] |= object.pixels > 0);
+        })
+    }
+
+    /// Decides which of the sampled objects that a method with a clearance in metres has left out are false
+    /// hidden. `lines` are lines of sight of methods, with the indices of the objects that they reach, in
+    /// world space. Those of the last call of [`sample`](Self::sample), for the same viewcell, are tried too,
+    /// and then pixels of item buffers.
+    ///
+    /// # Errors
+    ///
+    /// Returns the errors of [`cubes`](Self::cubes).
+    pub fn decide(
+        &mut self,
+        cell: &Viewcell,
+        left_out: &[u32],
+        clearance: f64,
+        lines: &[(u32, [DVec3; 2])],
+    ) -> Result<LeftOut, MeasureError> {
+        let mut open: Vec<u32> = left_out.to_vec();
+        let mut found = LeftOut::default();
+        let rays =
+            self.rays.sight_lines().iter().map(|line| (line.id.index() as u32, [line.eye, line.point]));
+        let tried: Vec<_> = lines.iter().copied().chain(rays).collect();
+        let (origin, world) = (self.world.origin(), self.world);
+        let mut decide = |open: &mut Vec<u32>, object: u32, [from, to]: [DVec3; 2]| {
+            let Ok(place) = open.binary_search(&object) else { return };
+            let is_line = |keep| has_line_of_sight(world, object, [from - origin, to - origin], keep);
+            if is_line(6.0 * clearance) {
+                open.remove(place);
+                found.false_hidden.push(object);
+            } else if clearance > 0.0 && !found.narrow.contains(&object) && is_line(0.0) {
+                found.narrow.push(object);
+            }
+        };
+        tried.into_iter().for_each(|(object, line)| decide(&mut open, object, line));
+        if !open.is_empty() {
+            let pixels = self.pixel_lines(cell, &open)?;
+            pixels.into_iter().for_each(|(object, line)| decide(&mut open, object, line));
+        }
+        found.narrow.retain(|object| open.binary_search(object).is_ok());
+        found.false_hidden.sort_unstable();
+        found.narrow.sort_unstable();
+        Ok(found)
+    }
+
+    /// Returns lines through pixels in which objects show, in world space: at most 16 for each object and
+    /// item buffer.
+    fn pixel_lines(
+        &mut self,
+        cell: &Viewcell,
+        objects: &[u32],
+    ) -> Result<Vec<(u32, [DVec3; 2])>, MeasureError> {
+        const MOST: usize = 16;
+        let mut lines = Vec::new();
+        self.draw(cell, &mut |eye, view, buffer| {
+            let (side, drawn) = (buffer.width() as usize, buffer.visible());
+            let key = |triangle: u32| Some(drawn.objects()[drawn.object_of(triangle)?].key);
+            let mut pixels: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+            for (pixel, &opaque) in buffer.items().iter().enumerate() {
+                let pane = buffer.see_through_item((pixel % side) as u32, (pixel / side) as u32);
+                for key in [opaque, pane].into_iter().filter_map(key) {
+                    if objects.binary_search(&key).is_ok() {
+                        pixels.entry(key).or_default().push(pixel);
+                    }
+                }
+            }
+            let world_from_clip = view.clip_from(eye).inverse();
+            for (key, pixels) in pixels {
+                for &pixel in pixels.iter().step_by(pixels.len().div_ceil(MOST)) {
+                    let ndc = |at: usize| (2.0 * at as f64 + 1.0) / side as f64 - 1.0;
+                    let point = DVec3::new(ndc(pixel % side), -ndc(pixel / side), view.depth().at_near());
+                    lines.push((key, [eye, eye + world_from_clip.project_point3(point)]));
+                }
+            }
+        })?;
+        Ok(lines)
+    }
+
+    /// Draws the item buffers of all viewpoints, and passes each on with its viewpoint and view.
+    fn draw(
+        &mut self,
+        cell: &Viewcell,
+        each: &mut dyn FnMut(DVec3, &View, &ItemBuffer),
+    ) -> Result<(), MeasureError> {
         let Self { world, effort, buffer, .. } = self;
         let all: Vec<_> = world
             .items()
@@ -91,13 +199,67 @@ impl<'a> Judge<'a> {
                     !apart
                 };
                 let drawn = all.iter().filter(|(_, corners)| is_ahead(*corners)).map(|&(item, _)| item);
-                for object in buffer.draw(view, world.origin(), drawn)?.objects() {
-                    seen[object.key as usize] |= object.pixels > 0;
-                }
+                buffer.draw(view, world.origin(), drawn)?;
+                each(eye, view, buffer);
             }
         }
         Ok(())
     }
+}
+
+/// Tests, relative to the scene's origin, whether a segment from the viewpoint `from` towards `through`
+/// reaches the object: it meets a triangle of the object, and up to a millionth of its length before that it
+/// keeps more than `keep` metres from all occluders, or for 0 misses them in exact arithmetic.
+fn has_line_of_sight(world: &World, object: u32, [from, through]: [DVec3; 2], keep: f64) -> bool {
+    let target = &world.source.objects[object as usize];
+    if from == through {
+        // The object reaches into the viewcell.
+        return true;
+    }
+    let direction = through - from;
+    let hits = target.triangles.iter().filter_map(|t| hit(from, direction, t));
+    let to = from + direction * (hits.fold(f64::INFINITY, f64::min) * (1.0 - 1e-6));
+    // Exact arithmetic takes coordinates of 24 bits: the ends of the segment are rounded to these first.
+    let [from, to] = [from, to].map(|end| end.as_vec3().as_dvec3());
+    if !to.is_finite() {
+        return false;
+    }
+    let (low, high) = (from.min(to) - keep, from.max(to) + keep);
+    let is_near = |min: DVec3, max: DVec3| low.cmple(max).all() && min.cmple(high).all();
+    let is_blocked = |id: ObjectId, of: &SourceObject| {
+        world.scene.bounds(id).is_ok_and(|b| is_near(b.min.as_dvec3(), b.max.as_dvec3()))
+            && of.triangles.iter().any(|t| {
+                let corners = t.map(Vec3::as_dvec3);
+                let (min, max) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
+                is_near(min.min(corners[2]), max.max(corners[2]))
+                    && !(of.one_sided && orientation_sign(corners[0], corners[1], corners[2], from) <= 0)
+                    && if keep > 0.0 { distance(from, to, t) <= keep } else { touches(from, to, corners) }
+            })
+    };
+    !world.source.objects.iter().enumerate().any(|(index, of)| {
+        let id = world.scene.id_at(index).filter(|_| index != object as usize);
+        id.is_some_and(|id| world.scene.object(id).is_ok_and(|o| o.occluder) && is_blocked(id, of))
+    })
+}
+
+/// Returns where a ray meets a triangle, in lengths of `direction` (Moeller and Trumbore, "Fast, Minimum
+/// Storage Ray/Triangle Intersection", 1997). `None` if it passes the triangle or starts behind it.
+fn hit(from: DVec3, direction: DVec3, triangle: &[Vec3; 3]) -> Option<f64> {
+    let [a, b, c] = triangle.map(Vec3::as_dvec3);
+    let (across, offset) = (direction.cross(c - a), from - a);
+    let scale = 1.0 / (b - a).dot(across);
+    let turned = offset.cross(b - a);
+    let (u, v, t) = (offset.dot(across) * scale, direction.dot(turned) * scale, (c - a).dot(turned) * scale);
+    (u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9 && t > 0.0).then_some(t)
+}
+
+/// Tests in exact arithmetic whether a segment touches a triangle. True if it lies in the triangle's plane.
+fn touches(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
+    if orientation_sign(a, b, c, from) * orientation_sign(a, b, c, to) > 0 {
+        return false;
+    }
+    let turns = [[a, b], [b, c], [c, a]].map(|[p, q]| orientation_sign(from, to, p, q));
+    turns.iter().all(|&turn| turn >= 0) || turns.iter().all(|&turn| turn <= 0)
 }
 
 /// Returns up to `count` viewpoints of a viewcell, slightly within the sides of its box.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use visibility_2d::horizon::UpAxis;
 use visibility_2d::virtual_occluders::VirtualOccluderCuller;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Culler, RegionCuller, Scene};
+use visibility_core::{Culler, ObjectId, RegionCuller, Scene};
 use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_region::{
@@ -18,9 +18,10 @@ use visibility_region::{
 
 /// A culler from viewcells that can be drawn.
 pub trait Method: RegionCuller {
-    /// Returns segments in world space that show how the last answer was found, for the picture from above.
+    /// Returns segments in world space that show how the last answer was found, for the picture from above:
+    /// by default the lines of sight.
     fn lines(&self) -> Vec<[DVec3; 2]> {
-        Vec::new()
+        self.sights().into_iter().map(|(_, line)| line).collect()
     }
 
     /// Returns the projection planes of a viewcell with their maps. None for methods without such planes.
@@ -28,10 +29,21 @@ pub trait Method: RegionCuller {
         Vec::new()
     }
 
-    /// Returns the objects to which the last answer has a line of sight, by their indices in the source.
-    fn seen(&self) -> Vec<u32> {
+    /// Returns the lines of sight of the last answer in world space, each with the index of the object that
+    /// it reaches.
+    fn sights(&self) -> Vec<(u32, [DVec3; 2])> {
         Vec::new()
     }
+
+    /// Returns the clearance in metres: the method finds what is seen along a line that keeps six times that
+    /// from all occluders. 0 for methods that find, or may find, all that is seen.
+    fn clearance(&self) -> f64 {
+        0.0
+    }
+
+    /// Bounds the time for each viewcell from now on: once `stop` returns true, the method ends with what it
+    /// has. Methods that always end soon ignore it.
+    fn set_stop(&mut self, _stop: Box<dyn Fn() -> bool + Send + Sync>) {}
 
     /// Returns what the last answer says of its own errors. `None` for methods that do not tell.
     fn sandwich(&self) -> Option<Sandwich> {
@@ -146,20 +158,22 @@ fn exact(effort: Effort, world: &World) -> Made {
 }
 
 impl Method for ExactCuller {
-    fn lines(&self) -> Vec<[DVec3; 2]> {
+    fn sights(&self) -> Vec<(u32, [DVec3; 2])> {
         let verdicts = self.last().into_iter().flat_map(|found| found.iter(self.triangles()));
-        verdicts
-            .filter_map(|(_, verdict)| match verdict {
-                Verdict::Seen(sight) => Some([sight.from, sight.to]),
-                _ => None,
-            })
-            .collect()
+        let origin = self.triangles().origin();
+        let line = |(id, verdict): (ObjectId, Verdict)| match verdict {
+            Verdict::Seen(sight) => Some((id.index() as u32, [sight.from + origin, sight.to + origin])),
+            _ => None,
+        };
+        verdicts.filter_map(line).collect()
     }
 
-    fn seen(&self) -> Vec<u32> {
-        let verdicts = self.last().into_iter().flat_map(|found| found.iter(self.triangles()));
-        let seen = verdicts.filter(|(_, verdict)| matches!(verdict, Verdict::Seen(_)));
-        seen.map(|(id, _)| id.index() as u32).collect()
+    fn clearance(&self) -> f64 {
+        self.settings().clearance
+    }
+
+    fn set_stop(&mut self, stop: Box<dyn Fn() -> bool + Send + Sync>) {
+        self.set_stop(Some(stop));
     }
 
     fn sandwich(&self) -> Option<Sandwich> {
@@ -206,12 +220,8 @@ impl Method for ConvexBlockersCuller {
 }
 
 impl Method for SamplingCuller {
-    fn lines(&self) -> Vec<[DVec3; 2]> {
-        self.sight_lines().iter().map(|line| [line.eye, line.point]).collect()
-    }
-
-    fn seen(&self) -> Vec<u32> {
-        self.sight_lines().iter().map(|line| line.id.index() as u32).collect()
+    fn sights(&self) -> Vec<(u32, [DVec3; 2])> {
+        self.sight_lines().iter().map(|line| (line.id.index() as u32, [line.eye, line.point])).collect()
     }
 }
 

@@ -1,5 +1,6 @@
 //! Output of trials: a table for people, lines of JSON for programs.
 
+use super::judge::LeftOut;
 use super::trial::Trial;
 use crate::walkthrough::World;
 use comfy_table::{CellAlignment, Table, presets};
@@ -23,8 +24,8 @@ impl Judged {
         self.sampled.iter().filter(|&&seen| seen).count()
     }
 
-    /// Returns the objects that samples see and a trial does not report, ascending: false hidden.
-    pub fn false_hidden(&self, trial: &Trial) -> Vec<u32> {
+    /// Returns the objects that samples see and a trial does not report, ascending.
+    pub fn sampled_and_left_out(&self, trial: &Trial) -> Vec<u32> {
         let is_lost =
             |&index: &u32| self.sampled[index as usize] && trial.reported.binary_search(&index).is_err();
         (0..self.sampled.len() as u32).filter(is_lost).collect()
@@ -44,10 +45,11 @@ pub fn table(results: &[Judged]) -> Table {
         "sampled",
         "times",
         "false hidden",
+        "narrow",
         "seen/hidden/open",
         "proofs",
     ]);
-    let mut row = |cell: String, trial: &Trial, [seconds, reported, sampled, lost]: [f64; 4]| {
+    let mut row = |cell: String, trial: &Trial, [seconds, reported, sampled, lost, narrow]: [f64; 5]| {
         table.add_row([
             cell,
             trial.method.clone(),
@@ -57,6 +59,7 @@ pub fn table(results: &[Judged]) -> Table {
             format!("{sampled:.0}"),
             format!("{:.2}", reported / sampled.max(1.0)),
             format!("{lost:.0}"),
+            format!("{narrow:.0}"),
             trial.sandwich.map_or_else(String::new, |s| format!("{}/{}/{}", s.seen, s.hidden, s.open)),
             trial.sandwich.map_or_else(String::new, |s| match s.bad_proofs {
                 0 => s.proofs.to_string(),
@@ -65,23 +68,25 @@ pub fn table(results: &[Judged]) -> Table {
         ]);
     };
     let figures = |judged: &Judged, trial: &Trial| {
-        let counts = [trial.reported.len(), judged.sampled_count(), judged.false_hidden(trial).len()];
-        let [reported, sampled, lost] = counts.map(|count| count as f64);
-        [trial.seconds, reported, sampled, lost]
+        let LeftOut { false_hidden, narrow } = &trial.left_out;
+        let counts = [trial.reported.len(), judged.sampled_count(), false_hidden.len(), narrow.len()];
+        let [reported, sampled, lost, narrow] = counts.map(|count| count as f64);
+        [trial.seconds, reported, sampled, lost, narrow]
     };
     for (number, judged) in results.iter().enumerate() {
         judged.trials.iter().for_each(|trial| row(number.to_string(), trial, figures(judged, trial)));
     }
     if let Some(first) = results.first().filter(|_| results.len() > 1) {
         for (index, trial) in first.trials.iter().enumerate() {
-            let mut sum = [0.0; 4];
+            let mut sum = [0.0; 5];
             for judged in results {
                 let figures = figures(judged, &judged.trials[index]);
-                (0..4).for_each(|i| sum[i] += figures[i]);
+                (0..5).for_each(|i| sum[i] += figures[i]);
             }
             let count = results.len() as f64;
             let trial = &Trial { sandwich: None, ..trial.clone() };
-            row("mean".to_owned(), trial, [sum[0] / count, sum[1] / count, sum[2] / count, sum[3]]);
+            let means = [sum[0] / count, sum[1] / count, sum[2] / count, sum[3], sum[4]];
+            row("mean".to_owned(), trial, means);
         }
     }
     for column in table.column_iter_mut().skip(3) {
@@ -94,7 +99,9 @@ pub fn table(results: &[Judged]) -> Table {
 pub const LEGEND: &str = "\
 seconds: processor time of one thread for a viewcell, without what is made once for a scene
 reported, sampled: objects by the method, and by samples, which may miss some; times: reported for each sampled one
-false hidden: sampled objects that the method does not report; in the rows of means, of all viewcells together
+false hidden: sampled objects that the method does not report, though exact arithmetic finds a line of sight to
+them that the method promises to find; narrow: objects seen only along lines closer to an occluder than six times
+the method's clearance (.6 mm by default), which it may leave out. In the rows of means, of all viewcells together
 seen/hidden/open, proofs: objects seen for certain, proven hidden, and neither, which are reported; checked proofs";
 
 #[derive(Serialize)]
@@ -110,6 +117,7 @@ struct Line<'a> {
     reported: usize,
     sampled: usize,
     false_hidden: usize,
+    narrow: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     seen: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -144,7 +152,8 @@ pub fn json(out: &mut impl Write, world: &World, results: &[Judged]) -> io::Resu
                 objects: world.source.objects.len(),
                 reported: trial.reported.len(),
                 sampled: judged.sampled_count(),
-                false_hidden: judged.false_hidden(trial).len(),
+                false_hidden: trial.left_out.false_hidden.len(),
+                narrow: trial.left_out.narrow.len(),
                 seen: trial.sandwich.map(|sandwich| sandwich.seen),
                 hidden: trial.sandwich.map(|sandwich| sandwich.hidden),
                 open: trial.sandwich.map(|sandwich| sandwich.open),

@@ -36,7 +36,7 @@ pub fn draw(
     let (cell_min, cell_max) = (judged.cell.min, judged.cell.max);
     let map = Map::of(world, low.as_dvec3().min(cell_min), high.as_dvec3().max(cell_max));
     let mut canvas = Canvas::new(map.width, map.height + LEGEND, PAPER);
-    let lost = judged.false_hidden(trial);
+    let lost = judged.sampled_and_left_out(trial);
     let color = |object: u32| {
         let sampled = judged.sampled[object as usize];
         match trial.reported.binary_search(&object).is_ok() {

@@ -56,7 +56,7 @@ pub fn points(scene: &str, results: &[Judged]) -> Vec<Point> {
             seconds: mean(&|judged| judged.trials[index].seconds),
             reported: mean(&|judged| judged.trials[index].reported.len() as f64),
             sampled: mean(&|judged| judged.sampled_count() as f64),
-            false_hidden: results.iter().map(|judged| judged.false_hidden(&judged.trials[index]).len()).sum(),
+            false_hidden: results.iter().map(|judged| judged.trials[index].left_out.false_hidden.len()).sum(),
         })
         .collect()
 }

@@ -1,5 +1,6 @@
 //! The run of a method on a viewcell.
 
+use super::judge::LeftOut;
 use super::methods::{Method, Sandwich};
 use std::time::Instant;
 use visibility_core::glam::DVec3;
@@ -19,6 +20,9 @@ pub struct Trial {
     pub reported: Vec<u32>,
     /// Bounds of the true answer, of methods that tell.
     pub sandwich: Option<Sandwich>,
+    /// Sampled objects that the method left out. Empty until the [judge](super::judge::Judge::decide) has
+    /// decided.
+    pub left_out: LeftOut,
 }
 
 /// Lets a method prepare what it keeps for a scene, by a viewcell without points. Returns the seconds taken.
@@ -34,7 +38,8 @@ pub fn run(name: &str, method: &mut dyn Method, scene: &Scene, cell: &Viewcell) 
     visible.sort_by_index(scene);
     let reported = visible.iter(scene).map(|id| id.index() as u32).collect();
     let sandwich = method.sandwich();
-    Trial { method: name.to_owned(), accuracy: method.accuracy(), seconds, reported, sandwich }
+    let left_out = LeftOut::default();
+    Trial { method: name.to_owned(), accuracy: method.accuracy(), seconds, reported, sandwich, left_out }
 }
 
 /// Runs a function, and returns its result and the seconds that it took.

@@ -290,7 +290,8 @@ impl VisibilityScene {
             ),
         };
         let occluder = self.occluder(&item, layers, &transform, meshes);
-        let object = Object { layers, occluder: occluder.is_some(), ..Object::new(bounds) };
+        let never_cull = item.never_cull || item.aabb.is_none() && item.sphere.is_none();
+        let object = Object { layers, never_cull, occluder: occluder.is_some(), ..Object::new(bounds) };
         let record = Record {
             entity: item.entity,
             classes: self.class_list(item.classes),
@@ -313,6 +314,9 @@ impl VisibilityScene {
         // `id` is in the scene and the transform is finite, so nothing below is an error.
         if former.layers != object.layers {
             let _ = scene.set_layers(id, object.layers);
+        }
+        if former.never_cull != object.never_cull {
+            let _ = scene.set_never_cull(id, object.never_cull);
         }
         if former.occluder != object.occluder {
             let _ = scene.set_occluder(id, object.occluder);

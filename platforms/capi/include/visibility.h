@@ -43,6 +43,14 @@
 // Flag of an object that is opaque and may hide others. Only an object with an occluder mesh hides anything.
 #define VIS_OBJECT_OCCLUDER 2
 
+// Flag of an object that what is behind is drawn through: glass, blended and alpha-tested surfaces. It must
+// not be an occluder. For the judge (`vis_measure_compare`), which draws triangles.
+#define VIS_OBJECT_SEE_THROUGH 4
+
+// Flag of an object whose triangles are drawn from their front alone, as with backface culling. For the
+// judge: occluder meshes that `vis_scene_prepare_occluders` makes hide from the front alone in any case.
+#define VIS_OBJECT_ONE_SIDED 8
+
 // Result of a call. Everything but `VIS_OK` is an error. A failed call has changed nothing, unless its
 // description says otherwise, and `vis_last_error` tells what was wrong with what.
 typedef enum vis_status {
@@ -198,7 +206,7 @@ typedef struct vis_object_desc {
   uint32_t layers;
   // Cost of drawing the object, in triangles or any other unit.
   uint32_t cost;
-  // Any of `VIS_OBJECT_NEVER_CULL` and `VIS_OBJECT_OCCLUDER`, or 0.
+  // Any of the flags `VIS_OBJECT_...`, or 0.
   uint32_t flags;
 } vis_object_desc;
 
@@ -569,7 +577,7 @@ enum vis_status vis_scene_remove_batch(struct vis_scene *scene, const uint64_t *
 // Sets the layers of an object, one bit per layer. An object with 0 is in no view.
 enum vis_status vis_scene_set_layers(struct vis_scene *scene, uint64_t object, uint32_t layers);
 
-// Sets the flags of an object: any of `VIS_OBJECT_NEVER_CULL` and `VIS_OBJECT_OCCLUDER`, or 0. To open a
+// Sets the flags of an object: any of the flags `VIS_OBJECT_...`, or 0, which takes the others. To open a
 // door that hides what is behind, take `VIS_OBJECT_OCCLUDER` from the door.
 enum vis_status vis_scene_set_flags(struct vis_scene *scene, uint64_t object, uint32_t flags);
 

@@ -8,8 +8,7 @@ use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
-use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
-use visibility_portals::{CellBaker, Passage, PortalEye, SceneCells, Settings, prt};
+use visibility_portals::{CellBaker, Passage, SceneCells, Settings, prt};
 
 /// A graph of convex cells and of the portals between them. It never changes.
 pub struct vis_graph(CellGraph);
@@ -123,6 +122,11 @@ fn failed<G>(_: G) -> Error {
 }
 
 impl vis_cells {
+    /// Returns a handle to the cells, for a pipeline.
+    pub(crate) fn shared(&self) -> Arc<RwLock<SceneCells>> {
+        self.0.clone()
+    }
+
     fn read(&self) -> Result<RwLockReadGuard<'_, SceneCells>, Error> {
         self.0.read().map_err(failed)
     }
@@ -231,53 +235,4 @@ pub unsafe extern "C" fn vis_cells_can_see(
         sees.set(cells.read()?.can_see_now(CellId(from), CellId(to)));
         Ok(())
     })
-}
-
-/// Portal culling for one view, with cells that other views share.
-pub(crate) struct SharedPortals {
-    cells: Arc<RwLock<SceneCells>>,
-    eye: PortalEye,
-}
-
-impl SharedPortals {
-    pub(crate) fn new(cells: &vis_cells) -> Self {
-        Self { cells: cells.0.clone(), eye: PortalEye::new() }
-    }
-}
-
-impl Culler for SharedPortals {
-    fn name(&self) -> &str {
-        "portals"
-    }
-
-    fn accuracy(&self) -> Accuracy {
-        match self.cells.read() {
-            Ok(cells) if !cells.is_pvs_checked() => Accuracy::Approximate,
-            _ => Accuracy::Conservative,
-        }
-    }
-
-    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { cells, eye } = self;
-        for _ in 0..2 {
-            let Ok(read) = cells.read() else { break };
-            if read.is_synced(scene) {
-                return eye.cull(&read, scene, view, visible);
-            }
-            drop(read);
-            let Ok(mut write) = cells.write() else { break };
-            write.sync(scene);
-        }
-        // A pipeline of another scene has come in between twice.
-        let Ok(mut write) = cells.write() else {
-            // A panic has left the cells half changed: they hide nothing any more.
-            return visible.retain(scene, |_, _| true);
-        };
-        write.sync(scene);
-        eye.cull(&write, scene, view, visible)
-    }
-
-    fn reset(&mut self) {
-        self.eye.reset();
-    }
 }

@@ -1,6 +1,6 @@
 //! Pipelines: the cullers of one view, and what they did in the last frame.
 
-use crate::cells::{SharedPortals, vis_cells};
+use crate::cells::vis_cells;
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
 use crate::pointer::{buffer, create, destroy, optional_out, out, reference};
@@ -14,6 +14,7 @@ use visibility_core::lod::ContributionCuller;
 use visibility_core::pvs::PvsCuller;
 use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline};
 use visibility_hzb::{Hzb, HzbCuller};
+use visibility_portals::SharedPortalCuller;
 
 /// A pipeline: the cullers of one view, in the order in which they were added, with their memory of earlier
 /// frames. Two eyes, or two players, have two pipelines over one scene.
@@ -135,7 +136,7 @@ pub unsafe extern "C" fn vis_pipeline_add_portals(
         // SAFETY: the header's rules for pointers.
         let cells = unsafe { reference(cells, "cells") }?;
         // SAFETY: as before.
-        unsafe { push(pipeline, SharedPortals::new(cells)) }
+        unsafe { push(pipeline, SharedPortalCuller::new(cells.shared())) }
     })
 }
 

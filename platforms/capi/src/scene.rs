@@ -41,6 +41,14 @@ pub const VIS_OBJECT_NEVER_CULL: u32 = 1;
 /// Flag of an object that is opaque and may hide others. Only an object with an occluder mesh hides anything.
 pub const VIS_OBJECT_OCCLUDER: u32 = 2;
 
+/// Flag of an object that what is behind is drawn through: glass, blended and alpha-tested surfaces. It must
+/// not be an occluder. For the judge (`vis_measure_compare`), which draws triangles.
+pub const VIS_OBJECT_SEE_THROUGH: u32 = 4;
+
+/// Flag of an object whose triangles are drawn from their front alone, as with backface culling. For the
+/// judge: occluder meshes that `vis_scene_prepare_occluders` makes hide from the front alone in any case.
+pub const VIS_OBJECT_ONE_SIDED: u32 = 8;
+
 /// An axis-aligned box by its minimum and maximum corners.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -69,24 +77,30 @@ pub struct vis_object_desc {
     pub layers: u32,
     /// Cost of drawing the object, in triangles or any other unit.
     pub cost: u32,
-    /// Any of `VIS_OBJECT_NEVER_CULL` and `VIS_OBJECT_OCCLUDER`, or 0.
+    /// Any of the flags `VIS_OBJECT_...`, or 0.
     pub flags: u32,
 }
 
 impl vis_object_desc {
     fn object(&self) -> Result<Object, Error> {
-        let (never_cull, occluder) = split_flags(self.flags)?;
-        let (bounds, layers, cost) = (self.bounds.into(), self.layers, self.cost);
-        Ok(Object { layers, cost, never_cull, occluder, ..Object::new(bounds) })
+        let object = Object::new(self.bounds.into());
+        flagged(Object { layers: self.layers, cost: self.cost, ..object }, self.flags)
     }
 }
 
-/// Returns whether an object with these flags is never culled, and whether it is an occluder.
-fn split_flags(flags: u32) -> Result<(bool, bool), Error> {
-    if flags & !(VIS_OBJECT_NEVER_CULL | VIS_OBJECT_OCCLUDER) != 0 {
+/// Returns an object with these flags and no others.
+fn flagged(object: Object, flags: u32) -> Result<Object, Error> {
+    let all = VIS_OBJECT_NEVER_CULL | VIS_OBJECT_OCCLUDER | VIS_OBJECT_SEE_THROUGH | VIS_OBJECT_ONE_SIDED;
+    if flags & !all != 0 {
         return Err(Error::argument(format_args!("the flags of an object cannot be {flags:#x}")));
     }
-    Ok((flags & VIS_OBJECT_NEVER_CULL != 0, flags & VIS_OBJECT_OCCLUDER != 0))
+    Ok(Object {
+        never_cull: flags & VIS_OBJECT_NEVER_CULL != 0,
+        occluder: flags & VIS_OBJECT_OCCLUDER != 0,
+        see_through: flags & VIS_OBJECT_SEE_THROUGH != 0,
+        one_sided: flags & VIS_OBJECT_ONE_SIDED != 0,
+        ..object
+    })
 }
 
 /// Returns the description of an object on all layers, of cost 1 and without flags.
@@ -243,7 +257,7 @@ pub unsafe extern "C" fn vis_scene_set_layers(scene: *mut vis_scene, object: u64
     })
 }
 
-/// Sets the flags of an object: any of `VIS_OBJECT_NEVER_CULL` and `VIS_OBJECT_OCCLUDER`, or 0. To open a
+/// Sets the flags of an object: any of the flags `VIS_OBJECT_...`, or 0, which takes the others. To open a
 /// door that hides what is behind, take `VIS_OBJECT_OCCLUDER` from the door.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_flags(scene: *mut vis_scene, object: u64, flags: u32) -> vis_status {
@@ -251,11 +265,14 @@ pub unsafe extern "C" fn vis_scene_set_flags(scene: *mut vis_scene, object: u64,
         // SAFETY: the header's rules for pointers.
         let scene = unsafe { reference(scene, "scene") }?;
         let (scene, id) = (&mut scene.write()?.scene, ObjectId::from_bits(object));
-        let (never_cull, occluder) = split_flags(flags)?;
-        if scene.object(id)?.never_cull != never_cull {
-            scene.set_never_cull(id, never_cull)?;
+        let former = scene.object(id)?;
+        let object = flagged(former, flags)?;
+        if former.never_cull != object.never_cull {
+            scene.set_never_cull(id, object.never_cull)?;
         }
-        Ok(scene.set_occluder(id, occluder)?)
+        scene.set_see_through(id, object.see_through)?;
+        scene.set_one_sided(id, object.one_sided)?;
+        Ok(scene.set_occluder(id, object.occluder)?)
     })
 }
 

@@ -67,7 +67,7 @@ fn no_number_makes_a_call_panic() {
             let index = || number(&mut Random(round)) as u32;
             let status = match rng.below(22) {
                 0 => {
-                    let flags = rng.below(5) as u32;
+                    let flags = rng.below(17) as u32;
                     let object = vis_object_desc { flags, ..vis_object_default(random_box(rng)) };
                     let mut new = 0;
                     let status = vis_scene_insert(scene, &object, &mut new);

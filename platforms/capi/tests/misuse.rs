@@ -149,10 +149,10 @@ fn values_out_of_range_are_refused_and_named() {
     let identity: [f32; 16] = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
     // SAFETY: handles are live, and arrays as long as said.
     unsafe {
-        let desc = vis_object_desc { flags: 4, ..vis_object_default(BOX) };
+        let desc = vis_object_desc { flags: 16, ..vis_object_default(BOX) };
         assert_eq!(vis_scene_insert(scene, &raw const desc, &mut 0), VIS_ERROR_ARGUMENT);
-        assert_eq!(message(), "the flags of an object cannot be 0x4");
-        assert_eq!(vis_scene_set_flags(scene, ids[0], 8), VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "the flags of an object cannot be 0x10");
+        assert_eq!(vis_scene_set_flags(scene, ids[0], 32), VIS_ERROR_ARGUMENT);
         assert_eq!(vis_pipeline_add_z_buffer(pipeline, 8, 600), VIS_ERROR_ARGUMENT);
         assert_eq!(message(), "a buffer has 16 to 4096 pixels on a side, not 8 x 600");
         assert_eq!(vis_scene_set_draw_range(scene, ids[0], 5.0, 1.0), VIS_ERROR_ARGUMENT);
@@ -211,7 +211,10 @@ fn matrices_that_are_no_camera_are_refused_and_the_view_stays() {
     // SAFETY: handles are live.
     unsafe {
         assert_eq!(vis_view_set_perspective(view, &raw const pose, 9.0, 1.0, 0.1, 1.0), VIS_ERROR_ARGUMENT);
-        assert_eq!(message(), "the camera's fov_y cannot be 9");
+        assert_eq!(
+            message(),
+            "the camera's fov_y cannot be 9: it is in radians, above 0 and below pi; was it meant in degrees?"
+        );
         assert_eq!(vis_view_set_orthographic(view, &raw const pose, 0.0, 1.0, 0.1, 1.0), VIS_ERROR_ARGUMENT);
         assert_eq!(vis_view_set_clip_planes(view, [0.0_f64; 4].as_ptr(), 1), VIS_ERROR_ARGUMENT);
         let nowhere = [f64::NAN; 3];

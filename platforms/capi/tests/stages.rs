@@ -182,6 +182,14 @@ fn pipelines_explain_freeze_and_say_what_they_lack() {
             || text(|text, capacity, count| vis_pipeline_lacks(pipeline, scene, text, capacity, count));
         assert_eq!(vis_pipeline_add_z_buffer(pipeline, 64, 64), VIS_OK);
         assert_eq!(vis_pipeline_set_explaining(pipeline, true), VIS_OK);
+        let bounds = vis_box { min: [f32::NAN; 3], max: [1.0; 3] };
+        let lost = insert(scene, vis_object_default(bounds));
+        assert_eq!(vis_scene_set_flags(scene, wall, VIS_OBJECT_ONE_SIDED), VIS_OK);
+        let lines = lacks();
+        assert!(lines.contains("pipeline: objects whose bounds are NaN or inverted, never culled: 1\n"));
+        assert!(lines.contains("hzb: objects of which none is flagged as an occluder: 4\n"), "{lines}");
+        assert_eq!(vis_scene_remove(scene, lost), VIS_OK);
+        assert_eq!(vis_scene_set_flags(scene, wall, VIS_OBJECT_OCCLUDER), VIS_OK);
         assert_eq!(see(), [wall, hidden]);
         assert_eq!(lacks(), "hzb: occluders without a mesh: 1\n");
         // From the triangles that the wall is drawn with; first of them, one that faces the eye.

@@ -59,6 +59,10 @@ export const Flag: {
   readonly NeverCull: 1;
   /** Opaque, and may hide others. Only an object with an occluder mesh hides anything. */
   readonly Occluder: 2;
+  /** What is behind is drawn through it: glass, blended and alpha-tested surfaces. No occluder. For `Judge`. */
+  readonly SeeThrough: 4;
+  /** Its triangles are drawn from their front alone, as with backface culling. For `Judge`. */
+  readonly OneSided: 8;
 };
 
 /** What was wrong: an argument, an unknown id, damaged content, something that has to be done first. */

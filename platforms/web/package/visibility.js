@@ -15,7 +15,7 @@ export const Depth = Object.freeze({
 });
 
 /** Flags of objects; combine them with `|`. */
-export const Flag = Object.freeze({ NeverCull: 1, Occluder: 2 });
+export const Flag = Object.freeze({ NeverCull: 1, Occluder: 2, SeeThrough: 4, OneSided: 8 });
 
 /** All layers: what objects and views have unless they are given others. */
 export const ALL_LAYERS = 0xffffffff;
@@ -108,6 +108,8 @@ class Wasm {
     try {
       return body(this);
     } catch (error) {
+      // An argument that is missing, or of another type than the library's functions take.
+      if (error instanceof TypeError) refuse(`${error.message} (ids are bigint, all else is numbers)`);
       // A fault inside the library, which no argument causes.
       if (!(error instanceof WebAssembly.RuntimeError)) throw error;
       throw new VisibilityError("PANIC", `fault inside the library: ${error.message}`);
@@ -232,7 +234,7 @@ class Wasm {
   }
 
   box(box) {
-    return this.put(Float32Array, [...triple(box.min, "min"), ...triple(box.max, "max")]);
+    return this.put(Float32Array, corners(box));
   }
 
   pose({ eye, target, up }) {
@@ -246,11 +248,9 @@ class Wasm {
     const planePointer = this.put(Float64Array, flatten(planes, 4, "a plane"));
     const data = this.data();
     let first = 0;
-    volumes.forEach(({ min, max, planes = [] }, index) => {
+    volumes.forEach(({ planes = [], ...box }, index) => {
       const at = pointer + index * VOLUME_BYTES;
-      [...triple(min, "min"), ...triple(max, "max")].forEach((number, i) =>
-        data.setFloat64(at + 8 * i, number, true),
-      );
+      corners(box).forEach((number, i) => data.setFloat64(at + 8 * i, number, true));
       data.setUint32(at + 48, first, true);
       data.setUint32(at + 52, planes.length, true);
       first += planes.length;
@@ -268,6 +268,11 @@ function triple(numbers, name) {
   return numbers;
 }
 
+/** Returns the 6 numbers of a box. */
+function corners(box) {
+  return [...triple(box?.min, "min"), ...triple(box?.max, "max")];
+}
+
 /** Puts lists of `each` numbers one after another. */
 function flatten(lists, each, what) {
   return lists.flatMap((list) => (list.length === each ? [...list] : refuse(`${what} has ${each} numbers`)));
@@ -275,12 +280,12 @@ function flatten(lists, each, what) {
 
 /** Returns how many elements of `each` numbers a flat array holds. */
 function elements(array, each, name) {
-  if (array.length % each !== 0) refuse(`the length of \`${name}\` is no multiple of ${each}`);
+  if (!(array?.length % each === 0)) refuse(`the length of \`${name}\` is no multiple of ${each}`);
   return array.length / each;
 }
 
 function sameLength(array, count, name) {
-  if (array.length !== count) refuse(`\`${name}\` has ${array.length} elements, not ${count}`);
+  if (array?.length !== count) refuse(`\`${name}\` has ${array?.length ?? "no"} elements, not ${count}`);
   return array;
 }
 
@@ -446,11 +451,11 @@ class Scene extends Handle {
     );
   }
 
-  insert({ bounds: { min, max }, ...rest }) {
-    return this.insertAll({ bounds: [...triple(min, "min"), ...triple(max, "max")], ...rest })[0];
+  insert({ bounds, ...rest } = {}) {
+    return this.insertAll({ bounds: corners(bounds), ...rest })[0];
   }
 
-  insertAll({ bounds, layers = ALL_LAYERS, cost = 1, flags = 0 }) {
+  insertAll({ bounds, layers = ALL_LAYERS, cost = 1, flags = 0 } = {}) {
     return this.wasm.call((wasm) => {
       const count = elements(bounds, 6, "bounds");
       const objects = wasm.borrow(count * OBJECT_BYTES);
@@ -536,7 +541,7 @@ class Scene extends Handle {
     this.wasm.call((wasm) => wasm.check("vis_scene_set_hlod_parent", this.pointer, id, parent));
   }
 
-  addMesh({ positions, indices, twoSided = false }) {
+  addMesh({ positions, indices, twoSided = false } = {}) {
     return this.wasm.call((wasm) => {
       const [vertices, triangles] = [elements(positions, 3, "positions"), elements(indices, 3, "indices")];
       const [points, corners] = [wasm.put(Float32Array, positions), wasm.put(Uint32Array, indices)];
@@ -599,13 +604,13 @@ class View extends Handle {
     });
   }
 
-  setPerspective({ fovY, aspect, near, far = Infinity, ...pose }) {
+  setPerspective({ fovY, aspect, near, far = Infinity, ...pose } = {}) {
     this.wasm.call((wasm) =>
       wasm.check("vis_view_set_perspective", this.pointer, wasm.pose(pose), fovY, aspect, near, far),
     );
   }
 
-  setOrthographic({ width, height, near, far, ...pose }) {
+  setOrthographic({ width, height, near, far, ...pose } = {}) {
     this.wasm.call((wasm) =>
       wasm.check("vis_view_set_orthographic", this.pointer, wasm.pose(pose), width, height, near, far),
     );

@@ -148,7 +148,11 @@ for (const simd128 of [false, true]) {
     assert.throws(() => scene.setMesh(lamp, mesh), refused("UNKNOWN_ID", /mesh/));
     scene.setFlags(lamp, Flag.Occluder);
     assert.equal(scene.prepareOccluders(), 1);
-    assert.match(visibility.createPipeline().addZBuffer().lacks(scene), /^$/);
+    const lacks = () => visibility.createPipeline().addZBuffer().lacks(scene);
+    assert.match(lacks(), /^$/);
+    const lost = scene.insert({ bounds: { min: [NaN, 0, 0], max: [1, 1, 1] } });
+    assert.match(lacks(), /^pipeline: objects whose bounds are NaN or inverted.*: 1\n$/);
+    scene.remove(lost);
   });
 
   test(say("rooms, doors and baked sets"), () => {
@@ -208,6 +212,16 @@ for (const simd128 of [false, true]) {
     assert.throws(() => scene.insertAll({ bounds: [1, 2, 3] }), refused("ARGUMENT", /multiple of 6/));
     assert.throws(() => scene.insert({ bounds: WALL, flags: 64 }), refused("ARGUMENT", /0x40/));
     assert.throws(() => scene.setBounds(wall, { min: [1], max: [2] }), refused("ARGUMENT", /`min`/));
+    assert.throws(() => scene.insert({}), refused("ARGUMENT", /`min`/));
+    assert.throws(() => scene.insert(), refused("ARGUMENT", /`min`/));
+    assert.throws(() => scene.insertAll({}), refused("ARGUMENT", /`bounds`/));
+    assert.throws(() => scene.addMesh({ positions: [0, 0, 0] }), refused("ARGUMENT", /`indices`/));
+    assert.throws(() => scene.setBounds(1, WALL), refused("ARGUMENT", /ids are bigint/));
+    assert.throws(() => scene.setBounds(wall), refused("ARGUMENT", /`min`/));
+    assert.throws(() => scene.removeAll([1]), refused("ARGUMENT", /ids are bigint/));
+    assert.throws(() => visibility.createPipeline().explain(1), refused("ARGUMENT", /ids are bigint/));
+    assert.throws(() => view.setPerspective(), refused("ARGUMENT", /`eye`/));
+    assert.throws(() => visibility.createGraph(2), refused("ARGUMENT", /./));
     assert.throws(() => visible.indices, refused("STATE", /./));
     assert.throws(() => visibility.readPvs(new Uint8Array(9)), refused("FORMAT", /./));
     assert.throws(() => visibility.readScenePvs(scene, new Uint8Array(9)), refused("FORMAT", /./));

@@ -285,6 +285,7 @@ impl Culler for HorizonCuller {
         if count > 0 {
             each(Lack { what: "objects that the horizon's occluders do not know", count });
         }
+        Lack::of_no_occluder(scene, each);
         Lack::of_occluders(scene, each);
     }
 }

@@ -87,12 +87,17 @@ struct State {
     level: u8,
     previous: u8,
     fade: f32,
+    opacity: f32,
     /// Number of that frame; 0 if there was none.
     frame: u64,
 }
 
 impl State {
-    const NONE: Self = Self { generation: 0, level: 0, previous: 0, fade: 1.0, frame: 0 };
+    const NONE: Self = Self { generation: 0, level: 0, previous: 0, fade: 1.0, opacity: 1.0, frame: 0 };
+
+    fn lod(&self) -> Lod {
+        Lod { level: self.level, previous: self.previous, fade: self.fade, opacity: self.opacity }
+    }
 
     /// Advances the cross-fade by `step`, the share of it that has passed, and changes to the nearest of
     /// `levels` unless a cross-fade is in progress. An infinite step ends every fade at once.
@@ -199,16 +204,42 @@ impl LodSelector {
                 *state = State { generation: id.generation(), level, previous: level, ..State::NONE };
             }
             state.frame = self.frame;
-            let opacity = match scene.draw_range(id) {
+            state.opacity = match scene.draw_range(id) {
                 Ok(range) if range != DrawRange::ALWAYS => {
                     let around = scene.draw_end_box(id).unwrap_or(bounds);
                     range.opacity_between(eye.distance(&bounds) as f32, eye.distance(&around) as f32)
                 }
                 _ => 1.0,
             };
-            let State { level, previous, fade, .. } = *state;
-            self.selected.push((id, Lod { level, previous, fade, opacity }));
+            self.selected.push((id, state.lod()));
         });
+    }
+
+    /// Returns what to draw of an object, for draw lists that ask by id. `None` if the object was not visible
+    /// in the last frame. Takes constant time.
+    ///
+    /// ```
+    /// use visibility_core::draw_list::DrawList;
+    /// use visibility_core::glam::DVec3;
+    /// use visibility_core::lod::LodSelector;
+    /// use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
+    /// let mut scene = Scene::new();
+    /// let statue = |x| Aabb::from_arrays([x, -1.0, -1.0], [x + 1.0, 1.0, 1.0]);
+    /// scene.insert_batch([3.0, 30.0, 31.0].map(statue));
+    /// let (mut visible, mut lods) = (VisibleSet::new(), LodSelector::new(1080.0));
+    /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    /// let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0)?;
+    /// Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
+    /// lods.select(&scene, &view, &visible, 1.0 / 60.0, |_id| &[300.0]);
+    /// // One mesh with two levels: the key of a group is the level.
+    /// let mut list = DrawList::new();
+    /// list.group(visible.iter(&scene), |id| lods.lod(id).map_or(0, |lod| u32::from(lod.level)));
+    /// assert_eq!(list.groups().iter().map(|group| group.count).collect::<Vec<_>>(), [1, 2]);
+    /// # Ok::<(), visibility_core::view::ViewError>(())
+    /// ```
+    pub fn lod(&self, id: ObjectId) -> Option<Lod> {
+        let state = self.states.get(id.index())?;
+        (state.frame == self.frame && state.generation == id.generation()).then(|| state.lod())
     }
 
     /// Returns the visible objects of the last frame with what to draw of each, in the order of the visible

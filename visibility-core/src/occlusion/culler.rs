@@ -210,7 +210,9 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
-        Lack::of_occluders(scene, each);
+        if self.price > 0 {
+            self.map.for_each_lack(scene, each);
+        }
     }
 
     fn reset(&mut self) {

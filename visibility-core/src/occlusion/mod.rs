@@ -14,15 +14,17 @@ mod mesh_build;
 mod parts;
 mod prepare;
 mod queries;
+mod seams;
 mod selection;
 
 pub use culler::OcclusionCuller;
 pub use mesh::{Edge, MeshError, OccluderMesh};
 pub use prepare::{Preparation, prepare};
 pub use queries::{HardwareQueries, LateAnswers, QueryDevice};
+pub use seams::occluders_with_seams;
 
 use crate::scene::{Boxes64, lanes};
-use crate::{Aabb, Accuracy, ObjectId, View, jobs::Jobs};
+use crate::{Aabb, Accuracy, ObjectId, Scene, View, culler::Lack, jobs::Jobs};
 use glam::{Affine3A, DVec3};
 
 /// Result of testing a box against an occlusion map.
@@ -177,6 +179,15 @@ pub trait OcclusionMap {
     /// default, for a map whose tests must come one after the other by [`test_64_mut`](Self::test_64_mut).
     fn shared(&self) -> Option<&(dyn OcclusionMap + Sync)> {
         None
+    }
+
+    /// Calls `each` for what the occluders of `scene` lack for this map, as
+    /// [`Culler::for_each_lack`](crate::Culler::for_each_lack) does for a culler. The default reports
+    /// occluders without a usable mesh, meshes without the flag of an occluder, and a scene without
+    /// occluders. A map with occluders of its own leaves out the last.
+    fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        Lack::of_no_occluder(scene, each);
+        Lack::of_occluders(scene, each);
     }
 
     /// Forgets what the map remembers of earlier frames. The culler calls it before the first frame of

@@ -223,6 +223,8 @@ pub struct PvsCuller<S> {
     /// One bit per object index, bit `i % 64` of word `i / 64` for index `i`: set if the object has changed
     /// since the [`ScenePvs`] was made, or is new, so that the PVS says nothing about the object.
     changed: Vec<u64>,
+    /// Whether lines of sight of the last frame began outside all viewcells.
+    is_outside: bool,
     /// True if it is unknown which objects changed since the [`ScenePvs`] was made: the scene is another
     /// one, or its change log overflowed. Every object then counts as visible. False if `changed` names
     /// exactly the changed objects.
@@ -246,6 +248,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             masks: Vec::new(),
             masks_layout: Stamp::NONE,
             changed: Vec::new(),
+            is_outside: false,
             lost: false,
             cursor: SceneCursor::START,
         }
@@ -339,6 +342,7 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         });
         self.entering.sort_unstable();
         self.entering.dedup();
+        self.is_outside = known && !covered;
         let idle = !known || !covered || self.lost;
         let is_new = !self.is_entered || self.entering != self.entered;
         if idle {
@@ -362,6 +366,12 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         let lost = self.lost || !shared.cursor.is_in(scene);
         if lost && !scene.is_empty() {
             each(Lack { what: "objects of a scene that the PVS does not know", count: scene.len() });
+        }
+        if self.is_outside && !scene.is_empty() {
+            each(Lack {
+                what: "objects not culled, the eye being outside all viewcells",
+                count: scene.len(),
+            });
         }
         let unchecked = shared.objects.iter().filter(|(id, _)| id.is_some()).count();
         if !shared.is_checked && unchecked > 0 {

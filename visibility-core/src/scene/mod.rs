@@ -93,6 +93,8 @@ pub struct Scene {
     meshless: usize,
     /// Number of objects that are flagged as occluders and have a mesh that reaches out of their bounds.
     outside: usize,
+    /// Number of objects that have a mesh and are not flagged as occluders.
+    unflagged: usize,
     /// Generation of the first object of each index: a number of this scene, so that ids of other scenes are
     /// unknown here.
     first_generation: u32,
@@ -124,6 +126,7 @@ impl Clone for Scene {
             occluders: self.occluders,
             meshless: self.meshless,
             outside: self.outside,
+            unflagged: self.unflagged,
             first_generation: next_generation(),
             free: self.free.clone(),
             layered: self.layered,
@@ -158,6 +161,7 @@ impl Scene {
             occluders: 0,
             meshless: 0,
             outside: 0,
+            unflagged: 0,
             first_generation: next_generation(),
             free: Vec::new(),
             layered: 0,
@@ -563,6 +567,26 @@ impl Scene {
         self.one_sided.set(id.index(), one_sided);
         self.log.push(id, self.generations.len());
         Ok(())
+    }
+
+    /// Returns the number of objects whose bounds are NaN or inverted, so that they are never culled, though
+    /// they are not [flagged](Object::never_cull) so. Infinite bounds do not count: they say where the object
+    /// is. Takes time in proportion to the number of objects that are never culled.
+    ///
+    /// ```
+    /// use visibility_core::{Aabb, Scene};
+    /// let mut scene = Scene::new();
+    /// let id = scene.insert(Aabb::from_arrays([1.0; 3], [0.0; 3]));
+    /// assert_eq!(scene.improper_bounds_count(), 1);
+    /// scene.set_never_cull(id, true)?;
+    /// assert_eq!(scene.improper_bounds_count(), 0);
+    /// # Ok::<(), visibility_core::scene::SceneError>(())
+    /// ```
+    pub fn improper_bounds_count(&self) -> usize {
+        self.tree
+            .unculled_objects()
+            .filter(|(bounds, id)| !bounds.is_proper() && !self.never_cull.contains(id.index()))
+            .count()
     }
 
     /// Returns a box that contains the bounds of all objects that can be culled, relative to the scene's

@@ -221,17 +221,16 @@ impl Scene {
         }
     }
 
-    /// Adds an object to the counts of occluders that lack something (`is_added`), or takes it out. Does
-    /// nothing for an object that is not flagged as an occluder.
+    /// Adds an object to the counts of objects that lack something to be occluders (`is_added`), or takes it
+    /// out. Does nothing for an object with neither the flag nor a mesh, or with both.
     pub(super) fn count_occluder(&mut self, index: u32, is_added: bool) {
-        if !self.tree.payload(self.tree.slots[index as usize]).occluder {
-            return;
-        }
+        let is_flagged = self.tree.payload(self.tree.slots[index as usize]).occluder;
         let mesh = self.placements.get(index).and_then(|placement| placement.mesh);
-        let count = match mesh {
-            None => &mut self.meshless,
-            Some(mesh) if !mesh.is_inside => &mut self.outside,
-            Some(_) => return,
+        let count = match (mesh, is_flagged) {
+            (None, true) => &mut self.meshless,
+            (Some(mesh), true) if !mesh.is_inside => &mut self.outside,
+            (Some(_), false) => &mut self.unflagged,
+            _ => return,
         };
         if is_added {
             *count += 1;
@@ -437,6 +436,25 @@ impl Scene {
     /// ```
     pub fn occluders_without_mesh(&self) -> usize {
         self.meshless
+    }
+
+    /// Returns the number of objects that have an occluder mesh and are not flagged as occluders, so that the
+    /// mesh hides nothing: [`set_occluder`](Self::set_occluder) was forgotten, or a door is open. Takes
+    /// constant time.
+    ///
+    /// ```
+    /// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};
+    /// let bounds = Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0]);
+    /// let mut scene = Scene::new();
+    /// let (wall, mesh) = (scene.insert(bounds), scene.add_mesh(OccluderMesh::cuboid(&bounds)?));
+    /// scene.set_mesh(wall, mesh, Affine3A::IDENTITY)?;
+    /// assert_eq!(scene.unflagged_meshes(), 1);
+    /// scene.set_occluder(wall, true)?;
+    /// assert_eq!(scene.unflagged_meshes(), 0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn unflagged_meshes(&self) -> usize {
+        self.unflagged
     }
 
     /// Returns the number of objects that are flagged as occluders and have a mesh that reaches out of their

@@ -301,6 +301,13 @@ impl Tree {
         self.free.push(node);
     }
 
+    /// Iterates over the bounds and ids of the objects that are never culled.
+    pub(super) fn unculled_objects(&self) -> impl Iterator<Item = (Aabb, ObjectId)> + '_ {
+        self.unculled.iter().map(|&leaf| leaf as usize).flat_map(move |leaf| {
+            lanes(self.occupied[leaf]).map(move |lane| (self.bounds[leaf].get(lane), self.ids[leaf][lane]))
+        })
+    }
+
     pub(super) fn is_unculled(&self, slot: Slot) -> bool {
         self.is_unculled_leaf(slot.node())
     }

@@ -61,7 +61,26 @@ impl fmt::Display for ViewError {
             Self::ClipPlane { index } => {
                 write!(f, "clip plane {index} is not finite or has no direction")
             }
-            Self::Parameter { name, value } => write!(f, "the camera's {name} cannot be {value}"),
+            Self::Parameter { name, value } => {
+                write!(f, "the camera's {name} cannot be {value}: {}", range_of(name, *value))
+            }
+        }
+    }
+}
+
+/// Returns the range and the unit of a camera parameter that has an unusable value.
+fn range_of(name: &str, value: f64) -> &'static str {
+    match name {
+        "fov_y" if (core::f64::consts::PI..180.0).contains(&value) => {
+            "it is in radians, above 0 and below pi; was it meant in degrees?"
+        }
+        "fov_y" => "it is in radians, above 0 and below pi",
+        "aspect" => "it is width over height, above 0 and finite",
+        "near" if !value.is_finite() => "it is a distance in metres, and finite",
+        "near" => "it is a distance in metres, above 0",
+        "far" => "it is a distance in metres, above near; only a perspective view may have it infinite",
+        _ => {
+            "the left edge must be less than the right, and the bottom less than the top, by a finite distance"
         }
     }
 }

@@ -14,6 +14,7 @@ mod camera;
 mod clip_matrix;
 mod cube;
 mod depth;
+mod display;
 mod error;
 mod eye;
 mod limits;
@@ -61,6 +62,11 @@ pub struct View {
 
 impl View {
     /// Builds a view from the matrix that the engine draws with, which maps world space to clip space.
+    ///
+    /// The matrix is column-major and multiplies column vectors: as an array, `matrix[column][row]`, so that
+    /// `matrix[3]` holds the translation. An engine that multiplies row vectors, as DirectXMath does, stores
+    /// the same 16 numbers in the same order. A matrix in row-major order must be transposed first; what a
+    /// view was made of shows when it is [printed](#impl-Display-for-View).
     ///
     /// `depth` must be the convention that the matrix was made for. Clip-space `w` must not decrease along a
     /// view ray away from the eye, and the near plane must not be behind the eye. These two conditions are

@@ -1,4 +1,5 @@
 use super::*;
+use alloc::{format, string::ToString};
 use glam::{Mat4, Vec3};
 
 fn pose() -> Pose {
@@ -125,4 +126,59 @@ fn only_the_difference_of_origins_counts() {
     assert_eq!(view.planes(origin), moved.planes(origin + step));
     assert_eq!(view.clip_from(origin), moved.clip_from(origin + step));
     assert_eq!(view.eye(origin), moved.eye(origin + step));
+}
+
+/// Tests that a view in words names the camera that its matrix was made for, in every depth convention.
+#[test]
+fn views_say_what_camera_they_are() {
+    let (window, layers) = (Window { left: -1.0, right: 3.0, bottom: -1.0, top: 1.0 }, 5);
+    let eye = "eye (1, 2, 3), looks along (0.6, 0.8, 0) with (0, 0, 1) up, ";
+    let finite = View::perspective(pose(), 1.0, 1.5, 0.25, 64.0).unwrap();
+    let words = "field of view 78.67 x 57.3 degrees, near 0.25, far 64, depth Reversed";
+    assert_eq!(finite.to_string(), format!("{eye}{words}"));
+    let wide = View::perspective_off_center(pose(), window, 0.0001, f64::INFINITY).unwrap();
+    let words = "field of view 116.6 x 90 degrees, near 1.0e-4, no far plane, depth ReversedInfinite";
+    assert_eq!(wide.with_layers(layers).to_string(), format!("{eye}{words}, layers 0x5"));
+    // With x exchanged, and other ranges of depth.
+    let scaled = |depth, z: DVec3| {
+        let rows = DMat4::from_cols_array_2d(&[
+            [-1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, z.x, z.y],
+            [0.0, 0.0, z.z, 0.0],
+        ]);
+        View::from_clip_from_world(rows, depth).unwrap().to_string()
+    };
+    let ahead = "eye (0, 0, 0), looks along (0, 0, 1) with (0, 1, 0) up, field of view 90 x 90 degrees, ";
+    let right = scaled(Depth::ZeroToOneInfinite, DVec3::new(1.0, 1.0, -2.0));
+    assert_eq!(right, format!("{ahead}near 2, no far plane, depth ZeroToOneInfinite"));
+    let right = scaled(Depth::NegativeOneToOne, DVec3::new(1.5, 1.0, -2.5));
+    assert_eq!(right, format!("{ahead}near 1, far 5, depth NegativeOneToOne"));
+    let left = View::from_clip_from_world(DMat4::from_scale(DVec3::new(0.5, 0.25, 0.1)), Depth::ZeroToOne);
+    let words = "parallel view at (0, 0, 0), looks along (0, 0, 1) with (0, 1, 0) up, 4 x 8, near 0, far 10, \
+                 depth ZeroToOne, left-handed";
+    assert_eq!(left.unwrap().to_string(), words);
+}
+
+#[test]
+fn parameters_out_of_range_are_refused_with_range_and_unit() {
+    let error =
+        |fov, aspect, near, far| View::perspective(pose(), fov, aspect, near, far).unwrap_err().to_string();
+    let degrees = error(60.0, 1.5, 0.1, 10.0);
+    assert!(
+        degrees.ends_with(
+            "fov_y cannot be 60: it is in radians, above 0 and below pi; was it meant in degrees?"
+        )
+    );
+    assert!(error(-1.0, 1.5, 0.1, 10.0).ends_with("in radians, above 0 and below pi"));
+    assert!(
+        error(1.0, 0.0, 0.1, 10.0)
+            .ends_with("aspect cannot be 0: it is width over height, above 0 and finite")
+    );
+    assert!(error(1.0, 1.5, 0.0, 10.0).ends_with("near cannot be 0: it is a distance in metres, above 0"));
+    assert!(error(1.0, 1.5, f64::NAN, 10.0).ends_with("in metres, and finite"));
+    assert!(error(1.0, 1.5, 0.1, 0.1).contains("far cannot be 0.1: it is a distance in metres, above near"));
+    let window = Window { left: 1.0, right: -1.0, bottom: -1.0, top: 1.0 };
+    let error = View::orthographic(pose(), window, 0.0, 1.0).unwrap_err().to_string();
+    assert!(error.contains("width cannot be -2: the left edge must be less than the right"), "{error}");
 }

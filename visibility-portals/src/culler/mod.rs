@@ -7,7 +7,7 @@
 //! "Visibility Preprocessing for Interactive Walkthroughs", 1991 (eye-to-cell visibility).
 //!
 //! [`SceneCells`] is shared by all views. [`PortalEye`] holds the state of one view. [`PortalCuller`] owns
-//! one of each, for a pipeline.
+//! one of each, for a pipeline; `SharedPortalCuller` (feature `std`) owns an eye, and shares the cells.
 
 mod doors;
 mod hung_mirrors;
@@ -21,6 +21,8 @@ mod portal_walk;
 mod scene_cells;
 mod scene_cells_error;
 mod screen_rectangle;
+#[cfg(feature = "std")]
+mod shared_portal_culler;
 mod start_cells;
 mod walked_scene;
 mod window_plane;
@@ -34,6 +36,8 @@ pub use portal_stats::{NotCulled, PortalStats};
 pub use portal_walk::Narrowing;
 pub use scene_cells::SceneCells;
 pub use scene_cells_error::SceneCellsError;
+#[cfg(feature = "std")]
+pub use shared_portal_culler::SharedPortalCuller;
 
 /// Null index: the end of a linked list of mirrors or paths, and the parent of a path that begins at the eye.
 const NONE: u32 = u32::MAX;

@@ -8,9 +8,10 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, cull
 /// Conservative.
 ///
 /// Runs after a [`FrustumCuller`](visibility_core::FrustumCuller). Each call of `cull` first updates the
-/// cells by the changes of the scene. Where several views share cells, or where
-/// [reflections](PortalEye::reflections) in mirrors are drawn, keep one `SceneCells`, and one `PortalEye` per
-/// view, instead.
+/// cells by the changes of the scene. In a [`Pipeline`](visibility_core::Pipeline), which owns its stages,
+/// nobody can open doors any more: where doors move or several views share cells, use a `SharedPortalCuller`
+/// (feature `std`). Where [reflections](PortalEye::reflections) in mirrors are drawn, keep one `SceneCells`,
+/// and one `PortalEye` per view.
 ///
 /// With [`VisibleSet::with_changes`] the visible set lists which objects became visible or hidden since the
 /// frame before:
@@ -104,10 +105,7 @@ impl Culler for PortalCuller {
         self.eye.reset();
     }
 
-    fn for_each_lack(&self, _: &Scene, each: &mut dyn FnMut(Lack)) {
-        if !self.cells.is_pvs_checked() {
-            let count = self.cells.graph.cell_count().max(1);
-            each(Lack { what: "cells with a PVS that may be of another graph", count });
-        }
+    fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        self.eye.for_each_lack(&self.cells, scene, each);
     }
 }

@@ -13,6 +13,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::{
     CullStats, Scene, View, VisibleSet,
     cells::{CellId, PortalId},
+    culler::Lack,
     scene::Changes,
 };
 
@@ -204,6 +205,25 @@ impl PortalEye {
             }
         }
         true
+    }
+
+    /// Calls `each` for what keeps this eye from hiding objects of `scene`, as
+    /// [`Culler::for_each_lack`](visibility_core::Culler::for_each_lack) does: the reason why the last call
+    /// of [`cull`](Self::cull) hid nothing, and a PVS of `cells` that may be of another graph.
+    pub fn for_each_lack(&self, cells: &SceneCells, scene: &Scene, each: &mut dyn FnMut(Lack)) {
+        let what = self.stats.fallback.map(|why| match why {
+            NotCulled::OutsideCells => "objects not culled, the eye being outside all cells",
+            NotCulled::Steps => "objects not culled, the limit of inspected portals being reached",
+            NotCulled::View => "objects not culled, the place of the eye being unknown",
+            NotCulled::NotSynced => "objects not culled, the cells not being synced with the scene",
+        });
+        if let Some(what) = what.filter(|_| !scene.is_empty()) {
+            each(Lack { what, count: scene.len() });
+        }
+        if !cells.is_pvs_checked() {
+            let count = cells.graph.cell_count().max(1);
+            each(Lack { what: "cells with a PVS that may be of another graph", count });
+        }
     }
 
     /// Returns the counters of the last call of [`cull`](Self::cull), and in [`PortalStats::fallback`] the

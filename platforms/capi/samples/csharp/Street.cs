@@ -32,7 +32,9 @@ static class Vis
         public ulong Nodes, AcceptedSubtrees, Tests, Occluders, Visible;
     }
 
-    public const uint Occluder = 2, DepthReversedInfinite = 5, AbiVersion = 1;
+    // Flags of objects; combine them with `|`.
+    public const uint NeverCull = 1, Occluder = 2, SeeThrough = 4, OneSided = 8;
+    public const uint DepthReversedInfinite = 5, AbiVersion = 1;
 
     [DllImport(Library)] public static extern uint vis_abi_version();
     [DllImport(Library)] static extern IntPtr vis_last_error();

@@ -1,0 +1,84 @@
+//! Formats of scenes that are not read, and the way from each to glTF.
+
+use std::path::Path;
+
+/// File name extensions of a format that is not read, what it is, and how a person makes glTF of it.
+struct OtherFormat {
+    extensions: &'static [&'static str],
+    name: &'static str,
+    way: &'static str,
+}
+
+const OTHER_FORMATS: &[OtherFormat] = &[
+    OtherFormat {
+        extensions: &["obj"],
+        name: "a Wavefront OBJ file",
+        way: "`npx obj2gltf -i IN.obj -o OUT.glb` makes glTF of it, an object for each `o` of the file",
+    },
+    OtherFormat {
+        extensions: &["ifc", "ifczip"],
+        name: "an IFC building model",
+        way: "`IfcConvert IN.ifc OUT.glb` makes glTF of it, an object for each product (IfcConvert is part of \
+              IfcOpenShell)",
+    },
+    OtherFormat {
+        extensions: &["json", "jsonl", "gml"],
+        name: "no scene; if it is a CityJSON city",
+        way: "`pip install 'cjio[export]'`, then `cjio IN.city.json export glb OUT.glb` makes glTF of it, an \
+              object for each city object (CityGML first by citygml-tools)",
+    },
+    OtherFormat {
+        extensions: &["vox"],
+        name: "a MagicaVoxel file",
+        way: "export .obj in MagicaVoxel, or by `pip install vox2obj` and `python -c \"from vox2obj.vox2obj \
+              import convert_to_obj as c; c('IN.vox', 'OUT.obj')\"`; then `npx obj2gltf -i OUT.obj -o OUT.glb`",
+    },
+    OtherFormat {
+        extensions: &["bsp", "map"],
+        name: "a map of a Quake or Source game",
+        way: "open the .map in TrenchBroom and export .obj, or import the .bsp into Blender by an add-on and \
+              export glTF; `npx obj2gltf -i IN.obj -o OUT.glb` makes glTF of .obj. The .prt file of the map \
+              compiler is read for portals",
+    },
+    OtherFormat {
+        extensions: &["wad", "pk3"],
+        name: "a file of a Doom game",
+        way: "import a map into Blender by an add-on, or export it as .obj by a map editor; `npx obj2gltf -i \
+              IN.obj -o OUT.glb` makes glTF of .obj. Give each sector and wall an object of its own",
+    },
+    OtherFormat {
+        extensions: &["blend", "fbx", "dae", "stl", "ply", "3ds", "usd", "usda", "usdc", "usdz"],
+        name: "no scene that is read here",
+        way: "open or import it in Blender, and export glTF 2.0 (.glb)",
+    },
+];
+
+/// Returns what a file is that is not read, by the extension of its name, and how glTF is made of it. `None`
+/// for an extension that is not known.
+pub(crate) fn way_to_gltf(file: &Path) -> Option<String> {
+    let extension = file.extension()?.to_string_lossy().to_ascii_lowercase();
+    let format = OTHER_FORMATS.iter().find(|format| format.extensions.contains(&&*extension))?;
+    Some(format!("this is {}: {}", format.name, format.way))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_that_are_not_read_name_a_way_to_gltf() {
+        let way = |name: &str| way_to_gltf(Path::new(name)).unwrap_or_default();
+        for (name, part) in [
+            ("house.OBJ", "npx obj2gltf"),
+            ("a/house.ifc", "IfcConvert"),
+            ("delft.city.json", "cjio IN.city.json export glb"),
+            ("castle.vox", "vox2obj"),
+            ("e1m1.bsp", "TrenchBroom"),
+            ("doom.wad", "Doom"),
+            ("car.fbx", "Blender"),
+        ] {
+            assert!(way(name).contains(part), "{name}: {}", way(name));
+        }
+        assert_eq!((way("scene.xyz"), way("scene"), way("scene.glb")), Default::default());
+    }
+}

@@ -1,0 +1,70 @@
+//! Occluders that are parts of one wall, each a mesh of its own. A z-buffer fills a pixel with an occluder
+//! that covers all of it, so that along the seam between two of them no pixel is filled.
+
+use crate::queries::SceneQuery;
+use crate::scene::Scene;
+use crate::{Aabb, ObjectId};
+use alloc::vec::Vec;
+
+/// Most occluders that are inspected.
+const MOST: usize = 256;
+
+/// Returns how many occluders of `scene` go on in another occluder beside them, as the panels of a wall or
+/// the tiles of a floor do: their boxes have the same thinnest axis and the same extent along it, and meet
+/// end to end along another, up to a thousandth of their size. Inspects all of at most 256 occluders and an
+/// even choice of more, so the number is at most 256. Takes some microseconds for each, and allocates.
+///
+/// ```
+/// use visibility_core::{glam::Affine3A, occlusion::occluders_with_seams, Aabb, Object, OccluderMesh, Scene};
+/// let mut scene = Scene::new();
+/// for y in [0.0, 4.0, 9.0] {
+///     let bounds = Aabb::from_arrays([0.0, y, 0.0], [0.2, y + 4.0, 3.0]);
+///     let panel = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+///     let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds)?);
+///     scene.set_mesh(panel, mesh, Affine3A::IDENTITY)?;
+/// }
+/// assert_eq!(occluders_with_seams(&scene), 2, "the third panel stands a metre from the second");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn occluders_with_seams(scene: &Scene) -> usize {
+    let is_occluder = |id: ObjectId| scene.occluder(id).is_some();
+    let step = scene.occluder_count().div_ceil(MOST).max(1);
+    let queries = SceneQuery::new(scene);
+    let mut found: Vec<ObjectId> = Vec::new();
+    let inspected = scene.ids().filter(|&id| is_occluder(id)).step_by(step).take(MOST);
+    let has_seam = inspected.filter(|&id| {
+        let Ok(bounds) = scene.bounds(id) else { return false };
+        found.clear();
+        queries.in_box(&grown(&bounds), &mut found);
+        found.iter().any(|&other| {
+            other != id
+                && is_occluder(other)
+                && scene.bounds(other).is_ok_and(|beside| is_continued(&bounds, &beside))
+        })
+    });
+    has_seam.count()
+}
+
+/// Returns the tolerance for sides that meet: a thousandth of the longest side of the box.
+fn tolerance(bounds: &Aabb) -> f32 {
+    (bounds.max - bounds.min).max_element() * 1e-3
+}
+
+fn grown(bounds: &Aabb) -> Aabb {
+    let by = tolerance(bounds);
+    Aabb::new(bounds.min - by, bounds.max + by)
+}
+
+/// Tests whether the box of a flat thing goes on in another box, which touches it.
+fn is_continued(bounds: &Aabb, beside: &Aabb) -> bool {
+    let thinnest = |b: &Aabb| (b.max - b.min).min_position();
+    let (axis, tolerance) = (thinnest(bounds), tolerance(bounds));
+    let meets = |a: f32, b: f32| (a - b).abs() <= tolerance;
+    let lies_in_plane = axis == thinnest(beside)
+        && meets(bounds.min[axis], beside.min[axis])
+        && meets(bounds.max[axis], beside.max[axis]);
+    let ends_meet = |k: usize| meets(bounds.max[k], beside.min[k]) || meets(bounds.min[k], beside.max[k]);
+    let overlaps = |k: usize| bounds.max[k].min(beside.max[k]) - bounds.min[k].max(beside.min[k]) > tolerance;
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    lies_in_plane && (ends_meet(u) && overlaps(v) || ends_meet(v) && overlaps(u))
+}
