@@ -134,7 +134,18 @@ fn level(triangles: &[LevelTriangle], settings: LevelSettings) -> Arc<LevelOcclu
 }
 
 /// Returns a view from a place among the triangles: in the corner of a room, on the ground, beside a wall.
+/// Some pictures are mirrored.
 pub(crate) fn view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
+    let view = upright_view_within(random, triangles);
+    if !random.one_in(4) {
+        return view;
+    }
+    let m = view.clip_from(view.origin());
+    let m = DMat4::from_cols(-m.row(0), m.row(1), m.row(2), m.row(3)).transpose();
+    View::from_clip_from_world(m, view.depth()).unwrap().relative_to(view.origin()).unwrap()
+}
+
+fn upright_view_within(random: &mut Random, triangles: &[LevelTriangle]) -> View {
     let [a, b, c] = triangles[random.below(triangles.len())].corners.map(|p| p.as_dvec3());
     let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
     let beside = random.fine_range(-2.0, 2.0) * [1.0, 1e-2, 1e-4][random.below(3)];
@@ -605,4 +616,29 @@ fn seams_are_reported_unless_a_level_closes_them() {
     assert_eq!(lack_of(Hzb::default(), &bare), 1);
     assert_eq!(lack_of(Hzb::default().with_level(nothing, DVec3::ZERO), &bare), 1);
     assert_eq!(lack_of(Hzb::default().with_level(level, DVec3::ZERO), &bare), 0);
+}
+
+/// An edge that two polygons share ends exactly as far below the last row of pixels of a row of tiles as edges
+/// are near: the lower polygon does not reach these tiles, the upper one comes near the edge there.
+#[test]
+fn a_shared_edge_beside_a_row_of_tiles_covers_nothing_nearer_than_its_polygons() {
+    let row = 64.0 + 7.0 / 128.0;
+    let [left, right] = [-100.0, 100.0];
+    let seam = [Vec3::new(200.0, left, 128.0 - row), Vec3::new(200.0, right, 128.0 - row)];
+    let upper = quad([seam[0], seam[1], Vec3::new(200.0, right, 120.0), Vec3::new(200.0, left, 120.0)]);
+    let lower = quad([Vec3::new(150.0, left, 0.0), Vec3::new(150.0, right, 0.0), seam[1], seam[0]]);
+    let triangles = [upper, lower].concat().into_iter();
+    let triangles: Vec<_> = triangles.map(|corners| LevelTriangle { corners, two_sided: true }).collect();
+    let level = level(&triangles, LevelSettings::default().with_bulge(0.0));
+    assert_eq!(level.polygons().len(), 2);
+    let mut hzb = Hzb::new(512, 256).unwrap().with_level(level, DVec3::ZERO);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let window = Window { left: -256.0, right: 256.0, bottom: -128.0, top: 128.0 };
+    let view = View::orthographic(pose, window, 0.0, 1024.0).unwrap();
+    hzb.begin(&view, DVec3::ZERO);
+    hzb.flush();
+    let before = Aabb::from_arrays([180.0, -10.0, 66.0], [190.0, 10.0, 70.0]);
+    assert_ne!(hzb.test(&before), visibility_core::occlusion::Occlusion::Hidden);
+    let [_, pixels] = check(&as_faces(&triangles), &view, &hzb, &mut Random(38), "a seam");
+    assert!(pixels > 10_000, "{pixels} pixels are covered");
 }

@@ -21,6 +21,9 @@ const UNPROVEN_COST: f32 = 512.0;
 /// drawn on a loan.
 const LOAN_SAFETY: f32 = 4.0;
 
+/// Greatest share of a frame's work on occluders that a map may spend on those of its own.
+const OWN_SHARE: f32 = 0.75;
+
 /// Greatest share of the initial credit that hidden objects may have paid in a frame in which nearly nothing
 /// is hidden.
 const NEARLY_NOTHING: f32 = 0.25;
@@ -82,14 +85,16 @@ impl Budget {
     }
 
     /// Spends work that the credit of the search is not for.
-    pub(super) fn spend_beside(&mut self, work: f32) {
+    pub(super) fn spend_outside_search(&mut self, work: f32) {
         self.limit -= work;
         self.spent += work;
     }
 
-    /// Returns the work that may be spent for `objects`, all of which may be found hidden.
-    pub(super) fn most_for(&self, objects: f32) -> f32 {
-        self.worth(objects).min(self.limit - self.reserve)
+    /// Returns the work that a map may spend on occluders of its own, if `objects` may be found hidden. With a
+    /// price of 0 all that leaves the search a share.
+    pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {
+        let worth = if self.price > 0.0 { self.worth(objects) } else { f32::INFINITY };
+        worth.min(OWN_SHARE * (self.limit - self.reserve))
     }
 
     /// Returns the work spent so far.
@@ -148,7 +153,7 @@ const MOST_FRAMES_LEFT_OUT: u32 = 64;
 
 /// What the frames of a culler so far have shown: whether finding hidden objects pays.
 ///
-/// Where it does not for [`MOST_LOSSES`] frames in a row, as for a bird, frames are left out until they have
+/// Where it does not for [`MOST_LOSSES`] frames in a row, as in the view of a bird, frames are left out until they have
 /// saved what the last one spent in vain. Then a frame tries again. Objects of frames left out stay visible.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {
@@ -176,7 +181,7 @@ impl Experience {
     /// Enters a frame that found so many objects hidden.
     pub(super) fn record(&mut self, budget: &Budget, hidden: usize) {
         self.debt = budget.spent() - budget.worth(hidden as f32);
-        self.losses = if self.debt > 0.0 { self.losses + 1 } else { 0 };
+        self.losses = if self.debt > 0.0 { self.losses.saturating_add(1) } else { 0 };
     }
 }
 

@@ -25,8 +25,8 @@ const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 /// Removes the objects that an occlusion map finds hidden behind the scene's occluders.
 ///
 /// Occluders are the objects of the set that are flagged as such and have a mesh ([`Scene::set_mesh`],
-/// [`Scene::prepare_occluders`]), but for those that the map [draws by itself](OcclusionMap::draws). Put the culler after the frustum in a pipeline: only objects that are still
-/// in the set are drawn and tested.
+/// [`Scene::prepare_occluders`]), but for those that the map [draws by itself](OcclusionMap::draws). Put the
+/// culler after the frustum in a pipeline: only objects that are still in the set are drawn and tested.
 ///
 /// # Cost
 /// Occluders are drawn nearest first, and only if they are expected to hide enough objects for their
@@ -37,9 +37,10 @@ const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 /// objects of fewer and fewer leaves of the hierarchy and reports the others.
 /// [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
 ///
-/// After eight frames in a row that did not pay, whole frames are left out, at most 64 in a row, until they have
-/// saved what was spent in vain: their objects stay visible. Otherwise the answer depends on scene, set, view
-/// and settings alone, unless the map itself remembers earlier frames.
+/// After eight frames in a row that did not pay, whole frames are left out, at most 64 in a row, until they
+/// have saved what was spent in vain: their objects stay visible, also for a while after a cut to a view with
+/// much to hide. Otherwise the answer depends on scene, set, view and settings alone, unless the map itself
+/// remembers earlier frames.
 ///
 /// ```
 /// # use visibility_core::{
@@ -106,15 +107,17 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         Self { price: triangles_per_object, ..self }
     }
 
-    /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond. 32,768
-    /// by default; `u32::MAX` for no bound. A frame draws occluders with at most half of it, and from the bound
-    /// on tests no more objects and reports the rest. The bound is kept up to the tests of one node, and does
+    /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond.
+    /// 32,768 by default; `u32::MAX` for no bound. A frame draws occluders with at most half of it, and from the
+    /// bound on tests no more objects and reports the rest. The last node tested, batch of occluders, or
+    /// cluster of a level may exceed the bound, and so may the search for a level's clusters in view. It does
     /// not cover emptying the map, which takes longer the larger the map is.
     pub fn with_work_limit(self, triangles: u32) -> Self {
         Self { work_limit: triangles, ..self }
     }
 
-    /// Returns the occlusion map, with the occluders of the last frame still in it.
+    /// Returns the occlusion map, with the occluders of the last frame still in it: none of a frame that was
+    /// left out.
     pub fn map(&self) -> &M {
         &self.map
     }
@@ -148,13 +151,11 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         let learns = self.price > 0 && self.map.answers_at_once();
         if learns && self.experience.leaves_out(objects) {
             self.map.begin_within(view, origin, 0.0, jobs);
-            Sweep { map: &mut self.map, budget, sampling: None, is_all_tested: true }
-                .keep_unhidden(&mut walk, None);
+            Sweep { map: &mut self.map, budget, sampling: None, tests: false }.keep_unhidden(&mut walk, None);
             return walk.finish();
         }
-        let most =
-            if self.price > 0 { budget.most_for(LEAST_BEHIND.max(objects as f32)) } else { f32::INFINITY };
-        budget.spend_beside(self.map.begin_within(view, origin, most, jobs));
+        let most = budget.for_own_occluders(LEAST_BEHIND.max(objects as f32));
+        budget.spend_outside_search(self.map.begin_within(view, origin, most, jobs));
         let search = OccluderSearch::new(&mut self.map, &mut self.queue, view, origin, budget);
         let (mut budget, is_all_tested) = search.run(&mut walk);
         // A map that answers later must be asked about every leaf, or it would never learn of some.
@@ -174,7 +175,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             stats
         } else {
             let sampling = is_sampled.then(LeafSampling::default);
-            let mut sweep = Sweep { map: &mut self.map, budget, sampling, is_all_tested };
+            let mut sweep = Sweep { map: &mut self.map, budget, sampling, tests: !is_all_tested };
             sweep.keep_unhidden(&mut walk, None);
             budget = sweep.budget;
             walk.finish()
@@ -227,8 +228,8 @@ struct Sweep<'a, M> {
     budget: Budget,
     /// Choice of the leaves that are tested. `None`: all.
     sampling: Option<LeafSampling>,
-    /// Whether all that is left has been tested already: the walk then only counts it.
-    is_all_tested: bool,
+    /// Whether boxes are tested. If not, the walk only counts what is left.
+    tests: bool,
 }
 
 impl<M: OcclusionMap> Sweep<'_, M> {
@@ -242,12 +243,12 @@ impl<M: OcclusionMap> Sweep<'_, M> {
             if is_leaf && self.sampling.as_mut().is_some_and(|sampling| !sampling.tests_next()) {
                 return candidates;
             }
-            let answer = if self.is_all_tested {
-                Occlusion64::default()
-            } else {
+            let answer = if self.tests {
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.budget.spend_tests(candidates.count_ones());
                 self.map.test_64_mut(block.boxes(), candidates)
+            } else {
+                Occlusion64::default()
             };
             if is_leaf && let Some(sampling) = &mut self.sampling {
                 sampling.record(answer.hidden != 0);

@@ -201,11 +201,13 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
                 0
             };
             let (objects, found) = (block.objects(candidates), candidates & !hidden);
-            let mut occluders = found & block.occluders();
-            if let Some((_, ids)) = block.leaf() {
-                for lane in lanes(occluders) {
-                    occluders &= !(u64::from(self.map.draws(ids[lane])) << lane);
+            let mut occluders = found & objects & block.occluders();
+            for lane in lanes(occluders) {
+                if let Child::Object(id) = block.child(lane) {
+                    occluders &= !(u64::from(self.map.draws(id)) << lane);
                 }
+            }
+            if let Some((_, ids)) = block.leaf() {
                 walk.scene().fetch_occluders(ids, occluders);
             }
             self.budget.earn((hidden & objects).count_ones() as f32);

@@ -2,6 +2,7 @@
 
 use super::edges::Edges;
 use super::frame::LevelFrame;
+use crate::lanes::{greatest, least};
 use crate::raster::mesh_raster::project_corner;
 use crate::setup::near_clip::cut_edge;
 use alloc::vec::Vec;
@@ -105,7 +106,8 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     let bottom = if b[1] > guard { at_row(guard) } else { b };
     let at_column = |column: f64| {
         let row = top[1] + (column - top[0]) * ((bottom[1] - top[1]) / (bottom[0] - top[0]));
-        [column, row.clamp(top[1], bottom[1])]
+        // Rows may be NaN, as those of points that are too near the eye's plane.
+        [column, least(greatest(row, top[1]), bottom[1])]
     };
     let as_f32 = |[x, y]: [f64; 2]| [x as f32, y as f32];
     let (mut p, mut q) = (top, bottom);
@@ -125,4 +127,20 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
         }
     }
     out.push(as_f32(p), as_f32(q), false);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points too near the eye's plane have columns and rows that are no numbers. Their polygon is not drawn in
+    /// the end, by its error.
+    #[test]
+    fn edges_to_points_that_are_no_numbers_are_pushed_without_panic() {
+        let numbers = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 5.0, -200.0, 200.0];
+        for i in 0..numbers.len().pow(4) {
+            let [a, b, c, d] = [1, 6, 36, 216].map(|divisor| numbers[i / divisor % 6]);
+            push_within([a, b], [c, d], 100.0, &mut Edges::default());
+        }
+    }
 }

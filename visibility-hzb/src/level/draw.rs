@@ -243,7 +243,7 @@ pub(crate) fn begin_cluster(
     scratch.done.clear();
     scratch.done.resize(end - first, false);
     for (block, polygons) in level.polygons[blocks.clone()].iter().enumerate() {
-        let mut chosen = choose(polygons, frame);
+        let mut chosen = worth_drawing(polygons, frame);
         while chosen != 0 {
             let at = block * WIDTH + chosen.trailing_zeros() as usize % WIDTH;
             chosen &= chosen - 1;
@@ -276,7 +276,7 @@ fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &Oc
 
 /// Returns the mask of the polygons that cover enough pixels to be worth drawing, as estimated.
 #[inline(always)]
-fn choose(polygons: &Polygons, frame: &LevelFrame) -> u32 {
+fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     let eye = frame.eye.as_vec3().to_array();
     let mut chosen = [0; WIDTH];
     for i in 0..WIDTH {
@@ -328,6 +328,7 @@ fn draw_polygon(
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
     // Whether vertices of edges that may be cut are moved into the plane at `far`. `None` before such an edge.
     let mut flattened = None;
+    *work += POLYGON_WORK;
     edges.clear();
     clip.edges.clear();
     let (mut joined, mut most_w, mut nearest_w) = (false, 0.0f32, f32::INFINITY);
@@ -382,7 +383,7 @@ fn draw_polygon(
     let plane = depth_plane(frame, polygon.normal, middle, radius, far);
     // A face may be as far behind its outline as the slab is thick.
     let floor = if frame.perspective {
-        down((1.0 / (most_w + 2.0 * thickness * frame.w_per_metre)) * (1.0 - 1e-7))
+        down((1.0 / (most_w + frame.object.error[2] + 2.0 * thickness * frame.w_per_metre)) * (1.0 - 1e-7))
     } else {
         f32::NEG_INFINITY
     };
@@ -391,7 +392,7 @@ fn draw_polygon(
     };
     let mut union = joined.then_some(union);
     let open = simd.find_open_tiles(&keys, tiles, union.as_deref_mut(), &mut fill_scratch.open);
-    *work += POLYGON_WORK + TILE_WORK * open as f32;
+    *work += TILE_WORK * open as f32;
     Some(open > 0 && simd.fill(edges, frame.slack, &keys, coverage, fill_scratch, union, tiles))
 }
 

@@ -3,7 +3,7 @@
 use super::edges::Edges;
 use super::open_tiles::{TileKeys, end_tile, first_tile, first_tiles};
 use super::union::UnionTiles;
-use super::window::{RowEdges, Window, choose, tiles_of};
+use super::window::{RowEdges, Window, edges_of_row, tiles_of};
 use crate::buffer::depth_planes::DepthPlanes;
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
@@ -41,12 +41,13 @@ pub(crate) fn fill(
             continue;
         }
         let (base, of_row, top) = (row * tiles.columns, keys.of_row(row), (row * SIDE) as f32);
-        let [left, right] = choose(edges, top, slack, row_edges).map(|side| side / SIDE as f32);
-        let (meets, end) = (first_tile(left - 0.25), end_tile(right + 0.25, tiles.columns));
+        let [left, right] = edges_of_row(edges, top, slack, row_edges).map(|side| side / SIDE as f32);
+        // Two pixels more on each side than columns are rounded by.
+        let (first_met, end) = (first_tile(left - 0.25), end_tile(right + 0.25, tiles.columns));
         for (column, open) in (x0..).step_by(WIDTH).zip(open) {
             let mut left_open = open
                 & first_tiles(end.saturating_sub(column) as u32)
-                & !first_tiles(meets.saturating_sub(column) as u32);
+                & !first_tiles(first_met.saturating_sub(column) as u32);
             while left_open != 0 {
                 let skipped = left_open.trailing_zeros() as usize % WIDTH;
                 let mut open = left_open >> skipped & 0xff;

@@ -6,7 +6,7 @@ use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, U, project_object};
 use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
-use visibility_core::view::ViewPlanes;
+use visibility_core::view::{Eye, ViewPlanes};
 use visibility_core::{Aabb, View};
 
 /// Maximum error of a vertex in pixels. Vertices with a greater one are projected anew in `f64`.
@@ -94,7 +94,9 @@ impl LevelFrame {
         let (eye, depth) = if perspective {
             (projection.anchor, w.length_squared())
         } else {
-            (x.cross(y).normalize_or_zero(), projection.rows[2].constant * projection.rows[2].constant)
+            // The product of both rows would point backwards in a mirrored picture.
+            let Eye::Direction(along) = view.eye(level.origin) else { return None };
+            (along, projection.rows[2].constant * projection.rows[2].constant)
         };
         let side = projection.size[0].max(projection.size[1]);
         let pixels_per_metre = x.length().max(y.length()) + side * w.length();

@@ -91,7 +91,11 @@ impl TileKeys {
         Some(Self {
             columns: [first_tile(left), end_tile(right, tiles.columns)],
             rows: [first_tile(above).max(frame.rows[0]), end_tile(below, tiles.rows).min(frame.rows[1])],
-            shared_rows: [first_tile(low(shared_above)), end_tile(high(shared_below), tiles.rows)],
+            // An edge that ends just below a row of pixels is near it: a pixel more, so that the row counts.
+            shared_rows: [
+                first_tile(low(shared_above - 1.0)),
+                end_tile(high(shared_below + 1.0), tiles.rows),
+            ],
             sides,
             plane,
             constant: plane[2] - (least(plane[0], 0.0) + least(plane[1], 0.0)),
@@ -140,7 +144,8 @@ pub(crate) fn find_open_tiles(
             let left = column as f32;
             for i in 0..WIDTH {
                 own[i] = keys.at(left + STEPS[i], of_row);
-                is_open[i] = u8::from(own[i] > held[i] * BARELY_NEARER);
+                // Keys of parallel views may be negative.
+                is_open[i] = u8::from((own[i] > held[i]) & (own[i] > held[i] * BARELY_NEARER));
             }
             if shared_first <= row
                 && row < shared_end

@@ -5,11 +5,11 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, least};
 use alloc::vec::Vec;
 
-/// What the polygons of one cluster contribute to each tile. Between two clusters nothing.
+/// What the polygons of one cluster contribute to each tile. Empty between clusters.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UnionTiles {
-    /// Least depth key of the polygons that may meet each tile, row by row. Infinity where none does,
-    /// negative infinity where a polygon was left out.
+    /// Least depth key of the polygons with a shared edge near the row of each tile, row by row. Infinity where
+    /// there is none, negative infinity where a polygon was left out.
     least: Vec<f32>,
     /// Pixels of each tile whose centres an odd number of polygons cover.
     odd: Vec<u64>,
@@ -122,7 +122,7 @@ impl UnionTiles {
             odds.fill(0);
             ends.fill(0);
             for i in 0..SIDE {
-                if draw && masks[i] != 0 {
+                if draw && masks[i] != 0 && self.least[first + i] < f32::INFINITY {
                     tiles.cover(first + i, masks[i], self.least[first + i], 0);
                 }
             }

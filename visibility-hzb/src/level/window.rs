@@ -13,7 +13,7 @@ const ROWS: [f32; SIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Returns a word whose bits from `column` on are set: none from 64 on.
 #[inline(always)]
-fn from(column: u32) -> u64 {
+fn bits_from(column: u32) -> u64 {
     if column < 64 { u64::MAX << column } else { 0 }
 }
 
@@ -89,10 +89,10 @@ impl Window {
         }
         let ends_union = if edges.shared >> i & 1 == 0 { u64::MAX } else { 0 };
         for row in 0..SIDE {
-            let near = from(first[row]) & !from(end[row]);
+            let near = bits_from(first[row]) & !bits_from(end[row]);
             self.near_end[row] |= near & ends_union;
             self.near_shared[row] |= near & !ends_union;
-            self.odd[row] ^= from(step[row]);
+            self.odd[row] ^= bits_from(step[row]);
         }
     }
 }
@@ -129,7 +129,7 @@ pub(super) fn tiles_of(rows: &[u64; SIDE]) -> [u64; SIDE] {
 /// the greatest column that the outline may cover or come near. The latter is infinity for an outline that is
 /// cut at the right.
 #[inline(always)]
-pub(super) fn choose(edges: &Edges, top: f32, slack: f32, row: &mut Vec<RowEdges>) -> [f32; 2] {
+pub(super) fn edges_of_row(edges: &Edges, top: f32, slack: f32, row: &mut Vec<RowEdges>) -> [f32; 2] {
     row.clear();
     let (first, last) = (top - slack, top + SIDE as f32 + slack);
     let (mut least_left, mut most_right) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
