@@ -265,6 +265,12 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         self.scene
     }
 
+    /// Returns whether a second visit of a node finds what the first one kept: not in a set that was filled for
+    /// another layout of the scene, all of whose nodes begin with all candidates.
+    pub(crate) fn is_current(&self) -> bool {
+        self.is_current
+    }
+
     /// Returns the number of leaves with candidates in and below a node that this walk has neither visited
     /// nor accepted. 1 for every node of another hierarchy than the scene's own.
     pub(crate) fn leaves_below(&self, node: usize) -> u32 {

@@ -472,14 +472,14 @@ impl OcclusionMap for Hzb {
             let sides = sides(&self.projection, [0, self.tiles.rows]);
             let frames = self.levels.iter().map(|level| {
                 let is_in_view = level.is_in_view(&sides, origin);
-                is_in_view.then(|| LevelFrame::new(view, level, self.size, padded)).flatten()
+                is_in_view.then(|| LevelFrame::new(view, level, self.size, padded, self.coverage)).flatten()
             });
             self.level_frames.clear();
             self.level_frames.extend(frames);
             let (levels, frames) = (&self.levels, &self.level_frames);
             let (raster, tiles) = (&mut self.level_raster, &mut self.tiles);
             let spent;
-            (self.nearest, spent) = raster.draw(self.simd, levels, frames, self.coverage, work, jobs, tiles);
+            (self.nearest, spent) = raster.draw(self.simd, levels, frames, work, jobs, tiles);
             self.pyramid.update(&mut self.tiles);
             return spent;
         }

@@ -72,7 +72,7 @@ fn content_that_cannot_be_drawn_is_refused() {
     let vertices = FRONT + 4;
     let shapes = vertices + 12 * level.vertices().len() + 4;
     // The numbers of the first cluster: its vertices, its polygons; edges, sides and vertices of the first.
-    let numbers = shapes + 48 * level.polygons().len() + 8;
+    let numbers = shapes + 56 * level.polygons().len() + 8;
     let [nan, two] = [f64::NAN, 2.0].map(f64::to_le_bytes);
     for (at, bytes, said) in [
         (12, &[2][..], "a structure of kind 2"),
@@ -85,6 +85,8 @@ fn content_that_cannot_be_drawn_is_refused() {
         (shapes + 32, &(-1e9f64).to_le_bytes(), "a polygon has no plane"),
         (shapes + 40, &(-1.0f64).to_le_bytes(), "a polygon has no plane"),
         (shapes + 40, &nan, "a polygon has no plane"),
+        (shapes + 48, &nan, "a polygon has faces that do not face"),
+        (shapes + 48, &0.0f64.to_le_bytes(), "a polygon has faces that do not face"),
         (numbers - 8, &[255], "more is announced than there is"),
         (numbers - 8, &[2], "the content goes on after its end"),
         (numbers, &[127], "a cluster has more vertices than there are"),
@@ -103,7 +105,7 @@ fn content_that_cannot_be_drawn_is_refused() {
     let other = if first[1] == first[0] + 1 { first[0] + 2 } else { first[0] + 1 };
     assert!(problem(&level, numbers + 5, &[other as u8]).contains("an outline is not closed"));
     // A vertex, or a polygon, of no cluster.
-    for (count, bytes) in [(FRONT, 12), (FRONT + 4, 48)] {
+    for (count, bytes) in [(FRONT, 12), (FRONT + 4, 56)] {
         let mut file = LevelOccluders::default().to_bytes();
         file[count] = 1;
         file.splice(count + 4..count + 4, vec![0; bytes]);

@@ -168,6 +168,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         self.map.flush();
         let is_all_tested = begins
             && H::IS_OF_SCENE
+            && walk.is_current()
             && self.map.answers_at_once()
             && self.queue.is_empty()
             && walk.stats.occluders == 0;

@@ -9,7 +9,6 @@ use super::draw::{CANDIDATE_WORK, Candidate, LevelScratch, draw_candidates};
 use super::frame::LevelFrame;
 use super::prepared::PreparedLevel;
 use crate::buffer::tiles::Tiles;
-use crate::coverage::Coverage;
 use crate::lanes::greatest;
 use crate::simd::Kernels;
 use alloc::sync::Arc;
@@ -49,13 +48,11 @@ impl LevelRaster {
     /// `work` is spent, in triangles: in bands on the threads of a job system, if there is one. `frames` has
     /// the view for each level, `None` for a level that is not drawn. Returns an upper bound on the depth keys
     /// of what was drawn, and the work spent.
-    #[allow(clippy::too_many_arguments)]
     pub(crate) fn draw(
         &mut self,
         simd: Simd,
         levels: &[Arc<PreparedLevel>],
         frames: &[Option<LevelFrame>],
-        coverage: Coverage,
         work: f32,
         jobs: Option<&dyn Jobs>,
         tiles: &mut Tiles,
@@ -65,7 +62,7 @@ impl LevelRaster {
         let (nearest, drawn) = match jobs {
             None => {
                 let scratch = &mut self.scratch;
-                draw_candidates(simd, levels, frames, coverage, candidates, left, scratch, tiles)
+                draw_candidates(simd, levels, frames, candidates, left, scratch, tiles)
             }
             Some(jobs) => {
                 let empty = || Band {
@@ -91,7 +88,7 @@ impl LevelRaster {
                     tiles.clear();
                     own.clear();
                     own.extend(frames.iter().map(|frame| frame.as_ref().map(|f| f.of_rows(rows.range()))));
-                    *drawn = draw_candidates(simd, levels, own, coverage, candidates, left, scratch, tiles);
+                    *drawn = draw_candidates(simd, levels, own, candidates, left, scratch, tiles);
                     rows.copy(tiles);
                 });
                 tiles.take_depth_planes(bands.each_ref().map(|band| &band.tiles));

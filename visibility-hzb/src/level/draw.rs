@@ -10,7 +10,6 @@ use super::union::UnionTiles;
 use super::vertices::Vertices;
 use crate::buffer::tile_layout::{Rectangle, SIDE};
 use crate::buffer::tiles::Tiles;
-use crate::coverage::Coverage;
 use crate::lanes::{WIDTH, bits, greatest, least};
 use crate::query::box_projection::project;
 use crate::rounding::down;
@@ -85,12 +84,10 @@ pub(crate) struct LevelScratch {
 /// Draws clusters of levels into the frames' rows of `tiles`, in the order of `candidates`, until about `work`
 /// is spent, in triangles. `frames` has the view for each level. Returns an upper bound on the depth keys of
 /// what was drawn, and the work spent.
-#[allow(clippy::too_many_arguments)]
 pub(crate) fn draw_candidates(
     simd: Simd,
     levels: &[Arc<PreparedLevel>],
     frames: &[Option<LevelFrame>],
-    coverage: Coverage,
     candidates: &[Candidate],
     work: f32,
     scratch: &mut LevelScratch,
@@ -111,7 +108,7 @@ pub(crate) fn draw_candidates(
                 continue;
             }
         }
-        if draw_cluster(simd, level, frame, coverage, candidate.cluster as usize, scratch, tiles) {
+        if draw_cluster(simd, level, frame, candidate.cluster as usize, scratch, tiles) {
             nearest = greatest(candidate.nearest, nearest);
         }
     }
@@ -189,7 +186,6 @@ fn draw_cluster(
     simd: Simd,
     level: &PreparedLevel,
     frame: &LevelFrame,
-    coverage: Coverage,
     index: usize,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
@@ -214,7 +210,7 @@ fn draw_cluster(
         let mut next = 0;
         while let Some(&at) = scratch.waiting.get(next) {
             next += 1;
-            match draw_polygon(simd, level, frame, coverage, index, at as usize, scratch, tiles) {
+            match draw_polygon(simd, level, frame, index, at as usize, scratch, tiles) {
                 Some(any) => drawn |= any,
                 None => whole = false,
             }
@@ -312,7 +308,6 @@ fn draw_polygon(
     simd: Simd,
     level: &PreparedLevel,
     frame: &LevelFrame,
-    coverage: Coverage,
     index: usize,
     at: usize,
     scratch: &mut LevelScratch,
@@ -393,7 +388,7 @@ fn draw_polygon(
     let mut union = joined.then_some(union);
     let open = simd.find_open_tiles(&keys, tiles, union.as_deref_mut(), &mut fill_scratch.open);
     *work += TILE_WORK * open as f32;
-    Some(open > 0 && simd.fill(edges, frame.slack, &keys, coverage, fill_scratch, union, tiles))
+    Some(open > 0 && simd.fill(edges, frame.slack, &keys, frame.coverage, fill_scratch, union, tiles))
 }
 
 /// Returns whether a polygon may cover pixels that hold nothing as near: one within `bounds` (least column,

@@ -2,6 +2,7 @@
 
 use super::prepared::PreparedLevel;
 use crate::buffer::tile_layout::SIDE;
+use crate::coverage::Coverage;
 use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, U, project_object};
@@ -71,6 +72,8 @@ pub(crate) struct LevelFrame {
     pub(super) sides: [[f32; 5]; 5],
     /// Greatest change of `w` over one metre.
     pub(super) w_per_metre: f64,
+    /// Rule of which pixels an outline covers.
+    pub(super) coverage: Coverage,
     /// Rows of tiles that are drawn, half-open: all rows, or those of a band.
     pub(super) rows: [usize; 2],
 }
@@ -83,6 +86,7 @@ impl LevelFrame {
         level: &PreparedLevel,
         picture: [usize; 2],
         size: [usize; 2],
+        coverage: Coverage,
     ) -> Option<Self> {
         let projection = ScreenProjection::new(view, level.origin, picture, size);
         let reach = level.reach.to_array().map(up);
@@ -119,6 +123,7 @@ impl LevelFrame {
         Some(Self {
             sides: sides(&projection, rows).map(|side| side.map(|value| value as f32)),
             rows,
+            coverage,
             projection32: ScreenProjection32::new(&projection),
             object,
             plane_errors: [object.determinant_error(), object.cross_error(projection.size)],
