@@ -27,8 +27,8 @@ use visibility_region::ExtendedProjectionCuller;
 /// results of former methods are not taken.
 const METHODS: u32 = 11;
 
-/// Number of stages of a bake. All groups of viewcells are swept; then all viewcells; then all are looked from
-/// along rays; then, where the gap is not met, boxes are proven hidden, and in the end triangles.
+/// Number of stages of a bake. All groups of viewcells are swept; then all viewcells; then all are looked
+/// from along rays; then, where the gap is not met, boxes are proven hidden, and in the end triangles.
 const STAGES: usize = 5;
 /// The stage of the sweeps of groups, whose results all viewcells of a group take.
 const GROUP: u32 = 0;
@@ -236,8 +236,8 @@ impl<'a> SandwichBaker<'a> {
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
     /// must run: no stage takes all of the time. After a third of it, viewcells whose groups are not swept
     /// wait until all others are done; after half, viewcells are not swept by themselves, and what their
-    /// groups have left goes on to the later stages; after three quarters, those without rays wait. The caller
-    /// ends the bake. Sweeps that were left out stay so when the bake is resumed.
+    /// groups have left goes on to the later stages; after three quarters, those without rays wait. The
+    /// caller ends the bake. Sweeps that were left out stay so when the bake is resumed.
     #[must_use]
     pub fn with_time(mut self, time: Duration) -> Self {
         let now = (self.clock)();

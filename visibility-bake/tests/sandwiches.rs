@@ -122,8 +122,8 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
         assert_eq!(bake.progress().done, 4);
         bake.run()
     });
-    // For each viewcell the clock is asked twice for the sweep of its group, twice for its own, and then three
-    // times for rays and twice for proofs of boxes; the gap is met.
+    // For each viewcell the clock is asked twice for the sweep of its group, twice for its own, and then
+    // three times for rays and twice for proofs of boxes; the gap is met.
     let seconds = |of: fn(&MethodTimes) -> Duration| {
         let mut seconds: Vec<u64> = outcome.times.iter().map(|times| of(times).as_secs()).collect();
         seconds.sort_unstable();

@@ -96,8 +96,8 @@ pub trait Baker: Sync {
     }
 
     /// Returns the stage of an item: an item is worked on when the results of all items of lower stages have
-    /// been merged. The stage may change between rounds, when the baker puts items off; the items that an item
-    /// needs must stay before it. The default is one stage for all.
+    /// been merged. The stage may change between rounds, when the baker puts items off; the items that an
+    /// item needs must stay before it. The default is one stage for all.
     fn stage(&self, item: u32) -> u32 {
         let _ = item;
         0

@@ -4,11 +4,13 @@
 mod frame_changes;
 mod leaf_walk;
 mod result;
+mod split_scratch;
 
 pub use result::BitsError;
+pub(crate) use split_scratch::{NewMasks, Part, SplitScratch};
 
 use crate::scene::{NONE, Token, Tree, lanes};
-use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp, walk::SplitScratch};
+use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
 use alloc::vec::Vec;
 use frame_changes::Changes;
 use leaf_walk::{LeafWalk, lanes_on_layers};

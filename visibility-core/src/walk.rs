@@ -11,7 +11,7 @@ mod check;
 mod split;
 
 pub use check::first_misplaced;
-pub(crate) use split::{NodeTest, SplitScratch, retain_on};
+pub(crate) use split::{NodeTest, retain_on};
 
 use crate::scene::{Boxes64, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, VisibleSet};
@@ -265,8 +265,8 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
         self.scene
     }
 
-    /// Returns whether a second visit of a node finds what the first one kept: not in a set that was filled for
-    /// another layout of the scene, all of whose nodes begin with all candidates.
+    /// Returns whether a second visit of a node finds what the first one kept: not in a set that was filled
+    /// for another layout of the scene, all of whose nodes begin with all candidates.
     pub(crate) fn is_current(&self) -> bool {
         self.is_current
     }

@@ -748,8 +748,8 @@ fn occluders_behind_what_the_map_holds_already_are_not_looked_at() {
     assert!(stats.tests < 200, "{stats:?}");
 }
 
-/// Frames from which nothing is hidden are left out after some, but never for long, and what was left out does
-/// not last: where frames pay, all are worked on, with the answers of a new culler.
+/// Frames from which nothing is hidden are left out after some, but never for long, and what was left out
+/// does not last: where frames pay, all are worked on, with the answers of a new culler.
 #[test]
 fn frames_that_do_not_pay_are_left_out_for_a_while() {
     let scene = city(100);

@@ -82,8 +82,8 @@ fn bumpy(random: &mut Random, cells: usize, size: f32) -> Vec<[Vec3; 3]> {
         .collect()
 }
 
-/// Returns a random level: rooms, boxes that touch, sheets, grounds, curved walls. Triangles of the same level hide from
-/// one side or from both.
+/// Returns a random level: rooms, boxes that touch, sheets, grounds, curved walls. Triangles of the same
+/// level hide from one side or from both.
 pub(crate) fn triangles(random: &mut Random) -> Vec<LevelTriangle> {
     let mut out = Vec::new();
     let mut add = |random: &mut Random, triangles: Vec<[Vec3; 3]>| {
@@ -618,8 +618,8 @@ fn seams_are_reported_unless_a_level_closes_them() {
     assert_eq!(lack_of(Hzb::default().with_level(level, DVec3::ZERO), &bare), 0);
 }
 
-/// An edge that two polygons share ends exactly as far below the last row of pixels of a row of tiles as edges
-/// are near: the lower polygon does not reach these tiles, the upper one comes near the edge there.
+/// An edge that two polygons share ends exactly as far below the last row of pixels of a row of tiles as
+/// edges are near: the lower polygon does not reach these tiles, the upper one comes near the edge there.
 #[test]
 fn a_shared_edge_beside_a_row_of_tiles_covers_nothing_nearer_than_its_polygons() {
     let row = 64.0 + 7.0 / 128.0;

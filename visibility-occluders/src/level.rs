@@ -35,11 +35,11 @@ impl LevelSettings {
         Self { flatness: flatness.max(0.0), ..self }
     }
 
-    /// Sets how far a polygon's vertices may be off the plane of its first face, as a share of the square root
-    /// of its area, where that is more than the [flatness](Self::with_flatness). 0.03 by default, which gives
-    /// terrain and curved walls a half to a third of the polygons that 0 gives. Greater values give fewer
-    /// polygons, which count as farther away by as much, and hide nothing from an eye within that distance.
-    /// Below 0 or NaN counts as 0.
+    /// Sets how far a polygon's vertices may be off the plane of its first face, as a share of the square
+    /// root of its area, where that is more than the [flatness](Self::with_flatness). 0.03 by default, which
+    /// gives terrain and curved walls a half to a third of the polygons that 0 gives. Greater values give
+    /// fewer polygons, which count as farther away by as much, and hide nothing from an eye within that
+    /// distance. Below 0 or NaN counts as 0.
     #[must_use]
     pub fn with_bulge(self, bulge: f64) -> Self {
         Self { bulge: bulge.max(0.0), ..self }

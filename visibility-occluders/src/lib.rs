@@ -4,7 +4,8 @@
 //! made of dozens, each with open edges, so that no pixel along a seam counts as covered. [`LevelOccluders`]
 //! takes all opaque, static triangles of a level at once. It welds corners at equal positions, resolves
 //! T-junctions, joins neighbours that are flat together, or nearly so, into polygons with one outline, leaves
-//! out the smallest, and puts the others in clusters. What the polygons hide, the triangles hide: nothing is moved or closed.
+//! out the smallest, and puts the others in clusters. What the polygons hide, the triangles hide: nothing is
+//! moved or closed.
 #![no_std]
 #![forbid(unsafe_code)]
 extern crate alloc;

@@ -18,13 +18,14 @@ const STANDING: [f64; 2] = [1.0, 2.0];
 /// Where viewcells are.
 #[derive(Args, Clone, PartialEq, Debug)]
 pub struct Places {
-    /// Places of the viewcells: `stand` for the boxes of a grid above all floors where one can stand, 1
-    /// to 2 m high, without what opaque objects separate from there; `walks` for those that the scene's walks pass, without what
-    /// opaque objects separate from the walks; `free` for those, and all that a walking camera reaches from
-    /// the walks (or from --from) without passing through opaque objects; `grid` for all boxes over the
-    /// scene, or over --over; `graph` for the scene's own cells; or a file (.glb, .gltf, .vscn) of walkable
-    /// triangles, such as a navigation mesh, for the boxes above them. By default `grid` with --over, `free`
-    /// with --from, `walks` for a scene with cameras, else `stand`. An eye outside all viewcells sees everything.
+    /// Places of the viewcells: `stand` for the boxes of a grid above all floors where one can stand, 1 to 2
+    /// m high, without what opaque objects separate from there; `walks` for those that the scene's walks
+    /// pass, without what opaque objects separate from the walks; `free` for those, and all that a walking
+    /// camera reaches from the walks (or from --from) without passing through opaque objects; `grid` for all
+    /// boxes over the scene, or over --over; `graph` for the scene's own cells; or a file (.glb, .gltf,
+    /// .vscn) of walkable triangles, such as a navigation mesh, for the boxes above them. By default `grid`
+    /// with --over, `free` with --from, `walks` for a scene with cameras, else `stand`. An eye outside all
+    /// viewcells sees everything.
     #[arg(long, value_name = "PLACES|FILE")]
     pub cells: Option<Placement>,
 

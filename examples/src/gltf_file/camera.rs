@@ -1,14 +1,14 @@
 //! The perspective cameras of a glTF document.
 
-use super::nodes::Nodes;
 use crate::json::list;
 use crate::walk::{CameraKey, Walk};
+use glam::DMat4;
 use serde_json::Value;
 
 /// Perspective camera of a node.
 pub(super) struct Camera {
     /// Index of the node.
-    node: usize,
+    pub node: usize,
     name: String,
     /// Vertical field of view in radians.
     fov_y: f64,
@@ -35,16 +35,14 @@ impl Camera {
         list(root, "nodes").iter().enumerate().filter_map(of_node).collect()
     }
 
-    /// Returns the walk of the camera, with one key at rest. `None` if its node is not in the scene that is
-    /// read, or its field of view or its place cannot be used.
-    pub(super) fn walk(&self, nodes: &Nodes) -> Option<Walk> {
-        let world = nodes.worlds[self.node];
+    /// Returns the walk of the camera, with one key at rest. `world` is the transform of its node. `None` if
+    /// its field of view or its place cannot be used.
+    pub(super) fn walk(&self, world: &DMat4) -> Option<Walk> {
         let fov_y_degrees = self.fov_y.to_degrees() as f32;
         let (eye, ahead) = (world.w_axis.truncate(), -world.z_axis.truncate().try_normalize()?);
         let up = world.y_axis.truncate().try_normalize()?.as_vec3();
         let is_usable = fov_y_degrees > 0.0 && fov_y_degrees < 180.0 && eye.is_finite();
         let key = CameraKey { eye, target: eye + ahead * eye.abs().max_element().max(1.0) };
-        let is_placed = nodes.placed.contains(&self.node);
-        (is_placed && is_usable).then(|| Walk { name: self.name.clone(), fov_y_degrees, up, keys: vec![key] })
+        is_usable.then(|| Walk { name: self.name.clone(), fov_y_degrees, up, keys: vec![key] })
     }
 }

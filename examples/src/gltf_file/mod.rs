@@ -89,7 +89,8 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
     collector.bound_movers();
     let (origin, objects) = (collector.origin, collector.objects);
     document.unread.without_triangles = collector.without_triangles;
-    let walks: Vec<_> = document.cameras.iter().filter_map(|camera| camera.walk(&nodes)).collect();
+    let placed = document.cameras.iter().filter(|camera| nodes.placed.contains(&camera.node));
+    let walks: Vec<_> = placed.filter_map(|camera| camera.walk(&nodes.worlds[camera.node])).collect();
     document.unread.cameras = document.unread.cameras.saturating_sub(walks.len());
 
     let movers = objects.iter().filter(|object| object.motion.is_some()).count();

@@ -15,8 +15,8 @@ const EYE: f32 = 1.6;
 const STEP: f32 = 0.5;
 /// Depth in metres below a place from which on something there makes it a roof.
 const ROOF: f32 = 2.0;
-/// Greatest part of all columns with anything that a roof covers, and greatest area in square metres of a roof
-/// that covers more.
+/// Greatest part of all columns with anything that a roof covers, and greatest area in square metres of a
+/// roof that covers more.
 const ROOF_SHARE: f64 = 0.25;
 const ROOF_AREA: f64 = 900.0;
 /// Number of a place that is none.

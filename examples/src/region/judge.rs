@@ -8,7 +8,7 @@
 //! Viewpoints keep a millionth of the viewcell's extent from its sides. The item buffer has a near plane at a
 //! micrometre: with one at the near plane of a camera, viewpoints beside a wall would see through the wall.
 
-use super::trial::timed;
+use super::timing::timed;
 use crate::SourceObject;
 use crate::walkthrough::World;
 use glam::{DVec3, Vec3};

@@ -11,6 +11,7 @@ pub mod output;
 pub mod picture;
 pub mod planes;
 pub mod plot;
+mod timing;
 pub mod trial;
 
 use crate::SceneSource;

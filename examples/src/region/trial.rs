@@ -2,7 +2,7 @@
 
 use super::judge::LeftOut;
 use super::methods::{Method, Sandwich};
-use std::time::Instant;
+use super::timing::timed;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, Scene, VisibleSet};
@@ -40,21 +40,4 @@ pub fn run(name: &str, method: &mut dyn Method, scene: &Scene, cell: &Viewcell) 
     let sandwich = method.sandwich();
     let left_out = LeftOut::default();
     Trial { method: name.to_owned(), accuracy: method.accuracy(), seconds, reported, sandwich, left_out }
-}
-
-/// Runs a function, and returns its result and the seconds that it took.
-pub fn timed<T>(run: impl FnOnce() -> T) -> (T, f64) {
-    let (clock, processor) = (Instant::now(), processor_seconds());
-    let result = run();
-    let seconds = match (processor, processor_seconds()) {
-        (Some(before), Some(after)) => after - before,
-        _ => clock.elapsed().as_secs_f64(),
-    };
-    (result, seconds)
-}
-
-/// Returns the processor time of this thread so far, in seconds. `None` where the system does not tell.
-fn processor_seconds() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
 }

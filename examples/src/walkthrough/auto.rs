@@ -50,8 +50,8 @@ pub struct Advice {
 
 /// Tries the given cullers and advises the one with the least time to cull and draw, among those that promise
 /// to hide no visible object and kept the promise. The first entry should be `frustum`, with which the advice
-/// is compared; cullers that do not suit the scene are skipped. Unless the choice is `thorough`, it ends after
-/// about ten seconds, and says what it has not tried.
+/// is compared; cullers that do not suit the scene are skipped. Unless the choice is `thorough`, it ends
+/// after about ten seconds, and says what it has not tried.
 ///
 /// # Errors
 ///

@@ -128,8 +128,8 @@ pub fn quoted(word: &str) -> String {
     }
 }
 
-/// Bakes viewcells with the eyes of some views, in a few seconds or within `limit`, and culls these views by them, and by the
-/// culler `advised`, an entry of [`cullers`].
+/// Bakes viewcells with the eyes of some views, in a few seconds or within `limit`, and culls these views by
+/// them, and by the culler `advised`, an entry of [`cullers`].
 ///
 /// # Errors
 ///

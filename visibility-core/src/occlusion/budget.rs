@@ -90,8 +90,8 @@ impl Budget {
         self.spent += work;
     }
 
-    /// Returns the work that a map may spend on occluders of its own, if `objects` may be found hidden. With a
-    /// price of 0 all that leaves the search a share.
+    /// Returns the work that a map may spend on occluders of its own, if `objects` may be found hidden. With
+    /// a price of 0 all that leaves the search a share.
     pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {
         let worth = if self.price > 0.0 { self.worth(objects) } else { f32::INFINITY };
         worth.min(OWN_SHARE * (self.limit - self.reserve))
@@ -153,8 +153,9 @@ const MOST_FRAMES_LEFT_OUT: u32 = 64;
 
 /// What the frames of a culler so far have shown: whether finding hidden objects pays.
 ///
-/// Where it does not for [`MOST_LOSSES`] frames in a row, as in the view of a bird, frames are left out until they have
-/// saved what the last one spent in vain. Then a frame tries again. Objects of frames left out stay visible.
+/// Where it does not for [`MOST_LOSSES`] frames in a row, as in the view of a bird, frames are left out until
+/// they have saved what the last one spent in vain. Then a frame tries again. Objects of frames left out stay
+/// visible.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {
     /// Number of frames in a row that did not pay.

@@ -108,8 +108,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     }
 
     /// Bounds the work of a frame, in triangles: with the z-buffer, ten of them take about a microsecond.
-    /// 32,768 by default; `u32::MAX` for no bound. A frame draws occluders with at most half of it, and from the
-    /// bound on tests no more objects and reports the rest. The last node tested, batch of occluders, or
+    /// 32,768 by default; `u32::MAX` for no bound. A frame draws occluders with at most half of it, and from
+    /// the bound on tests no more objects and reports the rest. The last node tested, batch of occluders, or
     /// cluster of a level may exceed the bound, and so may the search for a level's clusters in view. It does
     /// not cover emptying the map, which takes longer the larger the map is.
     pub fn with_work_limit(self, triangles: u32) -> Self {

@@ -108,14 +108,14 @@ pub trait OcclusionMap {
     /// the world-space origin of the scene.
     fn begin(&mut self, view: &View, origin: DVec3);
 
-    /// As [`begin`](Self::begin), for a map that [draws](Self::draws) occluders by itself: nearest first, with at
-    /// most about `work`, in triangles, the unit of the [price](OcclusionCuller::with_price) of hiding an
-    /// object; with 0, less or NaN none. What is not drawn hides nothing in the frame. Draws on the threads of
-    /// a job system if there is one. Returns the work spent.
+    /// As [`begin`](Self::begin), for a map that [draws](Self::draws) occluders by itself: nearest first,
+    /// with at most about `work`, in triangles, the unit of the [price](OcclusionCuller::with_price) of
+    /// hiding an object; with 0, less or NaN none. What is not drawn hides nothing in the frame. Draws on the
+    /// threads of a job system if there is one. Returns the work spent.
     ///
     /// What the map holds does not depend on the job system or its number of threads. It may differ from what
-    /// it holds without one within the [accuracy](Self::accuracy). The default calls [`begin`](Self::begin) and
-    /// returns 0; a map that wraps another passes on both, and `draws`.
+    /// it holds without one within the [accuracy](Self::accuracy). The default calls [`begin`](Self::begin)
+    /// and returns 0; a map that wraps another passes on both, and `draws`.
     fn begin_within(&mut self, view: &View, origin: DVec3, _work: f32, _jobs: Option<&dyn Jobs>) -> f32 {
         self.begin(view, origin);
         0.0
@@ -137,9 +137,9 @@ pub trait OcclusionMap {
         occluder.triangles().len()
     }
 
-    /// Returns whether the map draws an object by itself when a frame [begins](Self::begin), as part of a level,
-    /// even if the work of a frame ends before its turn. The object's occluder is then never added to the map.
-    /// False by default.
+    /// Returns whether the map draws an object by itself when a frame [begins](Self::begin), as part of a
+    /// level, even if the work of a frame ends before its turn. The object's occluder is then never added to
+    /// the map. False by default.
     fn draws(&self, object: ObjectId) -> bool {
         let _ = object;
         false

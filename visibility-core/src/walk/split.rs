@@ -1,12 +1,13 @@
 //! A walk of the scene's hierarchy on several threads.
 //!
 //! The nodes above the parents of leaves are few and are tested first, on one thread. The subtrees that are
-//! left, of at most 64 leaves each, are dealt out to a fixed number of parts. A part reads the masks of the set
-//! and keeps the masks that it finds in memory of its own. At the end they are written to the set.
+//! left, of at most 64 leaves each, are dealt out to a fixed number of parts. A part reads the masks of the
+//! set and keeps the masks that it finds in memory of its own. At the end they are written to the set.
 
 use super::{Block, Child, Children};
 use crate::jobs::{Jobs, for_each_part};
 use crate::scene::{NONE, lanes};
+use crate::visible_set::{NewMasks, Part, SplitScratch};
 use crate::{CullStats, Scene, VisibleSet};
 use alloc::vec::Vec;
 
@@ -37,63 +38,6 @@ pub(crate) trait NodeTest: Sync {
 
     /// Returns what is known of the child in a lane that the test has kept.
     fn below(&self, found: &Self::Found, known: u32, lane: usize) -> u32;
-}
-
-/// Memory of walks on several threads, kept from frame to frame.
-#[derive(Clone, Debug)]
-pub(crate) struct SplitScratch {
-    /// Subtrees in the order of the walk: root, and what is known of it.
-    subtrees: Vec<(u32, u32)>,
-    /// Empty before the first walk, then [`PARTS`] elements. Subtree `i` is of part `i % PARTS`.
-    parts: Vec<Part>,
-}
-
-impl SplitScratch {
-    pub(crate) const EMPTY: Self = Self { subtrees: Vec::new(), parts: Vec::new() };
-}
-
-/// What a part of a walk has found.
-#[derive(Clone, Debug, Default)]
-struct Part {
-    masks: NewMasks,
-    /// For each subtree of the part, whether any object is left.
-    is_any_left: Vec<bool>,
-    stats: CullStats,
-}
-
-/// New masks of nodes. Siblings are mostly numbered one after the other, so that runs of masks can be copied.
-#[derive(Clone, Debug, Default)]
-struct NewMasks {
-    masks: Vec<u64>,
-    /// First node of each run of consecutive nodes, and the length of the run.
-    runs: Vec<(u32, u32)>,
-}
-
-impl NewMasks {
-    fn clear(&mut self) {
-        self.masks.clear();
-        self.runs.clear();
-    }
-
-    /// Appends the mask of a node.
-    #[inline(always)]
-    fn push(&mut self, node: usize, mask: u64) {
-        match self.runs.last_mut() {
-            Some((first, length)) if *first + *length == node as u32 => *length += 1,
-            _ => self.runs.push((node as u32, 1)),
-        }
-        self.masks.push(mask);
-    }
-
-    /// Writes the masks to a set.
-    fn write(&self, visible: &mut VisibleSet) {
-        let mut rest = &self.masks[..];
-        for &(first, length) in &self.runs {
-            let (run, others) = rest.split_at(length as usize);
-            visible.set_masks(first as usize, run);
-            rest = others;
-        }
-    }
 }
 
 /// Removes from `visible` the objects that `test` does not keep, on the threads of a job system. `known` is
@@ -143,7 +87,7 @@ pub(crate) fn retain_on<T: NodeTest>(
             });
         }
         for part in &scratch.parts {
-            part.masks.write(visible);
+            part.masks.runs().for_each(|(first, run)| visible.set_masks(first, run));
             let before = stats.visible;
             stats += part.stats;
             stats.visible += before;

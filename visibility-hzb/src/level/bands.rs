@@ -46,8 +46,8 @@ struct Band {
 impl LevelRaster {
     /// Draws levels into `tiles`, which are empty, the nearest clusters of all of them first, until about
     /// `work` is spent, in triangles: in bands on the threads of a job system, if there is one. `frames` has
-    /// the view for each level, `None` for a level that is not drawn. Returns an upper bound on the depth keys
-    /// of what was drawn, and the work spent.
+    /// the view for each level, `None` for a level that is not drawn. Returns an upper bound on the depth
+    /// keys of what was drawn, and the work spent.
     pub(crate) fn draw(
         &mut self,
         simd: Simd,
@@ -100,8 +100,8 @@ impl LevelRaster {
         (nearest, spent + drawn)
     }
 
-    /// Replaces the candidates by the clusters of all levels that may be seen, nearest first. Returns the work
-    /// spent.
+    /// Replaces the candidates by the clusters of all levels that may be seen, nearest first. Returns the
+    /// work spent.
     fn find_candidates(
         &mut self,
         simd: Simd,

@@ -133,8 +133,8 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
 mod tests {
     use super::*;
 
-    /// Points too near the eye's plane have columns and rows that are no numbers. Their polygon is not drawn in
-    /// the end, by its error.
+    /// Points too near the eye's plane have columns and rows that are no numbers. Their polygon is not drawn
+    /// in the end, by its error.
     #[test]
     fn edges_to_points_that_are_no_numbers_are_pushed_without_panic() {
         let numbers = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 5.0, -200.0, 200.0];

@@ -81,9 +81,9 @@ pub(crate) struct LevelScratch {
     work: f32,
 }
 
-/// Draws clusters of levels into the frames' rows of `tiles`, in the order of `candidates`, until about `work`
-/// is spent, in triangles. `frames` has the view for each level. Returns an upper bound on the depth keys of
-/// what was drawn, and the work spent.
+/// Draws clusters of levels into the frames' rows of `tiles`, in the order of `candidates`, until about
+/// `work` is spent, in triangles. `frames` has the view for each level. Returns an upper bound on the depth
+/// keys of what was drawn, and the work spent.
 pub(crate) fn draw_candidates(
     simd: Simd,
     levels: &[Arc<PreparedLevel>],
@@ -302,8 +302,8 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// Draws polygon `at` of the cluster with index `index`, and adds its neighbours to those that wait. Returns whether it may have covered a pixel, or
-/// `None` if it could not be drawn.
+/// Draws polygon `at` of the cluster with index `index`, and adds its neighbours to those that wait. Returns
+/// whether it may have covered a pixel, or `None` if it could not be drawn.
 fn draw_polygon(
     simd: Simd,
     level: &PreparedLevel,
@@ -321,7 +321,8 @@ fn draw_polygon(
     let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
-    // Whether vertices of edges that may be cut are moved into the plane at `far`. `None` before such an edge.
+    // Whether vertices of edges that may be cut are moved into the plane at `far`. `None` before such an
+    // edge.
     let mut flattened = None;
     *work += POLYGON_WORK;
     edges.clear();

@@ -153,8 +153,8 @@ impl LevelFrame {
 }
 
 /// Returns the sides of the part of a view that a half-open range of tile rows shows: `a x + b y + c z + d +
-/// e r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the side. Not rounded
-/// conservatively.
+/// e r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the side. Not
+/// rounded conservatively.
 pub(crate) fn sides(projection: &ScreenProjection, rows: [usize; 2]) -> [[f64; 5]; 5] {
     let row = |row: &ScreenRow| {
         let linear = DVec3::from(row.linear);

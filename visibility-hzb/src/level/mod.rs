@@ -5,34 +5,34 @@
 //! A polygon covers the pixels whose centre has an odd number of the outline's edges to the left, and that no
 //! edge comes near: within the *slack* of the closed pixel. Its depth key is that of the plane at the side of
 //! the polygon's slab that is away from the eye. Pixels along an edge that two polygons of a cluster share
-//! would stay bare. So polygons that hang together by edges are covered once more as a whole (`union.rs`). In a
-//! tile, the sum is over the polygons one of whose shared edges comes near a pixel of the tile. Covered are
-//! pixels that an odd number of them covers at the centre, and that no other edge comes near, at the least key
-//! of all polygons whose shared edges come near the tile's row of tiles.
+//! would stay bare. So polygons that hang together by edges are covered once more as a whole (`union.rs`). In
+//! a tile, the sum is over the polygons one of whose shared edges comes near a pixel of the tile. Covered are
+//! pixels that an odd number of them covers at the centre, and that no other edge comes near, at the least
+//! key of all polygons whose shared edges come near the tile's row of tiles.
 //!
 //! # Why it is sound
 //! An outline winds round a line as often as the line goes through faces from front to back, less the times
 //! from back to front ([`LevelOccluders`](visibility_occluders::LevelOccluders)). It does so for all lines
 //! through a pixel that no edge meets alike, and if the number is odd it is not 0: each of the lines goes
-//! through a face, within the slab. The same holds for several polygons together. Any set of them may be summed
-//! if it has both polygons of each shared edge within half the slack of a pixel: the edge is in the sum an even
-//! number of times. It has both: they take the same numbers for the edge's ends, and a tile is passed over only
-//! if the outline is more than two pixels away from it in that row. Where one of the two is not drawn, because
-//! the tile or all of its bounds hold something nearer, the union covers nothing in the tiles that its shared
-//! edges come near.
+//! through a face, within the slab. The same holds for several polygons together. Any set of them may be
+//! summed if it has both polygons of each shared edge within half the slack of a pixel: the edge is in the
+//! sum an even number of times. It has both: they take the same numbers for the edge's ends, and a tile is
+//! passed over only if the outline is more than two pixels away from it in that row. Where one of the two is
+//! not drawn, because the tile or all of its bounds hold something nearer, the union covers nothing in the
+//! tiles that its shared edges come near.
 //!
 //! Polygons need not be flat: their outlines run through the vertices of the level, and all that is said of
 //! windings holds for closed curves in space. What is not flat matters in four places.
 //!
-//! *Sides*: a polygon that hides from its front alone must not count where a line goes through a face from the
-//! back. If the eye is in front of all its faces there is no such line. It is if its height above the slab is
-//! more than its distance from each point of the polygon times the sine of the greatest angle between the
-//! normals of slab and faces. Else the outline must be nearly flat. On the plane it winds round a point at
-//! least 0 times, since all faces are turned to the front by less than a right angle. Moving each vertex from
-//! the plane to its place moves the outline on the screen by no more than the *bend*, which is part of the
-//! slack, so the same holds for the lines of a pixel: an odd number means that more faces are gone through
-//! from the front. In a union it holds for the lines farther from all shared edges than the bend: some line of
-//! each pixel, and with it, since no edge of the sum is near, all.
+//! *Sides*: a polygon that hides from its front alone must not count where a line goes through a face from
+//! the back. If the eye is in front of all its faces there is no such line. It is if its height above the
+//! slab is more than its distance from each point of the polygon times the sine of the greatest angle between
+//! the normals of slab and faces. Else the outline must be nearly flat. On the plane it winds round a point
+//! at least 0 times, since all faces are turned to the front by less than a right angle. Moving each vertex
+//! from the plane to its place moves the outline on the screen by no more than the *bend*, which is part of
+//! the slack, so the same holds for the lines of a pixel: an odd number means that more faces are gone
+//! through from the front. In a union it holds for the lines farther from all shared edges than the bend:
+//! some line of each pixel, and with it, since no edge of the sum is near, all.
 //!
 //! *Depth*: the eye is outside the slab, and a ray reaches the far side of the slab after the face.
 //!

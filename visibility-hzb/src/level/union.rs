@@ -8,8 +8,8 @@ use alloc::vec::Vec;
 /// What the polygons of one cluster contribute to each tile. Empty between clusters.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UnionTiles {
-    /// Least depth key of the polygons with a shared edge near the row of each tile, row by row. Infinity where
-    /// there is none, negative infinity where a polygon was left out.
+    /// Least depth key of the polygons with a shared edge near the row of each tile, row by row. Infinity
+    /// where there is none, negative infinity where a polygon was left out.
     least: Vec<f32>,
     /// Pixels of each tile whose centres an odd number of polygons cover.
     odd: Vec<u64>,
@@ -61,9 +61,9 @@ impl UnionTiles {
         }
     }
 
-    /// Lets the union cover nothing in the tiles of `rows`, a half-open range of tile rows, that meet `bounds`
-    /// (least column, least row, greatest column, greatest row), widened by `slack`: a polygon there is left
-    /// out.
+    /// Lets the union cover nothing in the tiles of `rows`, a half-open range of tile rows, that meet
+    /// `bounds` (least column, least row, greatest column, greatest row), widened by `slack`: a polygon there
+    /// is left out.
     #[inline(always)]
     pub(super) fn leave_out(&mut self, bounds: [f32; 4], slack: f32, rows: [usize; 2], tiles: &Tiles) {
         let low = [bounds[0] - slack, bounds[1] - slack];

@@ -12,8 +12,8 @@ use visibility_core::glam::Vec3;
 pub(super) struct Vertices {
     /// Columns, and rows.
     pub(super) places: [Vec<f32>; 2],
-    /// Whether each vertex is plain: in the guard band and beyond the distance at which outlines are cut, with
-    /// an error of at most [`MAX_ERROR_PX`].
+    /// Whether each vertex is plain: in the guard band and beyond the distance at which outlines are cut,
+    /// with an error of at most [`MAX_ERROR_PX`].
     pub(super) plain: Vec<bool>,
     /// Lower, and upper bounds on the `w` of plain vertices.
     pub(super) w: [Vec<f32>; 2],
