@@ -1,8 +1,8 @@
 //! Camera walks for scenes that bring none: where a person can stand, at the height of the eyes.
 //!
-//! A [map of floors](floor_map) tells where one can stand, and [places](places) which of that is connected.
-//! [Tours](tour) lead through the greatest connected places. Only a scene without any such place, such as a
-//! statue, is looked at from a ring around it. The same scene always gets the same walks.
+//! A map of floors (`floor_map.rs`) tells where one can stand, and the places (`places.rs`) which of that is
+//! connected. Tours (`tour.rs`) lead through the greatest connected places. Only a scene without any such
+//! place, such as a statue, is looked at from a ring around it. The same scene always gets the same walks.
 
 mod floor_map;
 mod places;
@@ -45,7 +45,7 @@ impl MadeUpWalks {
     /// Makes walks for a scene, whose objects `visit` passes on; it is called up to three times, and must
     /// pass on the same objects each time. `scene` has the axis up and the origin; its own objects are not
     /// looked at. Takes time in proportion to the triangles, and at most some seconds and 500 MB for
-    /// the map, which covers at most [256 m](FloorMap::REACH) on each side around the middle of the objects.
+    /// the map, which covers at most 256 m on each side around the middle of the objects.
     pub fn new(scene: &SceneSource, mut visit: impl FnMut(&mut dyn FnMut(&SourceObject))) -> Self {
         let axes = GroundAxes::new(scene.up);
         let mut bounds = crate::source::Bounds::default();

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 /// Runs a function, and returns its result and the seconds that it took.
-pub fn timed<T>(run: impl FnOnce() -> T) -> (T, f64) {
+pub(super) fn timed<T>(run: impl FnOnce() -> T) -> (T, f64) {
     let (clock, processor) = (Instant::now(), processor_seconds());
     let result = run();
     let seconds = match (processor, processor_seconds()) {
