@@ -13,6 +13,8 @@
 #[allow(dead_code, unreachable_pub, unused_imports)]
 #[path = "../../../examples/src/error.rs"]
 mod error;
+#[path = "../../../examples/src/other_formats.rs"]
+mod other_formats;
 #[allow(dead_code, unreachable_pub, unused_imports)]
 #[path = "../../../examples/src/recipes/mod.rs"]
 mod recipes;

@@ -9,6 +9,8 @@
 
 #[path = "../../../../examples/src/error.rs"]
 mod error;
+#[path = "../../../../examples/src/other_formats.rs"]
+mod other_formats;
 #[path = "../../../../examples/src/recipes/mod.rs"]
 mod recipes;
 #[path = "../../../../examples/src/source.rs"]
