@@ -360,6 +360,37 @@ fn the_near_plane_cuts_faces_of_polygons_that_are_not_flat() {
     assert!(covered > 100_000, "{covered} pixels are covered");
 }
 
+/// A terrace with a ramp down from its far edge, as one polygon that hides from its front alone. The eye is
+/// above the terrace and behind the ramp: what is seen past the near edge, under the terrace, is not hidden by
+/// the ramp's back.
+#[test]
+fn the_back_of_a_ramp_hides_nothing() {
+    let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    let terrace =
+        [corner(7.0, -5.0, 1.0), corner(12.0, -5.0, 1.0), corner(12.0, 5.0, 1.0), corner(7.0, 5.0, 1.0)];
+    let ramp = [corner(5.0, -5.0, 0.0), terrace[0], terrace[3], corner(5.0, 5.0, 0.0)];
+    let triangles: Vec<LevelTriangle> = [quad(terrace), quad(ramp)]
+        .concat()
+        .into_iter()
+        .map(|corners| LevelTriangle { corners, two_sided: false })
+        .collect();
+    let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
+    assert_eq!(level.polygons().len(), 1);
+    let mut hzb = Hzb::new(200, 120).unwrap().with_level(level, DVec3::ZERO);
+    let mut random = Random(39);
+    let mut covered = 0;
+    for height in [1.1, 1.3, 2.0, 4.0, 9.0, 14.0] {
+        for x in [14.0, 20.0, 40.0, 2.0] {
+            let pose = Pose::look_at(DVec3::new(x, 0.5, height), DVec3::new(8.0, 0.0, 0.6), DVec3::Z);
+            let view = View::perspective(pose, 1.0, 1.6, 0.01, f64::INFINITY).unwrap();
+            hzb.begin(&view, DVec3::ZERO);
+            hzb.flush();
+            covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "a ramp")[1];
+        }
+    }
+    assert!(covered > 1_000, "{covered} pixels are covered");
+}
+
 /// The peak of a low pyramid that is one polygon reaches through the near plane. All of the outline is beyond
 /// it.
 #[test]
