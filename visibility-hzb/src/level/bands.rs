@@ -45,9 +45,9 @@ struct Band {
 
 impl LevelRaster {
     /// Draws levels into `tiles`, which are empty, the nearest clusters of all of them first, until about
-    /// `work` is spent, in triangles: in bands on the threads of a job system, if there is one. `frames` has
-    /// the view for each level, `None` for a level that is not drawn. Returns an upper bound on the depth
-    /// keys of what was drawn, and the work spent.
+    /// `work` is spent, in triangles: in bands, each of which may spend it, on the threads of a job system,
+    /// if there is one. `frames` has the view for each level, `None` for a level that is not drawn. Returns
+    /// an upper bound on the depth keys of what was drawn, and the work spent.
     pub(crate) fn draw(
         &mut self,
         simd: Simd,
@@ -81,8 +81,6 @@ impl LevelRaster {
                 }
                 let mut band = bands.iter_mut();
                 let parts = tiles.split_rows(ends).map(|rows| (rows, band.next()));
-                // The work of each band is a share of its own, so that no band waits for another.
-                let left = left / BANDS as f32;
                 for_each_part(jobs, parts, |(mut rows, band)| {
                     let Some(Band { frames: own, scratch, tiles, drawn }) = band else { return };
                     tiles.clear();
