@@ -361,8 +361,8 @@ fn the_near_plane_cuts_faces_of_polygons_that_are_not_flat() {
 }
 
 /// A terrace with a ramp down from its far edge, as one polygon that hides from its front alone. The eye is
-/// above the terrace and behind the ramp: what is seen past the near edge, under the terrace, is not hidden by
-/// the ramp's back.
+/// above the terrace and behind the ramp: what is seen past the near edge, under the terrace, is not hidden
+/// by the ramp's back.
 #[test]
 fn the_back_of_a_ramp_hides_nothing() {
     let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
