@@ -91,7 +91,8 @@ fn to_json(source: &SceneSource, reading: &Reading) -> Vec<u8> {
             json!({"name": walk.name, "fov_y_deg": walk.fov_y_degrees, "up": walk.up.to_array(), "keys": keys})
         })
         .collect();
-    let axis = ["x", "y", "z"][source.up.abs().max_position()];
     let near = f64::from(source.near) / unit;
-    json!({"name": source.name, "up_axis": axis, "near": near, "cameras": walks}).to_string().into_bytes()
+    json!({"name": source.name, "up_axis": source.up_axis(), "near": near, "cameras": walks})
+        .to_string()
+        .into_bytes()
 }

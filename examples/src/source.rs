@@ -264,6 +264,12 @@ pub fn parse_hint(text: &str) -> Result<(Hint, String), String> {
 }
 
 impl SceneSource {
+    /// Returns the name of the axis that is nearest to up: `x`, `y` or `z`, whether up is along or against
+    /// it.
+    pub fn up_axis(&self) -> &'static str {
+        ["x", "y", "z"][self.up.abs().max_position()]
+    }
+
     /// Creates a scene without objects, walks and cells, whose objects' coordinates are those of world space.
     pub fn new(name: impl Into<String>, up: Vec3, near: f32) -> Self {
         Self {

@@ -199,7 +199,7 @@ fn a_pipeline_reports_bounds_that_are_no_box() {
     let all: Vec<_> = scene.ids().map(|id| (id, cube(10.0, 0.0))).collect();
     scene.set_bounds_batch(&all).unwrap();
     assert!(lacks(&scene).is_empty());
-    // What is everywhere, or was said to be always visible, is meant so.
+    // Infinite boxes, and objects that are never culled, are no mistake.
     scene.insert(Aabb::from_arrays([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]));
     scene.insert(Object { never_cull: true, ..Object::new(cube(0.0, 0.0)) });
     scene.insert(Object { never_cull: true, ..Object::new(nan) });

@@ -89,7 +89,8 @@ impl Level {
                 if let Some(failed) = failed {
                     return Err(failed.into());
                 }
-                // What was read without an error is read again.
+                // The scene was read without an error. Walks are made from a second reading of its objects,
+                // so that one of them at a time is in memory.
                 job.cameras.give(&mut source, &job.reading, |each| {
                     let _ = open_by_object(&job.scene, &job.reading, &mut |_, mut object| {
                         object.take_all(&job.hints, &mut vec![false; job.hints.len()]);

@@ -270,7 +270,10 @@ mod tests {
         let open = BakeEstimate { complete: false, ..complete };
         let reading = Reading { unit: Some(0.001), up: Some(Vec3::Z), two_sided: true };
         let command = open.command("my 'house'.glb", &reading, Some(Path::new("a.json")), &hints, "x.pvs");
-        let words = r"-- 'my '\''house'\''.glb' -o x.pvs --unit 0.001 --up z --two-sided --cameras a.json --hint 'never-cull=a lift' --hint door=Door --time 143";
+        let words = concat!(
+            r"-- 'my '\''house'\''.glb' -o x.pvs --unit 0.001 --up z --two-sided --cameras a.json",
+            " --hint 'never-cull=a lift' --hint door=Door --time 143"
+        );
         assert!(command.ends_with(words), "{command}");
     }
 

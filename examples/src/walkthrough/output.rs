@@ -20,8 +20,7 @@ pub fn header(world: &World, reading: &Reading) -> String {
     let (source, scene) = (&world.source, &world.scene);
     let count = |is: fn(&SourceObject) -> bool| source.objects.iter().filter(|&object| is(object)).count();
     let moving = |object: &SourceObject| object.motion.is_some() || object.never_cull;
-    let occluders = scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder)).count();
-    let up = ["x", "y", "z"][source.up.abs().max_position()];
+    let (occluders, up) = (scene.occluder_count(), source.up_axis());
     format!(
         "{}: {} objects: {} opaque, {} see-through, {} moving; {occluders} occluders; {} triangles ({}); \
          unit {} m, {up} up, origin {}",

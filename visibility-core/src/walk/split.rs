@@ -17,7 +17,7 @@ const PARTS: usize = 16;
 /// Level of the nodes whose subtrees are dealt out: parents of leaves.
 const SUBTREE_LEVEL: u8 = 1;
 
-/// What is known of a node that nothing below needs a test of.
+/// Number that says of a node that no test is needed of anything below.
 const ACCEPTED: u32 = 0;
 
 /// A culler's test of 64 siblings, which threads share. What is known of a node from the tests above it is a

@@ -200,14 +200,13 @@ fn draw_cluster(
     }
     let mut drawn = false;
     for seed in 0..end - first {
-        // The polygons that hang together with this one, of those not drawn yet.
-        let mut whole = true;
-        scratch.waiting.clear();
-        if !scratch.far_sides[seed].is_nan() && !scratch.done[seed] {
-            scratch.done[seed] = true;
-            scratch.waiting.push(seed as u32);
+        if scratch.far_sides[seed].is_nan() || core::mem::replace(&mut scratch.done[seed], true) {
+            continue;
         }
-        let mut next = 0;
+        // The polygons that hang together with this one, of those not drawn yet.
+        scratch.waiting.clear();
+        scratch.waiting.push(seed as u32);
+        let (mut whole, mut next) = (true, 0);
         while let Some(&at) = scratch.waiting.get(next) {
             next += 1;
             match draw_polygon(simd, level, frame, index, at as usize, scratch, tiles) {
@@ -238,7 +237,7 @@ pub(crate) fn begin_cluster(
     scratch.far_sides.resize(end - first, f64::NAN);
     scratch.done.clear();
     scratch.done.resize(end - first, false);
-    for (block, polygons) in level.polygons[blocks.clone()].iter().enumerate() {
+    for (block, polygons) in level.polygons[blocks].iter().enumerate() {
         let mut chosen = worth_drawing(polygons, frame);
         while chosen != 0 {
             let at = block * WIDTH + chosen.trailing_zeros() as usize % WIDTH;

@@ -59,7 +59,8 @@ pub(crate) struct TileKeys {
     sides: [f32; 4],
     /// The least key of a tile in columns, rows, and a constant, for the part of it within `sides`.
     pub(super) plane: [f32; 3],
-    /// What is added to the key of the corner of a part of a tile at which the key is least.
+    /// Term of the least key that is the same in all tiles: `plane` is of whole tiles, and this takes it to
+    /// the corner of a part of a tile at which the key is least.
     constant: f32,
     /// Lower bound on all keys.
     floor: f32,
