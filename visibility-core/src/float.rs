@@ -3,13 +3,25 @@
 //! Except for the square root, these functions are used only to set up views and scenes, never to decide what
 //! is visible: their last bit may differ between platforms, and visibility results must not.
 
+/// Returns the tangent of an angle in radians. The last bit may differ between platforms, so decisions need a
+/// margin. For crates without the standard library: from `std`, or from `libm` without it.
+///
+/// ```
+/// assert_eq!(visibility_core::geometry::tan(0.0), 0.0);
+/// ```
 #[cfg(feature = "std")]
-pub(crate) fn tan(x: f64) -> f64 {
+pub fn tan(x: f64) -> f64 {
     x.tan()
 }
 
+/// Returns the tangent of an angle in radians. The last bit may differ between platforms, so decisions need a
+/// margin. For crates without the standard library: from `std`, or from `libm` without it.
+///
+/// ```
+/// assert_eq!(visibility_core::geometry::tan(0.0), 0.0);
+/// ```
 #[cfg(all(not(feature = "std"), feature = "libm"))]
-pub(crate) fn tan(x: f64) -> f64 {
+pub fn tan(x: f64) -> f64 {
     libm::tan(x)
 }
 

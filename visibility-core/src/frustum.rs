@@ -10,7 +10,11 @@ use crate::scene::{Boxes64, lanes};
 use crate::test_plane::TestPlane;
 use crate::view::{MAX_PLANES, ViewPlane};
 use crate::walk::{Block, Child, NodeTest, SceneHierarchy, Walk, retain_on};
-use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, jobs::Jobs, simd::Simd};
+use crate::{
+    Accuracy, CullStats, Culler, Scene, View, VisibleSet,
+    jobs::Jobs,
+    simd::{Kernels, Simd},
+};
 
 /// Removes the objects whose bounds are outside at least one plane of the view, clip planes included.
 /// Conservative: a box near an edge of the frustum may be outside the frustum without being outside any

@@ -34,8 +34,7 @@
 //!
 //! # Features
 //! `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary functions.
-//! `bytemuck` makes [`Aabb`], [`ObjectId`] and the [draw commands](draw_list) `Pod`, and glam's vectors and
-//! matrices too.
+//! `bytemuck` makes [`Aabb`] and [`ObjectId`] `Pod`, and glam's vectors and matrices too.
 #![no_std]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
@@ -44,26 +43,19 @@ extern crate std;
 #[cfg(not(any(feature = "std", feature = "libm")))]
 compile_error!("visibility-core needs floating point: enable the feature `std` or the feature `libm`");
 
-pub mod backface;
 pub mod bake;
 pub mod binary_format;
-pub mod casters;
 pub mod cells;
-pub mod clusters;
 mod cull_stats;
 pub mod culler;
-pub mod draw_list;
 mod float;
 pub mod frustum;
 pub mod geometry;
 pub mod jobs;
 pub mod level_version;
-pub mod lod;
-pub mod motion;
 pub mod occlusion;
 pub mod pipeline;
 pub mod pvs;
-pub mod queries;
 mod region_culler;
 pub mod scene;
 mod serial;
@@ -76,7 +68,6 @@ pub mod walk;
 
 pub use cull_stats::CullStats;
 pub use culler::{Accuracy, Culler};
-pub use draw_list::DrawList;
 pub use frustum::FrustumCuller;
 pub use geometry::Aabb;
 pub use glam;

@@ -1,5 +1,5 @@
-//! The SIMD kernels of the hierarchy tests: 64 boxes against planes or a least size, and 64 cones against an
-//! eye.
+//! The instruction sets that kernels are compiled for, and the kernel of the hierarchy tests: 64 boxes against
+//! planes.
 //!
 //! Each kernel has one body of safe loops, which compilers turn into SIMD code. The body is compiled once for
 //! the instruction set that the program is built for and, on x86-64 with `std`, also for AVX2 and AVX-512;
@@ -9,8 +9,6 @@
 //! This is the only module with `unsafe` code: calls of functions compiled for instructions that the rest of
 //! the program does not assume, and loads of arrays into SIMD registers.
 
-use crate::backface::{Cones64, SplitEye, inside};
-use crate::lod::SizeTest;
 use crate::scene::Boxes64;
 use crate::test_plane::TestPlane;
 use crate::view::MAX_PLANES;
@@ -76,125 +74,58 @@ impl Simd {
     pub fn level(self) -> SimdLevel {
         self.0
     }
+}
 
+/// Declares a trait `Kernels` with methods that return a mask of 64 lanes, and implements it for [`Simd`]. Each
+/// method runs the body that it names, compiled for the instruction set of the [`Simd`]. A body takes the
+/// method's arguments and a function that returns a mask of the negative numbers among as many lanes as it
+/// works on at a time, and has `#[inline(always)]`. For the SIMD modules of this crate and its siblings.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! mask_kernels {
+    ($($(#[$attribute:meta])* $name:ident = $body:path, ($($argument:ident: $type:ty),*);)*) => {
+        pub(crate) trait Kernels {
+            $($(#[$attribute])* fn $name(self, $($argument: $type),*) -> u64;)*
+        }
+
+        impl Kernels for $crate::simd::Simd {
+            $(
+                #[allow(unsafe_code)]
+                fn $name(self, $($argument: $type),*) -> u64 {
+                    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+                    #[target_feature(enable = "avx2")]
+                    fn avx2($($argument: $type),*) -> u64 {
+                        $body($($argument,)* |values| $crate::simd::signs_avx2(values))
+                    }
+
+                    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+                    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+                    fn avx512($($argument: $type),*) -> u64 {
+                        $body($($argument,)* |values| $crate::simd::signs_avx512(values))
+                    }
+
+                    match self.level() {
+                        // SAFETY: a value of this level exists only where the processor was found to have
+                        // AVX2.
+                        #[cfg(all(target_arch = "x86_64", feature = "std"))]
+                        $crate::simd::SimdLevel::Avx2 => unsafe { avx2($($argument),*) },
+                        // SAFETY: a value of this level exists only where the processor was found to have
+                        // these extensions.
+                        #[cfg(all(target_arch = "x86_64", feature = "std"))]
+                        $crate::simd::SimdLevel::Avx512 => unsafe { avx512($($argument),*) },
+                        _ => $body($($argument,)* $crate::simd::signs_portable),
+                    }
+                }
+            )*
+        }
+    };
+}
+
+mask_kernels! {
     /// Returns a mask of the lanes whose box is certainly outside at least one active plane; bit i stands for
     /// lane i. Bit p of `active` selects `planes[p]`. Boxes that rounding leaves undecided, boxes that touch
     /// a plane, and NaN count as not outside.
-    #[allow(unsafe_code)]
-    pub(crate) fn any_outside(self, boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
-        match self.0 {
-            // SAFETY: a value with this path exists only where the processor was found to have AVX2.
-            #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            SimdLevel::Avx2 => unsafe { any_outside_avx2(boxes, planes, active) },
-            // SAFETY: a value with this path exists only where the processor was found to have these
-            // extensions.
-            #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            SimdLevel::Avx512 => unsafe { any_outside_avx512(boxes, planes, active) },
-            _ => any_outside::<16>(boxes, planes, active, signs_portable),
-        }
-    }
-
-    /// Returns a mask of the lanes whose cone certainly contains the eye, so that the eye sees only back
-    /// faces of the cone's triangles; bit i stands for lane i. Undecided cones count as not containing the
-    /// eye.
-    #[allow(unsafe_code)]
-    pub(crate) fn inside_cones(self, cones: &Cones64, eye: &SplitEye) -> u64 {
-        match self.0 {
-            // SAFETY: a value with this path exists only where the processor was found to have AVX2.
-            #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            SimdLevel::Avx2 => unsafe { inside_cones_avx2(cones, eye) },
-            // SAFETY: a value with this path exists only where the processor was found to have these
-            // extensions.
-            #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            SimdLevel::Avx512 => unsafe { inside_cones_avx512(cones, eye) },
-            _ => inside_cones::<16>(cones, eye, signs_portable),
-        }
-    }
-
-    /// Returns a mask of the lanes whose box is certainly too small; bit i stands for lane i.
-    #[allow(unsafe_code)]
-    pub(crate) fn small_boxes(self, boxes: &Boxes64, test: &SizeTest) -> u64 {
-        match self.0 {
-            // SAFETY: a value with this path exists only where the processor was found to have AVX2.
-            #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            SimdLevel::Avx2 => unsafe { small_boxes_avx2(boxes, test) },
-            // SAFETY: a value with this path exists only where the processor was found to have these
-            // extensions.
-            #[cfg(all(target_arch = "x86_64", feature = "std"))]
-            SimdLevel::Avx512 => unsafe { small_boxes_avx512(boxes, test) },
-            _ => small_boxes::<16>(boxes, test, signs_portable),
-        }
-    }
-}
-
-#[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[target_feature(enable = "avx2")]
-fn small_boxes_avx2(boxes: &Boxes64, test: &SizeTest) -> u64 {
-    small_boxes::<32>(boxes, test, |values| signs_avx2(values))
-}
-
-#[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-fn small_boxes_avx512(boxes: &Boxes64, test: &SizeTest) -> u64 {
-    small_boxes::<64>(boxes, test, |values| signs_avx512(values))
-}
-
-/// Body of the size kernel: evaluates [`SizeTest::small`] for `WIDTH` lanes at a time and returns a mask of
-/// the lanes whose box is certainly too small, bit i for lane i. `signs` returns a mask of the negative
-/// numbers of its argument.
-#[inline(always)]
-fn small_boxes<const WIDTH: usize>(
-    boxes: &Boxes64,
-    test: &SizeTest,
-    signs: impl Fn(&[f32; WIDTH]) -> u64,
-) -> u64 {
-    let mut mask = 0;
-    for chunk in 0..64 / WIDTH {
-        let rows = boxes.coordinates.each_ref().map(|row| &row.as_chunks::<WIDTH>().0[chunk]);
-        mask |= signs(&test.small(rows)) << (chunk * WIDTH);
-    }
-    mask
-}
-
-#[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[target_feature(enable = "avx2")]
-fn any_outside_avx2(boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
-    any_outside::<32>(boxes, planes, active, |values| signs_avx2(values))
-}
-
-#[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-fn any_outside_avx512(boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32) -> u64 {
-    any_outside::<64>(boxes, planes, active, |values| signs_avx512(values))
-}
-
-#[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[target_feature(enable = "avx2")]
-fn inside_cones_avx2(cones: &Cones64, eye: &SplitEye) -> u64 {
-    inside_cones::<32>(cones, eye, |values| signs_avx2(values))
-}
-
-#[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-fn inside_cones_avx512(cones: &Cones64, eye: &SplitEye) -> u64 {
-    inside_cones::<64>(cones, eye, |values| signs_avx512(values))
-}
-
-/// Body of the cone kernel: evaluates [`inside`] for `WIDTH` lanes at a time and returns a mask of the lanes
-/// whose cone certainly contains the eye, bit i for lane i. `signs` returns a mask of the negative numbers of
-/// its argument.
-#[inline(always)]
-fn inside_cones<const WIDTH: usize>(
-    cones: &Cones64,
-    eye: &SplitEye,
-    signs: impl Fn(&[f32; WIDTH]) -> u64,
-) -> u64 {
-    let mut mask = 0;
-    for chunk in 0..64 / WIDTH {
-        let numbers = cones.numbers.each_ref().map(|row| &row.as_chunks::<WIDTH>().0[chunk]);
-        mask |= signs(&inside(numbers, eye)) << (chunk * WIDTH);
-    }
-    mask
+    any_outside = any_outside, (boxes: &Boxes64, planes: &[TestPlane; MAX_PLANES], active: u32);
 }
 
 /// Body of the box kernel: returns a mask of the lanes whose box is certainly outside an `active` plane, bit
@@ -247,7 +178,8 @@ fn greater(a: f32, b: f32) -> f32 {
     all(target_arch = "wasm32", target_feature = "simd128")
 )))]
 #[inline(always)]
-fn signs_portable(values: &[f32; 16]) -> u64 {
+#[doc(hidden)]
+pub fn signs_portable(values: &[f32; 16]) -> u64 {
     let mut mask = 0u16;
     for (lane, &value) in values.iter().enumerate() {
         mask |= u16::from(value < 0.0) << lane;
@@ -259,8 +191,9 @@ fn signs_portable(values: &[f32; 16]) -> u64 {
 /// programs built with SSE2.
 #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 #[inline(always)]
+#[doc(hidden)]
 #[allow(unsafe_code)]
-fn signs_portable(values: &[f32; 16]) -> u64 {
+pub fn signs_portable(values: &[f32; 16]) -> u64 {
     use core::arch::x86_64::{_mm_cmplt_ps, _mm_loadu_ps, _mm_movemask_ps, _mm_setzero_ps};
     let mut mask = 0;
     for (i, part) in values.as_chunks::<4>().0.iter().enumerate() {
@@ -276,7 +209,8 @@ fn signs_portable(values: &[f32; 16]) -> u64 {
 /// WebAssembly built with SIMD.
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 #[inline(always)]
-fn signs_portable(values: &[f32; 16]) -> u64 {
+#[doc(hidden)]
+pub fn signs_portable(values: &[f32; 16]) -> u64 {
     use core::arch::wasm32::{f32x4, f32x4_lt, f32x4_splat, i32x4_bitmask};
     let mut mask = 0;
     for (i, &[a, b, c, d]) in values.as_chunks::<4>().0.iter().enumerate() {
@@ -286,11 +220,13 @@ fn signs_portable(values: &[f32; 16]) -> u64 {
     mask
 }
 
+/// Returns a mask of the numbers less than zero, bit i for `values[i]`. Negative zero and NaN give 0.
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 #[target_feature(enable = "avx2")]
 #[inline]
+#[doc(hidden)]
 #[allow(unsafe_code)]
-fn signs_avx2(values: &[f32; 32]) -> u64 {
+pub fn signs_avx2(values: &[f32; 32]) -> u64 {
     use core::arch::x86_64::{
         _CMP_LT_OQ, _mm256_cmp_ps, _mm256_loadu_ps, _mm256_movemask_ps, _mm256_setzero_ps,
     };
@@ -304,11 +240,13 @@ fn signs_avx2(values: &[f32; 32]) -> u64 {
     mask
 }
 
+/// Returns a mask of the numbers less than zero, bit i for `values[i]`. Negative zero and NaN give 0.
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 #[target_feature(enable = "avx512f")]
 #[inline]
+#[doc(hidden)]
 #[allow(unsafe_code)]
-fn signs_avx512(values: &[f32; 64]) -> u64 {
+pub fn signs_avx512(values: &[f32; 64]) -> u64 {
     use core::arch::x86_64::{_CMP_LT_OQ, _mm512_cmp_ps_mask, _mm512_loadu_ps, _mm512_setzero_ps};
     let mut mask = 0;
     for (i, part) in values.as_chunks::<16>().0.iter().enumerate() {

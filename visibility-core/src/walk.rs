@@ -122,6 +122,24 @@ impl BoxHierarchy for SceneHierarchy {
     }
 }
 
+/// Iterates over the objects that are never culled, which [`SceneHierarchy`] does not hold, in blocks of at
+/// most 64: [leaves](Block::leaf) with lanes as those of the hierarchy.
+///
+/// ```
+/// use visibility_core::{walk::unculled_blocks, Aabb, Object, Scene};
+/// let mut scene = Scene::new();
+/// scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+/// scene.insert(Object { never_cull: true, ..Object::new(Aabb::from_arrays([0.0; 3], [9.0; 3])) });
+/// assert!(unculled_blocks(&scene).map(|block| block.boxes().hull().max.x).eq([9.0]));
+/// ```
+pub fn unculled_blocks(scene: &Scene) -> impl Iterator<Item = Block<'_>> {
+    let tree = scene.tree();
+    tree.unculled.iter().map(|&leaf| {
+        let node = leaf as usize;
+        Block { boxes: &tree.bounds[node], children: Children::Node { tree, node, leaf: true } }
+    })
+}
+
 /// A block of at most 64 sibling boxes of a hierarchy, one per lane.
 pub struct Block<'a> {
     boxes: &'a Boxes64,

@@ -5,11 +5,9 @@ use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, OccluderMesh, OcclusionCuller, Pipeline, Pose,
     Scene, View, VisibleSet,
-    lod::ContributionCuller,
     occlusion::{HardwareQueries, LateAnswers, Occlusion, OcclusionMap, QueryDevice},
     pipeline::Explanation,
     pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells},
-    scene::DrawRange,
 };
 
 fn looking(target: DVec3) -> View {
@@ -227,33 +225,6 @@ fn a_pvs_stage_reports_an_eye_outside_all_viewcells() {
     assert!(cull_at(&scene, 0.0).is_empty());
     assert_eq!(cull_at(&scene, 3.0), [outside]);
     assert!(cull_at(&scene, 0.5).is_empty());
-}
-
-/// Tests that a pipeline says of draw ranges that no stage follows them.
-#[test]
-fn a_pipeline_reports_draw_ranges_that_it_does_not_follow() {
-    let mut scene = Scene::new();
-    let ids = scene.insert_batch((0..5).map(|i| cube(10.0, i as f32)));
-    let lacks = |scene: &Scene, pipeline: &Pipeline| {
-        let mut lacks = Vec::new();
-        pipeline.for_each_lack(scene, |stage, lack| lacks.push(format!("{stage}: {lack}")));
-        lacks
-    };
-    let without = Pipeline::new().with(FrustumCuller::new());
-    let with = Pipeline::new().with(FrustumCuller::new()).with(ContributionCuller::new(1080.0, 0.0));
-    assert!(lacks(&scene, &without).is_empty());
-    let range = DrawRange { end: 100.0, ..DrawRange::ALWAYS };
-    ids.iter().for_each(|&id| scene.set_draw_range(id, range).unwrap());
-    scene.set_draw_range(ids[0], DrawRange { end: 50.0, ..range }).unwrap();
-    scene.set_draw_range(ids[1], DrawRange::ALWAYS).unwrap();
-    scene.remove(ids[2]).unwrap();
-    scene.insert(cube(10.0, 9.0)); // in the place of the removed object, without its range
-    for scene in [&scene, &scene.clone()] {
-        assert_eq!(lacks(scene, &without), ["pipeline: objects with a draw range that no stage follows: 3"]);
-        assert!(lacks(scene, &with).is_empty());
-    }
-    [0, 3, 4].into_iter().for_each(|i| scene.set_draw_range(ids[i], DrawRange::ALWAYS).unwrap());
-    assert!(lacks(&scene, &without).is_empty());
 }
 
 /// Tests that a shared map issues no queries, and that the culler's own does.

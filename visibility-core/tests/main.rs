@@ -1,22 +1,15 @@
 //! One program for the tests of all files here: it compiles and runs in less time than many.
 #![allow(missing_docs)]
 
-mod backface;
-mod backface_culler;
 mod bake_stages;
-mod casters;
 mod clip_plane_test;
-mod clusters;
-mod contribution;
 mod explain_and_freeze;
 mod frustum_contract;
 mod hostile_input;
 mod jobs;
-mod lod;
 mod many_views;
 mod mesh_bounds;
 mod mesh_removal;
-mod motion;
 mod moving;
 mod no_allocation;
 mod occlusion;
@@ -24,11 +17,9 @@ mod prefetch;
 mod projection;
 mod pvs_culler;
 mod pvs_object_by_object;
-mod queries;
 mod results;
 mod same_answers;
 mod scene_model;
-mod shadow_occlusion;
 mod sight_start;
 mod skinned_bounds;
 mod swapped_sources;

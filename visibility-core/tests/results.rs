@@ -1,7 +1,6 @@
 //! Tests of a [`VisibleSet`] as the result of a frame: its list of ids survives changes of the scene.
 
-use std::collections::{BTreeMap, BTreeSet};
-use visibility_core::draw_list::{DrawGroup, DrawIndexedIndirect, DrawList};
+use std::collections::BTreeSet;
 use visibility_core::glam::DVec3;
 use visibility_core::visible_set::BitsError;
 use visibility_core::{Aabb, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
@@ -261,7 +260,7 @@ fn what_a_scene_keeps_for_results_goes_with_them() {
     assert!(scene.memory() <= without + without / 50, "{} of {without}", scene.memory());
 }
 
-/// Tests the tracker's case: cullers called one by one, then a draw list, without a call of `finish`.
+/// Tests the tracker's case: cullers called one by one, then a list of the result, without a call of `finish`.
 #[test]
 fn no_order_of_calls_leaves_a_list_empty() {
     let mut scene = Scene::new();
@@ -283,9 +282,8 @@ fn no_order_of_calls_leaves_a_list_empty() {
             visibility_core::Culler::cull(&mut FrustumCuller::new(), &scene, &view, &mut visible);
             first(&mut visible, &scene);
             second(&mut visible, &scene);
-            let (mut list, mut bits) = (DrawList::new(), [0]);
-            list.group(visible.iter(&scene), |_| 0);
-            assert_eq!(list.groups(), [DrawGroup { key: 0, first: 0, count: 10 }]);
+            let mut bits = [0];
+            assert_eq!(visible.iter(&scene).count(), 10);
             visible.write_bits(&scene, &mut bits).unwrap();
             assert_eq!((bits[0].count_ones(), visible.count(&scene)), (10, 10));
             assert_eq!(visible.ids(&scene).len(), 10);
@@ -443,47 +441,6 @@ fn a_render_thread_reads_results_while_the_scene_changes() {
     }
 }
 
-/// Tests groups against a map of lists, with few, many, sparse and extreme keys, in one list after another.
-#[test]
-fn draw_lists_group_as_a_map_of_lists_does() {
-    let mut rng = Random(7);
-    let mut list = DrawList::new();
-    assert_eq!((list.groups(), list.instances()), (&[][..], &[][..]));
-    let mut sparse = 0;
-    for round in 0..300 {
-        let count = rng.pick(&[0, 1, 2, 50, 3000]);
-        let mut scene = Scene::new();
-        let mut ids = scene.insert_batch((0..count).map(|_| random_box(&mut rng)));
-        ids.sort_by_key(|id| id.index() * 7919 % 1013);
-        let keys = rng.pick(&[1, 2, 60, 1000, 100_000, usize::MAX]);
-        let key_of: Vec<u32> = (0..count)
-            .map(|_| {
-                if keys == usize::MAX {
-                    rng.pick(&[0, 5, u32::MAX, u32::MAX - 1])
-                } else {
-                    rng.below(keys) as u32
-                }
-            })
-            .collect();
-        sparse += usize::from(key_of.iter().any(|&key| key as usize > 8 * count + 1000));
-        list.group(ids.iter().copied(), |id| key_of[id.index()]);
-        let mut expected: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-        for id in &ids {
-            expected.entry(key_of[id.index()]).or_default().push(id.index() as u32);
-        }
-        let got = list.groups().iter().map(|group| (group.key, list.instances()[group.range()].to_vec()));
-        assert!(got.eq(expected.clone()), "round {round}");
-        assert_eq!(list.instances(), expected.values().flatten().copied().collect::<Vec<_>>());
-        let mesh = |key| DrawIndexedIndirect { index_count: key ^ 3, base_vertex: -5, ..Default::default() };
-        assert_eq!(list.commands(mesh).len(), expected.len());
-        for (command, &DrawGroup { key, first, count }) in list.commands(mesh).zip(list.groups()) {
-            let whole = DrawIndexedIndirect { first_instance: first, instance_count: count, ..mesh(key) };
-            assert_eq!(command, whole);
-        }
-    }
-    assert!(sparse > 30, "too easy: {sparse}");
-}
-
 #[test]
 fn ids_are_numbers_and_one_names_no_object() {
     let mut scene = Scene::new();
@@ -501,16 +458,7 @@ fn ids_are_numbers_and_one_names_no_object() {
 
 #[cfg(feature = "bytemuck")]
 #[test]
-fn ids_boxes_and_commands_are_plain_data() {
-    let command = DrawIndexedIndirect {
-        index_count: 1,
-        instance_count: 2,
-        first_index: 3,
-        base_vertex: -1,
-        first_instance: 5,
-    };
-    assert_eq!(bytemuck::cast::<_, [u32; 5]>(command), [1, 2, 3, u32::MAX, 5]);
-    assert_eq!(bytemuck::cast::<_, [u32; 3]>(DrawGroup { key: 7, first: 8, count: 9 }), [7, 8, 9]);
+fn ids_and_boxes_are_plain_data() {
     assert_eq!(bytemuck::cast::<_, [f32; 6]>(at(1.0, 2.0, 3.0)), [1.0, 2.0, 3.0, 1.5, 2.5, 3.5]);
     assert_eq!(bytemuck::cast::<_, [u32; 2]>(ObjectId::from_bits(3 << 32 | 4)), [4, 3]);
 }

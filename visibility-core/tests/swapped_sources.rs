@@ -4,12 +4,9 @@
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, OcclusionCuller, Pose, Scene, View, VisibleSet,
-    backface::BackfaceCuller,
-    casters::{CasterCuller, Light},
-    lod::ContributionCuller,
+    Aabb, FrustumCuller, OcclusionCuller, Scene,
     pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells},
-    scene::{DrawRange, SceneCursor},
+    scene::SceneCursor,
     walk::{BoxHierarchy, Child, SceneHierarchy},
 };
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
@@ -28,38 +25,6 @@ impl Swapped for Frustum {
     }
 
     fn give(&self, _: &mut FrustumCuller, (): &(), _: &Scene) {}
-}
-
-struct Casters;
-
-impl Swapped for Casters {
-    type Culler = CasterCuller;
-    type Source = ();
-
-    fn derive(&self, _: &Scene, _: &mut Random) {}
-
-    fn make(&self, (): &()) -> CasterCuller {
-        CasterCuller::new(Light::Point { position: DVec3::new(3.0, 2.0, 1.0), range: 9.0 }).unwrap()
-    }
-
-    fn give(&self, _: &mut CasterCuller, (): &(), _: &Scene) {}
-}
-
-struct Backface;
-
-impl Swapped for Backface {
-    type Culler = BackfaceCuller;
-    type Source = ();
-
-    fn derive(&self, _: &Scene, _: &mut Random) {}
-
-    fn make(&self, (): &()) -> BackfaceCuller {
-        BackfaceCuller::new()
-    }
-
-    fn give(&self, culler: &mut BackfaceCuller, (): &(), scene: &Scene) {
-        culler.sync(scene);
-    }
 }
 
 /// A PVS culler over eight random viewcells, whose targets are objects by index.
@@ -149,22 +114,6 @@ impl Swapped for ForeignHierarchy {
     }
 }
 
-/// Contribution by size alone; ranges and parents, whose hysteresis is memory, are below.
-struct Contribution;
-
-impl Swapped for Contribution {
-    type Culler = ContributionCuller;
-    type Source = ();
-
-    fn derive(&self, _: &Scene, _: &mut Random) {}
-
-    fn make(&self, (): &()) -> ContributionCuller {
-        ContributionCuller::new(100.0, 5.0)
-    }
-
-    fn give(&self, _: &mut ContributionCuller, (): &(), _: &Scene) {}
-}
-
 fn hold<S: Swapped>(kind: &S, frames: usize) {
     let hidden: usize = (0..4).map(|seed| hold_against_fresh(kind, seed, frames)).sum();
     println!("{hidden} hidden");
@@ -174,43 +123,6 @@ fn hold<S: Swapped>(kind: &S, frames: usize) {
 #[test]
 fn frustum() {
     hold(&Frustum, 300);
-}
-
-#[test]
-fn casters() {
-    hold(&Casters, 300);
-}
-
-#[test]
-fn contribution() {
-    hold(&Contribution, 300);
-}
-
-/// Tests that the hysteresis of draw ranges belongs to one scene: what was beyond a limit there is not so in
-/// a clone, which has the same ids.
-#[test]
-fn hysteresis_of_ranges_is_of_one_scene() {
-    let mut scene = Scene::new();
-    let id = scene.insert(Aabb::from_arrays([97.0, 0.0, 0.0], [98.0, 1.0, 1.0]));
-    scene.set_draw_range(id, DrawRange { begin: 100.0, ..DrawRange::ALWAYS }).unwrap();
-    let copy = scene.clone();
-    let mut culler = ContributionCuller::new(100.0, 0.0);
-    let mut sees = |scene: &Scene, x: f64| {
-        let pose = Pose::look_at(DVec3::X * x, DVec3::X * 200.0, DVec3::Z);
-        let view = View::perspective(pose, 1.0, 1.0, 0.1, 1e3).unwrap();
-        let mut visible = VisibleSet::new();
-        visible.fill(scene, &view);
-        culler.cull(scene, &view, &mut visible);
-        visible.contains(scene, id)
-    };
-    assert_eq!([-9.0, 0.0].map(|x| sees(&scene, x)), [true, true]);
-    assert!(!sees(&copy, 0.0));
-    assert!(!sees(&scene, 0.0), "the first scene counts as another again");
-}
-
-#[test]
-fn backface() {
-    hold(&Backface, 250);
 }
 
 #[test]

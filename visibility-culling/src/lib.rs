@@ -52,6 +52,7 @@
 pub mod guide;
 
 pub use visibility_core::*;
+pub use visibility_frame::*;
 
 #[cfg(feature = "2d")]
 pub use visibility_2d as two_d;

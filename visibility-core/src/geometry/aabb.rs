@@ -91,6 +91,16 @@ impl Aabb {
         self.max * 0.5 - self.min * 0.5
     }
 
+    /// Returns the squared diagonal of the box in square metres; an axis with `min > max` or NaN counts as 0.
+    /// Computed in `f64`: never overflows, and grows with the box, rounding included.
+    pub fn diagonal_squared(&self) -> f64 {
+        let side = |axis: usize| {
+            let side = f64::from(self.max[axis]) - f64::from(self.min[axis]);
+            if side > 0.0 { side } else { 0.0 }
+        };
+        side(0) * side(0) + side(1) * side(1) + side(2) * side(2)
+    }
+
     /// Returns the smallest box that contains `self` and `other`. Where a coordinate of `self` or `other` is
     /// NaN, the coordinate of the result is unspecified: NaN, or that of the box without NaN.
     pub fn union(&self, other: &Self) -> Self {

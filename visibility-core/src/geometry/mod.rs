@@ -17,7 +17,7 @@ mod side;
 mod solid_angle;
 mod sphere;
 
-pub use crate::float::sqrt;
+pub use crate::float::{sqrt, tan};
 pub use aabb::Aabb;
 pub(crate) use clip_outward::{Corners, clip_outward};
 pub use convex_polygon::{ConvexPolygon, PolygonError};

@@ -1,10 +1,10 @@
 //! Occluders that are parts of one wall, each a mesh of its own. A z-buffer fills a pixel with an occluder
 //! that covers all of it, so that along the seam between two of them no pixel is filled.
 
-use crate::queries::SceneQuery;
-use crate::scene::Scene;
+use crate::geometry::Containment;
+use crate::scene::{Scene, lanes};
+use crate::walk::{BoxHierarchy, Child, SceneHierarchy, unculled_blocks};
 use crate::{Aabb, ObjectId};
-use alloc::vec::Vec;
 
 /// Most occluders that are inspected.
 const MOST: usize = 256;
@@ -12,7 +12,7 @@ const MOST: usize = 256;
 /// Returns how many occluders of `scene` go on in another occluder beside them, as the panels of a wall or
 /// the tiles of a floor do: their boxes have the same thinnest axis and the same extent along it, and meet
 /// end to end along another, up to a thousandth of their size. Inspects all of at most 256 occluders and an
-/// even choice of more, so the number is at most 256. Takes some microseconds for each, and allocates.
+/// even choice of more, so the number is at most 256. Takes some microseconds for each.
 ///
 /// ```
 /// use visibility_core::{glam::Affine3A, occlusion::occluders_with_seams, Aabb, Object, OccluderMesh, Scene};
@@ -29,20 +29,34 @@ const MOST: usize = 256;
 pub fn occluders_with_seams(scene: &Scene) -> usize {
     let is_occluder = |id: ObjectId| scene.occluder(id).is_some();
     let step = scene.occluder_count().div_ceil(MOST).max(1);
-    let queries = SceneQuery::new(scene);
-    let mut found: Vec<ObjectId> = Vec::new();
     let inspected = scene.ids().filter(|&id| is_occluder(id)).step_by(step).take(MOST);
     let has_seam = inspected.filter(|&id| {
         let Ok(bounds) = scene.bounds(id) else { return false };
-        found.clear();
-        queries.in_box(&grown(&bounds), &mut found);
-        found.iter().any(|&other| {
+        let continues = |other: ObjectId| {
             other != id
                 && is_occluder(other)
                 && scene.bounds(other).is_ok_and(|beside| is_continued(&bounds, &beside))
-        })
+        };
+        let in_block = |ids: &[ObjectId; 64], mask| lanes(mask).any(|lane| continues(ids[lane]));
+        any_touching(scene, None, &grown(&bounds), &continues)
+            || unculled_blocks(scene)
+                .any(|block| block.leaf().is_some_and(|(_, ids)| in_block(ids, block.occupied())))
     });
     has_seam.count()
+}
+
+/// Returns whether `test` holds for an object below a node of the scene's hierarchy whose bounds touch `area`.
+fn any_touching(scene: &Scene, node: Option<usize>, area: &Aabb, test: &impl Fn(ObjectId) -> bool) -> bool {
+    let mut any = false;
+    SceneHierarchy.for_each_child(scene, node, &mut |child, bounds| {
+        any = any
+            || area.classify_aabb(&bounds) != Containment::Outside
+                && match child {
+                    Child::Node(below) => any_touching(scene, Some(below), area, test),
+                    Child::Object(id) => test(id),
+                };
+    });
+    any
 }
 
 /// Returns the tolerance for sides that meet: a thousandth of the longest side of the box.

@@ -19,7 +19,8 @@ pub struct Boxes64 {
 }
 
 impl Boxes64 {
-    pub(crate) const EMPTY: Self = Self {
+    /// A block without boxes: every lane is free.
+    pub const EMPTY: Self = Self {
         coordinates: [
             [f32::INFINITY; 64],
             [f32::INFINITY; 64],
@@ -43,7 +44,9 @@ impl Boxes64 {
         &self.coordinates
     }
 
-    pub(crate) fn set(&mut self, lane: usize, bounds: &Aabb) {
+    /// Replaces the box in lane `lane % 64`.
+    pub fn set(&mut self, lane: usize, bounds: &Aabb) {
+        let lane = lane % 64;
         for axis in 0..3 {
             self.coordinates[axis][lane] = bounds.min[axis];
             self.coordinates[axis + 3][lane] = bounds.max[axis];
@@ -51,7 +54,7 @@ impl Boxes64 {
     }
 
     /// Returns the smallest box that contains the boxes of all lanes; [`Aabb::EMPTY`] if no lane holds a box.
-    pub(crate) fn hull(&self) -> Aabb {
+    pub fn hull(&self) -> Aabb {
         let c = &self.coordinates;
         let least = |v: &[f32; 64]| fold(v, f32::INFINITY, |a, b| if b < a { b } else { a });
         let greatest = |v: &[f32; 64]| fold(v, f32::NEG_INFINITY, |a, b| if b > a { b } else { a });
@@ -75,8 +78,13 @@ pub(super) fn fold<T: Copy>(values: &[T; 64], start: T, better: impl Fn(T, T) ->
     columns.into_iter().fold(start, better)
 }
 
-/// Iterates over the positions of the bits set in `mask`, lowest first.
-pub(crate) fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
+/// Iterates over the positions of the bits set in `mask`, lowest first: the lanes of a block that a mask
+/// selects.
+///
+/// ```
+/// assert!(visibility_core::scene::lanes(0b1010).eq([1, 3]));
+/// ```
+pub fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
     core::iter::from_fn(move || {
         (mask != 0).then(|| {
             let lane = mask.trailing_zeros() as usize;

@@ -58,7 +58,7 @@ impl SceneCursor {
 
     /// Returns whether scene coordinates that were read at the cursor are still the same points of the world:
     /// `scene` is the scene that the cursor read last, and its origin was not set since, to whatever point.
-    pub(crate) fn is_at_origin_of(self, scene: &Scene) -> bool {
+    pub fn is_at_origin_of(self, scene: &Scene) -> bool {
         scene.log.is_origin_of(self.revision)
     }
 }

@@ -2,6 +2,7 @@
 //! (Morton, "A Computer Oriented Geodetic Data Base and a New Technique in File Sequencing", 1966).
 
 use crate::Aabb;
+use alloc::vec::Vec;
 use glam::{DVec3, Vec3};
 
 /// Maps points to their position on the Morton curve through a cube. Points are in scene coordinates.
@@ -43,6 +44,22 @@ impl Curve {
         let axis = |x: f64| spread(u64::from((x as u32).min((1 << 21) - 1)));
         axis(cell.x) << 1 | axis(cell.y) << 2 | axis(cell.z) << 3
     }
+}
+
+/// Returns the numbers of `points`, which are in metres relative to one origin, in the order of their
+/// positions on a Morton curve: neighbours in the result are neighbours in space. Points in one cell of the
+/// curve keep their order. There must be fewer than 2^32 points, all finite. Takes `n log n` steps.
+///
+/// ```
+/// use visibility_core::{glam::Vec3, scene::morton_order};
+/// assert_eq!(morton_order([Vec3::ONE, Vec3::ZERO, Vec3::X].into_iter()), [1, 2, 0]);
+/// ```
+pub fn morton_order(points: impl ExactSizeIterator<Item = Vec3> + Clone) -> Vec<u32> {
+    let curve = Curve::through(points.clone(), points.len());
+    let codes: Vec<u64> = points.map(|p| curve.code(p)).collect();
+    let mut order: Vec<u32> = (0..codes.len() as u32).collect();
+    order.sort_by_key(|&point| codes[point as usize]);
+    order
 }
 
 /// Moves bit i of a 21-bit number to bit 3i, leaving zeros between.

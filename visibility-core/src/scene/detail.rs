@@ -6,7 +6,7 @@
 //! Static and Dynamic Environments", 2001.
 
 use super::draw_range::{Detail, DrawRange, Link};
-use super::{Scene, SceneError, Slot};
+use super::{DetailBounds, Scene, SceneError, Slot};
 use crate::{Aabb, ObjectId};
 use core::num::NonZeroU32;
 
@@ -53,10 +53,28 @@ impl Scene {
         self.ranged
     }
 
-    /// Returns the bounds that the end of an object's draw range is measured from, if they are not its own.
-    pub(crate) fn draw_end_box(&self, id: ObjectId) -> Option<Aabb> {
+    /// Returns the [HLOD parent](Self::set_hlod_parent) that stands in for an object from the parent's range
+    /// on, with the parent's bounds, from which the end of the object's own range is measured. `None` if there
+    /// is none, or if the parent cannot stand in: it is never culled, is not on all of the object's layers, or
+    /// its bounds do not contain those of the object, which has moved away.
+    pub fn stand_in(&self, id: ObjectId) -> Option<(ObjectId, Aabb)> {
         let above = self.tree.substitute(self.slot(id).ok()?)?;
-        Some(self.tree.bounds[above.node()].get(above.lane()))
+        let bounds = self.tree.bounds[above.node()].get(above.lane());
+        Some((self.tree.ids[above.node()][above.lane()], bounds))
+    }
+
+    /// Returns a mask of the lanes of a leaf whose objects have a draw range, an HLOD parent or children; bit
+    /// i stands for lane i. `leaf` is the number of a [leaf](crate::walk::Block::leaf); the mask is 0 if it is
+    /// not less than [`leaf_limit`](Self::leaf_limit).
+    pub fn detailed_lanes(&self, leaf: usize) -> u64 {
+        self.tree.detailed.get(leaf).copied().unwrap_or(0)
+    }
+
+    /// Returns bounds on the size and the draw ranges of all objects below a node of the
+    /// [scene's hierarchy](crate::walk::SceneHierarchy), by which whole nodes are dropped. Those of no object
+    /// if there is no such node.
+    pub fn detail_bounds(&self, node: usize) -> DetailBounds {
+        self.tree.detail_bounds.get(node).copied().unwrap_or(DetailBounds::NONE)
     }
 
     /// Returns the distances at which an object is drawn, [`DrawRange::ALWAYS`] if none were set.

@@ -33,18 +33,12 @@ impl DrawRange {
     /// Returns the opacity of an object at a distance in metres, from 0 at the ends of the range and beyond
     /// to 1 inside its margins. 0 for a NaN distance.
     pub fn opacity(&self, distance: f32) -> f32 {
-        self.opacity_between(distance, distance)
-    }
-
-    /// Returns the opacity of an object whose begin and end are measured from different boxes: the distance
-    /// of its own bounds, and that of the bounds that its end is measured from.
-    pub(crate) fn opacity_between(&self, own: f32, to_end: f32) -> f32 {
-        if !(own >= self.begin && to_end <= self.end) {
+        if !(distance >= self.begin && distance <= self.end) {
             return 0.0;
         }
         let ramp = |depth: f32| if depth < self.margin { depth / self.margin } else { 1.0 };
-        let fade_in = if self.begin > 0.0 { ramp(own - self.begin) } else { 1.0 };
-        fade_in.min(ramp(self.end - to_end))
+        let fade_in = if self.begin > 0.0 { ramp(distance - self.begin) } else { 1.0 };
+        fade_in.min(ramp(self.end - distance))
     }
 
     pub(super) fn is_valid(&self) -> bool {

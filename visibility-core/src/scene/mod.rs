@@ -20,16 +20,16 @@ mod transforms;
 mod tree;
 
 pub use affine::ToAffine;
-pub use boxes64::Boxes64;
-pub(crate) use boxes64::lanes;
+pub use boxes64::{Boxes64, lanes};
 pub use changes::Changes;
 pub use cursor::SceneCursor;
-pub(crate) use curve::Curve;
+pub use curve::morton_order;
 pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub use skinned_bounds::{SkinError, SkinnedBounds};
-pub(crate) use tree::{DetailBounds, NONE, Slot, Token, Tree, diagonal_squared};
+pub use tree::DetailBounds;
+pub(crate) use tree::{NONE, Slot, Token, Tree};
 
 use crate::serial::{next_generation, next_range};
 use crate::{Aabb, stamp::Stamp};
@@ -668,9 +668,10 @@ impl Scene {
     }
 
     /// Returns a mask of the lanes of a leaf whose objects share at least one layer with `layers`; bit i
-    /// stands for lane i.
-    pub(crate) fn lanes_on_layers(&self, leaf: usize, layers: u32) -> u64 {
-        let occupied = self.tree.occupied[leaf];
+    /// stands for lane i. `leaf` is the number of a [leaf](crate::walk::Block::leaf); the mask is 0 if it is
+    /// not less than [`leaf_limit`](Self::leaf_limit).
+    pub fn lanes_on_layers(&self, leaf: usize, layers: u32) -> u64 {
+        let Some(&occupied) = self.tree.occupied.get(leaf) else { return 0 };
         if self.layered == 0 && layers != 0 {
             return occupied;
         }

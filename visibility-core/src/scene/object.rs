@@ -173,7 +173,7 @@ impl Object {
 
     /// Returns whether no culler may remove the object: because it is flagged as never culled, or because its
     /// bounds are inverted, NaN or infinite.
-    pub(crate) fn is_unculled(&self) -> bool {
+    pub fn is_unculled(&self) -> bool {
         self.never_cull || !self.bounds.is_finite()
     }
 }

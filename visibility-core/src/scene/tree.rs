@@ -19,7 +19,7 @@ mod regroup;
 mod scratch;
 mod slot;
 
-pub(crate) use detail_bounds::{DetailBounds, diagonal_squared};
+pub use detail_bounds::DetailBounds;
 use history::History;
 pub(crate) use history::Token;
 pub(super) use scratch::Scratch;

@@ -74,7 +74,7 @@ impl ViewPlanes {
 
     /// Iterates over the planes, each with its slot: 0 to 5 for left, right, bottom, top, near and far; 6 and
     /// up for clip planes.
-    pub(crate) fn with_slots(&self) -> impl Iterator<Item = (u8, &ViewPlane)> {
+    pub fn with_slots(&self) -> impl Iterator<Item = (u8, &ViewPlane)> {
         self.slots.iter().copied().zip(self.as_slice())
     }
 

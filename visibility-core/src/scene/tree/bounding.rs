@@ -3,7 +3,7 @@
 //! Like the boxes, these bounds are raised at once where an object is written, and tightened by
 //! [`maintain`](super::super::maintain) and by a rebuild: too high a bound only costs time.
 
-use super::detail_bounds::{DetailBounds, diagonal_squared, diagonals_squared};
+use super::detail_bounds::{DetailBounds, diagonals_squared};
 use super::{Slot, Tree};
 use crate::scene::boxes64::{fold, lanes};
 use crate::scene::draw_range::Detail;
@@ -69,7 +69,7 @@ impl Tree {
     pub(in crate::scene) fn raise_to_object(&mut self, slot: Slot) {
         let (node, lane) = (slot.node(), slot.lane());
         let mut bounds = DetailBounds {
-            diagonal_squared: diagonal_squared(&self.bounds[node].get(lane)),
+            diagonal_squared: self.bounds[node].get(lane).diagonal_squared(),
             end: f32::INFINITY,
         };
         if !self.details.is_empty() {

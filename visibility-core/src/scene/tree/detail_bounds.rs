@@ -1,21 +1,22 @@
 //! Bounds on what a node holds: how large its objects are, and to which distance they are drawn.
 
+#[cfg(doc)]
 use crate::Aabb;
 use crate::scene::boxes64::Boxes64;
 
 /// Upper bounds on the objects below a node of the hierarchy.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct DetailBounds {
-    /// Greatest squared diagonal of the boxes of these objects, in square metres, as [`diagonal_squared`]
-    /// computes it.
-    pub(crate) diagonal_squared: f64,
+pub struct DetailBounds {
+    /// Greatest squared diagonal of the boxes of these objects, in square metres, as
+    /// [`Aabb::diagonal_squared`] computes it.
+    pub diagonal_squared: f64,
     /// Greatest distance at which an object may still be drawn, in metres; infinite if one has no limit.
-    pub(crate) end: f32,
+    pub end: f32,
 }
 
 impl DetailBounds {
     /// The bounds of a node without objects.
-    pub(super) const NONE: Self = Self { diagonal_squared: 0.0, end: 0.0 };
+    pub(in crate::scene) const NONE: Self = Self { diagonal_squared: 0.0, end: 0.0 };
 
     pub(super) fn max(self, other: Self) -> Self {
         Self {
@@ -25,17 +26,7 @@ impl DetailBounds {
     }
 }
 
-/// Returns the squared diagonal of a box in square metres; an axis with `min > max` or NaN counts as 0. Never
-/// overflows, and grows with the box, rounding included: with [`diagonals_squared`], one order of operations.
-pub(crate) fn diagonal_squared(bounds: &Aabb) -> f64 {
-    let side = |axis: usize| {
-        let side = f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
-        if side > 0.0 { side } else { 0.0 }
-    };
-    side(0) * side(0) + side(1) * side(1) + side(2) * side(2)
-}
-
-/// Returns [`diagonal_squared`] of the box in each lane; 0 for lanes without a box.
+/// Returns [`Aabb::diagonal_squared`] of the box in each lane; 0 for lanes without a box.
 #[inline(always)]
 pub(super) fn diagonals_squared(boxes: &Boxes64) -> [f64; 64] {
     let mut sums = [0.0; 64];

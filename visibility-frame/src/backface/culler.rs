@@ -1,0 +1,308 @@
+//! A culler of objects whose back faces alone are turned to the eye.
+
+use super::split_eye::SplitEye;
+use super::{Cones64, NormalCone};
+use crate::simd::Kernels;
+use alloc::collections::BTreeSet;
+use alloc::vec::Vec;
+use visibility_core::scene::lanes;
+use visibility_core::walk::{Child, SceneHierarchy, Walk};
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
+    scene::{Changes, SceneCursor, SceneError},
+    simd::Simd,
+    stamp::Stamp,
+};
+
+/// Removes objects of which the eye sees only back faces, in a scene whose objects are clusters of triangles.
+/// Conservative.
+///
+/// Only one-sided objects may be removed, since the backs of two-sided objects are drawn. Two-sided objects
+/// must be declared by [`set_two_sided`](Self::set_two_sided) and are always kept.
+///
+/// Each object has a [`NormalCone`], built from its triangles in the scene by [`sync`](Self::sync), or given
+/// by the caller to [`set`](Self::set). An object without a cone, or changed since its cone was made, counts
+/// as visible.
+///
+/// A culler belongs to one scene. Used with another scene, a clone included, it drops all cones and hides
+/// nothing until the cones are built anew. The two-sided flags are kept by object id for all scenes.
+///
+/// # Cost
+/// `sync`: 60 microseconds for each changed object of 100 triangles. `cull`: about 0.5 ns for a candidate.
+/// Memory: 160 bytes for each object.
+///
+/// ```
+/// use visibility_frame::backface::BackfaceCuller;
+/// use visibility_core::{glam::{DVec3, Vec3}, Aabb, Pipeline, Pose, Scene, View, VisibleSet};
+/// let mut scene = Scene::new();
+/// let wall = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [5.0, 1.0, 1.0]));
+/// scene.set_triangles(wall, [[Vec3::X * 5.0, Vec3::new(5.0, 1.0, 0.0), Vec3::new(5.0, 0.0, 1.0)]])?;
+/// let mut culler = BackfaceCuller::new();
+/// culler.sync(&scene);
+/// let mut pipeline = Pipeline::new().with(culler);
+/// let mut visible = VisibleSet::new();
+/// let from = |x: f64| View::perspective(Pose::look_at(DVec3::X * x, DVec3::X * 5.0, DVec3::Z), 1.0,
+///     1.0, 0.1, 100.0);
+/// pipeline.cull(&scene, &from(0.0)?, &mut visible);
+/// assert!(!visible.contains(&scene, wall));
+/// pipeline.cull(&scene, &from(9.0)?, &mut visible);
+/// assert!(visible.contains(&scene, wall));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct BackfaceCuller {
+    simd: Simd,
+    /// The scene that the cones belong to, and the revision of that scene up to which changed objects have
+    /// lost their cones.
+    cursor: SceneCursor,
+    /// The scene revision up to which [`sync`](Self::sync) has built cones.
+    built: SceneCursor,
+    /// Ids of the objects of all scenes that are drawn two-sided.
+    two_sided: BTreeSet<ObjectId>,
+    /// Whether the culler has been used with several scenes. If true, the two-sided flag of a removed object
+    /// is kept, since the object may still exist in another scene. If false, the flag is dropped with the
+    /// object.
+    in_several: bool,
+    /// Cones of objects, indexed by [`ObjectId::index`].
+    entries: Vec<Entry>,
+    /// Cones of the leaves of the scene's hierarchy, indexed by node. Entries of inner nodes are unused.
+    blocks: Vec<Block>,
+    /// Number of changes of `entries` so far, plus one.
+    clock: u64,
+}
+
+/// The normal cone of one object, with the time of its last change.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// Id of the object that the entry belongs to. Another object with the same index (another generation)
+    /// has no cone.
+    id: ObjectId,
+    cone: NormalCone,
+    /// Value of `BackfaceCuller::clock` when the entry last changed.
+    changed: u64,
+}
+
+impl Entry {
+    const NONE: Self = Self { id: ObjectId::PLACEHOLDER, cone: NormalCone::OPEN, changed: 0 };
+}
+
+/// The cones of the objects in one leaf of the scene's hierarchy (64 lanes), copied from
+/// `BackfaceCuller::entries`.
+#[derive(Clone, Debug)]
+struct Block {
+    cones: Cones64,
+    ids: [ObjectId; 64],
+    /// Layout stamp of the scene for which the block was last brought up to date.
+    layout: Stamp,
+    /// Value of `BackfaceCuller::clock` when the block was last brought up to date.
+    checked: u64,
+}
+
+impl Block {
+    const NONE: Self =
+        Self { cones: Cones64::OPEN, ids: [ObjectId::PLACEHOLDER; 64], layout: Stamp::NONE, checked: 0 };
+}
+
+impl Default for BackfaceCuller {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl BackfaceCuller {
+    /// Makes a culler without cones, which hides nothing, and selects the widest SIMD instructions of the
+    /// processor.
+    pub fn new() -> Self {
+        Self::with_simd(Simd::best())
+    }
+
+    /// Like [`new`](Self::new), with the given SIMD instructions, for tests and comparisons.
+    pub const fn with_simd(simd: Simd) -> Self {
+        Self {
+            simd,
+            cursor: SceneCursor::START,
+            built: SceneCursor::START,
+            two_sided: BTreeSet::new(),
+            in_several: false,
+            entries: Vec::new(),
+            blocks: Vec::new(),
+            clock: 1,
+        }
+    }
+
+    /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,
+    /// in scene-relative coordinates. The cone stays valid until the object changes in the scene, or until
+    /// the scene's change log overflows; then the object counts as visible. A cone given for a two-sided
+    /// object is ignored.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if the scene has no such object.
+    pub fn set(&mut self, scene: &Scene, id: ObjectId, cone: NormalCone) -> Result<(), SceneError> {
+        scene.bounds(id)?;
+        self.forget_changed(scene);
+        let cone = if self.two_sided.contains(&id) { NormalCone::OPEN } else { cone };
+        self.write(scene, id, cone);
+        Ok(())
+    }
+
+    /// Sets whether an object is drawn two-sided. A two-sided object has no cone and is always kept. Objects
+    /// are one-sided by default. Setting `false` replaces any cone of the object by the cone of its triangles
+    /// in the scene. An object with the same id in another scene gets the same flag.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownObject`] if the scene has no such object.
+    pub fn set_two_sided(&mut self, scene: &Scene, id: ObjectId, two_sided: bool) -> Result<(), SceneError> {
+        scene.bounds(id)?;
+        self.forget_changed(scene);
+        if two_sided {
+            self.two_sided.insert(id);
+        } else {
+            self.two_sided.remove(&id);
+        }
+        self.write(scene, id, NormalCone::OPEN);
+        self.build(scene, id);
+        Ok(())
+    }
+
+    /// Returns the valid cone of an object. `None` if the object has no cone or an open one, if the object
+    /// changed after the last call of [`sync`](Self::sync), [`set`](Self::set) or `cull`, or if `scene` is
+    /// another scene.
+    pub fn cone(&self, scene: &Scene, id: ObjectId) -> Option<NormalCone> {
+        let entry = self.entry(id).filter(|entry| !entry.cone.is_open())?;
+        match self.cursor.peek(scene) {
+            Changes::Objects(ids) if !ids.contains(&id) => Some(entry.cone),
+            _ => None,
+        }
+    }
+
+    /// Brings the cones up to date with the scene: builds the cone of each changed object that has triangles.
+    /// Time is proportional to the number of changes. An object with a triangle outside its bounds gets no
+    /// cone, since its bounds were moved and its triangles were not.
+    pub fn sync(&mut self, scene: &Scene) {
+        self.forget_changed(scene);
+        match self.built.follow(scene) {
+            Changes::Everything => scene.ids().for_each(|id| self.build(scene, id)),
+            Changes::Objects(ids) => ids.iter().for_each(|&id| self.build(scene, id)),
+        }
+    }
+
+    /// Builds the cone of an object from its triangles in the scene. Does nothing if the object is two-sided,
+    /// has a cone already, has no triangles, or has a triangle outside its bounds.
+    fn build(&mut self, scene: &Scene, id: ObjectId) {
+        let two_sided = self.two_sided.contains(&id);
+        let has_cone = self.entry(id).is_some_and(|entry| !entry.cone.is_open());
+        let (Ok(triangles), Ok(bounds)) = (scene.triangles(id), scene.bounds(id)) else { return };
+        let within = |bounds: &Aabb| triangles.iter().flatten().all(|&p| bounds.contains_point(p));
+        if two_sided || has_cone || triangles.is_empty() || !within(&bounds) {
+            return;
+        }
+        self.write(scene, id, NormalCone::from_triangles(triangles));
+    }
+
+    /// Replaces the cones of the objects that changed in the scene since the last call by open cones, so that
+    /// these objects count as visible. Drops all cones if `scene` is another scene or its change log has
+    /// overflowed. Afterwards all entries belong to `scene`.
+    fn forget_changed(&mut self, scene: &Scene) {
+        self.in_several |= self.cursor != SceneCursor::START && !self.cursor.is_in(scene);
+        match self.cursor.follow(scene) {
+            Changes::Everything => {
+                self.entries.clear();
+                self.blocks.clear();
+                self.built = SceneCursor::START;
+                if !self.in_several {
+                    self.two_sided.retain(|&id| scene.contains(id));
+                }
+            }
+            Changes::Objects(ids) => {
+                for &id in ids {
+                    if self.entry(id).is_some_and(|entry| !entry.cone.is_open()) {
+                        self.write(scene, id, NormalCone::OPEN);
+                    }
+                    if !self.in_several && !scene.contains(id) {
+                        self.two_sided.remove(&id);
+                    }
+                }
+            }
+        }
+    }
+
+    fn entry(&self, id: ObjectId) -> Option<&Entry> {
+        self.entries.get(id.index()).filter(|entry| entry.id == id)
+    }
+
+    /// Sets the cone of an object, in its entry and in the leaf block that holds a copy.
+    fn write(&mut self, scene: &Scene, id: ObjectId, cone: NormalCone) {
+        if self.entries.len() <= id.index() {
+            self.entries.resize(id.index() + 1, Entry::NONE);
+        }
+        self.clock += 1;
+        self.entries[id.index()] = Entry { id, cone, changed: self.clock };
+        // A block of an older layout needs no update here: `refresh` compares it with the entries before use.
+        if let Some((leaf, lane)) = scene.leaf_of(id)
+            && let Some(block) = self.blocks.get_mut(leaf)
+            && block.layout == scene.layout()
+            && block.ids[lane] == id
+        {
+            block.cones.set(lane, &cone);
+        }
+    }
+
+    /// Brings the cones of leaf `leaf` up to date, if the layout of the scene has changed since the last
+    /// update. `ids` are the objects in the 64 lanes of the leaf. Only lanes whose object or cone has changed
+    /// are copied from `entries`.
+    fn refresh(&mut self, scene: &Scene, leaf: usize, ids: &[ObjectId; 64]) {
+        let block = &mut self.blocks[leaf];
+        if block.layout == scene.layout() {
+            return;
+        }
+        for (lane, id) in ids.iter().enumerate() {
+            let entry = self.entries.get(id.index()).filter(|entry| entry.id == *id).unwrap_or(&Entry::NONE);
+            if block.ids[lane] != *id || entry.changed > block.checked {
+                block.ids[lane] = *id;
+                block.cones.set(lane, &entry.cone);
+            }
+        }
+        (block.layout, block.checked) = (scene.layout(), self.clock);
+    }
+
+    /// Removes the objects that the eye certainly sees only from behind from the visible set, in the scene
+    /// hierarchy below `node` (`None`: in the whole hierarchy). Returns true if any object of the set is left
+    /// there, false if none is.
+    fn visit(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, eye: &SplitEye) -> bool {
+        walk.visit(node, |walk, block, candidates| {
+            let mut mask = candidates;
+            if let Some((leaf, ids)) = block.leaf() {
+                if candidates != 0 {
+                    self.refresh(walk.scene(), leaf, ids);
+                    mask &= !self.simd.inside_cones(&self.blocks[leaf].cones, eye);
+                }
+                walk.stats.tests += u64::from(candidates.count_ones());
+                return mask;
+            }
+            for lane in lanes(candidates) {
+                let Child::Node(child) = block.child(lane) else { continue };
+                mask &= !(u64::from(!self.visit(walk, Some(child), eye)) << lane);
+            }
+            mask
+        })
+    }
+}
+
+impl Culler for BackfaceCuller {
+    fn name(&self) -> &str {
+        "backface"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        self.forget_changed(scene);
+        self.blocks.resize(scene.leaf_limit(), Block::NONE);
+        let eye = SplitEye::of_view(view, scene.origin()).unwrap_or(SplitEye::UNKNOWN);
+        let mut walk = Walk::new(scene, &SceneHierarchy, visible);
+        self.visit(&mut walk, None, &eye);
+        walk.finish()
+    }
+}

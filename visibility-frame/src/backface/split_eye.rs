@@ -1,0 +1,113 @@
+//! The eye in the form that the cone test takes, and the arithmetic of the test itself.
+
+use visibility_core::glam::DVec3;
+use visibility_core::view::ViewProjection;
+use visibility_core::{View, view::Eye};
+
+/// An eye in the coordinates of the cones. Each coordinate is the sum `high + low` of two `f32`, so that the
+/// difference of eye and apex loses no digits where coordinates are large. For a parallel view, `high + low`
+/// is the negated view direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SplitEye {
+    high: [f32; 3],
+    low: [f32; 3],
+    /// Factor by which the apex is multiplied before it is subtracted from the eye: 1 for an eye point, 0
+    /// for a direction (parallel view).
+    weight: f32,
+    /// Bound for the rounding and the uncertainty of the eye, to be multiplied by a cone's `margin`: the sum
+    /// of `2u` times the sum of the coordinates' magnitudes (`u = 2^-24`), `2^-100`, and `5 * 2^19` times
+    /// the greatest distance of the true eye from this eye.
+    blur: f32,
+}
+
+impl SplitEye {
+    /// An eye whose position is unknown: no cone holds it, so nothing is culled.
+    pub(crate) const UNKNOWN: Self = Self { high: [f32::NAN; 3], low: [0.0; 3], weight: 1.0, blur: f32::NAN };
+
+    /// Converts an eye whose coordinates, relative to the origin of the cones, are exact.
+    pub(crate) fn new(eye: &Eye) -> Self {
+        match *eye {
+            Eye::Point(eye) => Self::around(eye, 1.0, 0.0),
+            Eye::Direction(direction) => Self::around(-direction, 0.0, 0.0),
+        }
+    }
+
+    /// Returns the eye at point `p` (`weight` 1), or the parallel view with negated direction `p` (`weight`
+    /// 0). The true eye or negated direction lies within `radius` of `p`.
+    pub(crate) fn around(p: DVec3, weight: f32, radius: f64) -> Self {
+        let high = p.as_vec3();
+        let low = (p - high.as_dvec3()).as_vec3();
+        let blur =
+            f64::from(f32::EPSILON) * p.abs().element_sum() + f64::from(f32::MIN_POSITIVE) * 67108864.0;
+        let blur = (blur + 5.0 * 524288.0 * radius) as f32;
+        Self { high: high.to_array(), low: low.to_array(), weight, blur: blur.next_up() }
+    }
+
+    /// Returns the eye of a view relative to `origin`. `None` if rounding leaves open whether the eye is a
+    /// point or a direction, or if the bound on its error is infinite (for a direction: 1e-3 or more).
+    pub(crate) fn of_view(view: &View, origin: DVec3) -> Option<Self> {
+        let projection = ViewProjection::new(view, origin);
+        let error = projection.eye_error();
+        match projection.eye() {
+            Eye::Point(eye) => error.is_finite().then(|| Self::around(eye, 1.0, error)),
+            Eye::Direction(along) => (error < 1e-3).then(|| Self::around(-along, 0.0, error)),
+        }
+    }
+}
+
+/// Number of `f32` values that describe a cone in the test: nine matrix elements by rows, the three
+/// coordinates of the apex, the margin.
+pub(crate) const NUMBERS: usize = 13;
+
+/// Tests an eye against `WIDTH` cones at once. Result `i` is negative if cone `i` certainly holds the eye
+/// (the eye sees only backs), otherwise zero or positive; also zero for NaN. `cones[n][i]` is number `n` of
+/// cone `i` in the order of [`NUMBERS`]. All SIMD paths give the same results.
+///
+/// The bound on rounding: let `v` be the eye minus the apex, `w = rows * v` with the exact rows, `|(x, y)|`
+/// the Euclidean length, and `u = 2^-24`. The cone holds the eye if `w.z + |(w.x, w.y)| <= 0`. Let `s` be the
+/// greatest magnitude in `rows`, `S` the sum of the magnitudes of the components of `v`, and `E` that sum for
+/// the eye. Then
+///
+/// - The error of a component of `v` is at most `2u |v|` for two roundings, `u |low| <= u^2 E` for the
+///   rounding of `low`, and `u^2 E` for the part of the eye that two `f32` cannot hold.
+/// - The error of a component of `w` is at most `3u s S` for its products and sums, `u s S` for the rounding
+///   of `rows`, `2u s S` for that of `v`, and `2u^2 s E`: together less than `6.1 u s S + 2.1 u^2 s E`.
+/// - The error of `w.z + |(w.x, w.y)|` is at most `1 + 2^1/2` times that: less than `15u s S + 6u^2 s E`. The
+///   margin is `32u s (S + 2u E)`; the rounding of the margin itself is a millionth of it.
+/// - An eye that is off by `r` changes `w.z + |(w.x, w.y)|` by less than `4.2 s r`. The field
+///   `SplitEye::blur` contains `5 r / 32u` for this.
+/// - Flushing of denormals changes components of `v` by up to `2^-126`, and the result by up to `2^-123 s`.
+///   The term `2^-100` of the blur allows for `2^-119 s`. Flushing also changes products, by less than
+///   `2^-122` without the factor `s`; the last `2^-50` allows for this, see the next item.
+/// - The code compares squares instead of lengths. This takes five more roundings, for which `16u` are
+///   available. Squares of numbers above `2^-50` are well above denormals. Squares of smaller components may
+///   be flushed, `2^-126` beside `2^-100`. With the `2^-122` of the previous item, `4u` of each side of the
+///   comparison remain, at least `2^-74`.
+/// - An overflow makes a side of a comparison infinite or NaN. The comparison then decides nothing, or
+///   decides what is true anyway.
+#[inline(always)]
+pub(super) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &SplitEye) -> [f32; WIDTH] {
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz, ax, ay, az, margin] = cones;
+    let SplitEye { high, low, weight, blur } = *eye;
+    let mut found = [0.0; WIDTH];
+    for i in 0..WIDTH {
+        let x = (high[0] - weight * ax[i]) + low[0];
+        let y = (high[1] - weight * ay[i]) + low[1];
+        let z = (high[2] - weight * az[i]) + low[2];
+        let wx = (xx[i] * x + xy[i] * y) + xz[i] * z;
+        let wy = (yx[i] * x + yy[i] * y) + yz[i] * z;
+        let wz = (zx[i] * x + zy[i] * y) + zz[i] * z;
+        let size = ((x.abs() + y.abs()) + z.abs()) + blur;
+        let depth = wz + margin[i] * size;
+        let square = (wx * wx + wy * wy) * (1.0 + 8.0 * f32::EPSILON);
+        // False for NaN, and then the result is 0: not held.
+        let outside = square < depth * depth;
+        found[i] = if outside { depth + LEAST } else { 0.0 };
+    }
+    found
+}
+
+/// Least depth of an eye inside a cone (the eye's coordinate against the cone's axis, plus the margin for
+/// rounding, in the cone's units) at which [`inside`] counts the eye as inside: `2^-50`. Squares of smaller
+/// depths come near the denormals, so such eyes count as outside.
+const LEAST: f32 = 1.0 / 1_125_899_906_842_624.0;

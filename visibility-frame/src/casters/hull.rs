@@ -1,0 +1,248 @@
+//! The planes around the convex hull of a volume and a light, which bound all segments from points of the
+//! volume to the light.
+//!
+//! Let the volume be where all planes `A . p >= 0`. Here `A . p` stands for `normal . p + offset` of a plane
+//! `A`, and for a light `L` at infinity, `A . L` for `normal . direction`. A plane bounds the hull of volume
+//! and light if both are on its inner side. Such planes are
+//!
+//! - the planes of the volume with the light on the inner side, `A . L >= 0`, and
+//! - for each of these and each `B` with `B . L < 0`, the plane `C = (-B . L) A + (A . L) B`. As a sum of `A`
+//!   and `B` with non-negative weights, it has the whole volume on its inner side, and `C . L = 0`: it goes
+//!   through the light and the edge in which `A` and `B` meet, the silhouette of the volume as the light sees
+//!   it.
+//!
+//! No other planes are needed (one step of the double description method: Motzkin, Raiffa, Thompson and
+//! Thrall, "The Double Description Method", 1953). Pairs of planes that meet in no edge give valid but
+//! redundant planes, so neither vertices nor edges need to be found. No special cases exist: infinite
+//! volumes, lights in, behind or on a plane of the volume, and all kinds of cameras are treated alike.
+//! Leaving planes out is conservative: it keeps more casters.
+//!
+//! An infinite volume is also bounded by the plane at infinity, normal 0 and offset 1, which has a light at a
+//! finite position on its inner side. Its pair with `B` is the plane through the light parallel to `B`.
+
+use smallvec::SmallVec;
+use visibility_core::geometry::Plane;
+use visibility_core::glam::DVec3;
+use visibility_core::view::ViewPlane;
+
+/// Greatest number of planes that casters are tested against: as many as four walks of the hierarchy can
+/// take. Further planes are dropped, which keeps more casters.
+pub(super) const MAX_HULL_PLANES: usize = 64;
+
+/// Planes around the hull of volume and light, relative to the scene's origin, with normals pointing inwards.
+/// Stored inline: at most [`MAX_HULL_PLANES`], never on the heap.
+pub(super) type HullPlanes = SmallVec<[ViewPlane; MAX_HULL_PLANES]>;
+
+/// Position or direction of a light relative to the scene's origin.
+#[derive(Clone, Copy)]
+pub(super) enum Source {
+    /// Parallel light. The vector points towards the light and is scaled so that its component of greatest
+    /// magnitude is 1 or -1.
+    Direction(DVec3),
+    Point(DVec3),
+}
+
+/// A plane with absolute error bounds for each component of its normal and for its offset: the exact plane is
+/// within these bounds of the stored one.
+#[derive(Clone, Copy)]
+struct RoundedPlane {
+    plane: Plane,
+    normal_error: DVec3,
+    offset_error: f64,
+}
+
+/// A plane of the volume or the plane at infinity, with the signed distance of the light from the plane:
+/// positive on the inner side, to which the plane's normal points.
+#[derive(Clone, Copy)]
+struct Facet {
+    slot: u8,
+    plane: RoundedPlane,
+    /// Signed distance of the light from the plane in metres as computed, positive on the inner side (`A .
+    /// L` at the head of this module). For a light at infinity, the dot product of its direction with
+    /// the plane's normal.
+    distance: f64,
+    error: f64,
+}
+
+const EPSILON: f64 = f64::EPSILON;
+
+impl Source {
+    fn facet(&self, slot: u8, view_plane: &ViewPlane) -> Facet {
+        let ViewPlane { plane, error: offset_error } = *view_plane;
+        // The normals of the exact planes are within 8 epsilon of these.
+        let normal_error = plane.normal.abs() * (8.0 * EPSILON);
+        // The light is rounded by half an epsilon when it is made relative to the scene; products and sums
+        // are rounded as in `Plane::error_bound`, by 3 epsilon. With the 8 of the normal that is 12 of the
+        // magnitudes. 16 also cover the rounding of that bound and of its use: `toward` below rounds distance
+        // and error three times each.
+        let (distance, size, shift) = match *self {
+            Self::Direction(d) => {
+                (Plane::new(plane.normal, 0.0).signed_distance(d), plane.normal.abs().dot(d.abs()), 0.0)
+            }
+            Self::Point(p) => (
+                plane.signed_distance(p),
+                plane.normal.abs().dot(p.abs()) + plane.offset.abs(),
+                2.0 * offset_error,
+            ),
+        };
+        let error = 16.0 * EPSILON * size + shift + 16.0 * f64::MIN_POSITIVE;
+        Facet { slot, plane: RoundedPlane { plane, normal_error, offset_error }, distance, error }
+    }
+
+    /// Returns the plane at infinity, the far plane of an infinite volume: a point light is on its inner
+    /// side, a direction lies in it.
+    fn infinity(&self) -> Facet {
+        let plane = Plane::new(DVec3::ZERO, 1.0);
+        let plane = RoundedPlane { plane, normal_error: DVec3::ZERO, offset_error: 0.0 };
+        let distance = if matches!(self, Self::Point(_)) { 1.0 } else { 0.0 };
+        Facet { slot: FAR, plane, distance, error: 0.0 }
+    }
+}
+
+/// Slot number of a view's far plane, and of the plane at infinity. Slots number the planes of a view or box
+/// from 0; slots that differ only in bit 0 are opposite planes.
+const FAR: u8 = 5;
+
+impl Facet {
+    /// Tests whether the light is certainly on the inner side of the plane, the side that its normal points
+    /// to. False if undecided.
+    fn faces_light(&self) -> bool {
+        self.distance > self.error
+    }
+
+    /// Tests whether two planes are opposite sides of a view or box (slots 0 to 5 that differ in bit 0),
+    /// which meet in no edge.
+    fn is_opposite(&self, other: &Self) -> bool {
+        self.slot <= FAR && self.slot ^ 1 == other.slot
+    }
+
+    /// Returns the plane through the light and the common edge of two planes: `self` (`A` below), which must
+    /// certainly have the light `L` on its inner side, and `other` (`B` below), which must not.
+    ///
+    /// The result is `a A + b B`. Here `A.L` and `B.L` are the signed distances of the light from the planes,
+    /// and `error(A)` and `error(B)` bound the absolute errors of their computed values. The weights `a` and
+    /// `b` are rounded so that the exact planes, taken with these very weights, have the light on the inner
+    /// side of their sum. With `a >= error(B) - B.L` and `b <= A.L - error(A)` for the computed distances,
+    /// the exact distances satisfy `A.L >= b` and `B.L >= -a`, so `a (A . L) + b (B . L) >= a b - b a = 0`.
+    /// So the sum is a valid plane whatever the errors are, and where the light is nearly on `other`, the sum
+    /// is nearly `other`.
+    fn toward(&self, other: &Self) -> RoundedPlane {
+        let (a, b) = (other.error - other.distance, self.distance - self.error);
+        let scale = a.max(b);
+        // More of `self` is always valid, and its weight must not underflow to zero.
+        let (a, b) = ((a / scale).max(1e-200), b / scale);
+        let (p, q) = (&self.plane, &other.plane);
+        let normal = p.plane.normal * a + q.plane.normal * b;
+        let offset = p.plane.offset * a + q.plane.offset * b;
+        // Two roundings each in addition to the errors of the planes. Components that cancel keep the errors
+        // of the terms.
+        let size = p.plane.normal.abs() * a + q.plane.normal.abs() * b;
+        let offset_size = p.plane.offset.abs() * a + q.plane.offset.abs() * b;
+        RoundedPlane {
+            plane: Plane::new(normal, offset),
+            normal_error: p.normal_error * a + q.normal_error * b + size * (4.0 * EPSILON),
+            offset_error: p.offset_error * a + q.offset_error * b + offset_size * (4.0 * EPSILON),
+        }
+    }
+}
+
+impl RoundedPlane {
+    /// Returns the plane scaled to a unit normal, with one absolute error bound of a point's signed distance,
+    /// which covers the errors of normal and offset. The bound holds for points whose coordinates have
+    /// absolute values of at most `reach`, since an error `e` of the normal's x moves the
+    /// plane by at most `e * reach.x` there. `None` if the normal is (almost) zero or NaN, or if the offset
+    /// or its error overflows.
+    fn settle(&self, reach: DVec3) -> Option<ViewPlane> {
+        let length = self.plane.normal.length();
+        // Below 1e-140, squares underflow: opposite planes of a volume without extent.
+        if length.is_nan() || length < 1e-140 {
+            return None;
+        }
+        // The divisions round normal, offset and errors once more each.
+        let lost = self.normal_error + self.plane.normal.abs() * (4.0 * EPSILON);
+        let error = (self.offset_error + self.plane.offset.abs() * (4.0 * EPSILON) + lost.dot(reach))
+            / length
+            * (1.0 + 16.0 * EPSILON)
+            + 16.0 * f64::MIN_POSITIVE;
+        let plane = Plane::new(self.plane.normal / length, self.plane.offset / length);
+        (plane.offset.is_finite() && error.is_finite()).then_some(ViewPlane { plane, error })
+    }
+}
+
+/// Appends the planes around the hull of a volume and a light to `out`, up to its capacity. `volume` yields
+/// the planes of the volume with their slots; slots below 6 that differ only in bit 0 are opposite planes.
+/// Only the first 16 planes are used, which keeps more casters. The result is valid for points whose
+/// coordinates have absolute values of at most `reach`.
+pub(super) fn push_hull<'a>(
+    out: &mut HullPlanes,
+    volume: impl Iterator<Item = (u8, &'a ViewPlane)>,
+    source: Source,
+    reach: DVec3,
+) {
+    let mut facets: SmallVec<[Facet; 17]> =
+        volume.take(16).map(|(slot, plane)| source.facet(slot, plane)).collect();
+    if !facets.iter().any(|facet| facet.slot == FAR) {
+        facets.push(source.infinity());
+    }
+    for facet in facets.iter().filter(|facet| facet.faces_light()) {
+        push(out, &facet.plane, reach);
+    }
+    for inner in facets.iter().filter(|facet| facet.faces_light()) {
+        for outer in facets.iter().filter(|facet| !facet.faces_light()) {
+            if !inner.is_opposite(outer) {
+                push(out, &inner.toward(outer), reach);
+            }
+        }
+    }
+}
+
+fn push(out: &mut HullPlanes, plane: &RoundedPlane, reach: DVec3) {
+    if out.len() < MAX_HULL_PLANES {
+        out.extend(plane.settle(reach));
+    }
+}
+
+/// Appends eight planes of a pyramid around the cone of a spot light to `out`. The cross-section of the
+/// pyramid is at most 8 % wider than the cone. `axis` may have any length, `tangent` is that of the half
+/// angle; nothing is appended if `axis` cannot be normalized.
+///
+/// The planes go through the light and touch the cone along eight lines. For half angle `t`, unit axis `s`
+/// and a unit vector `e` perpendicular to it, the inner normal is `s tan t - e`. Vectors are unit and
+/// orthogonal to within 8 epsilon, the tangent is off by a few units in its last place: each component of the
+/// normal is within `32 epsilon (1 + tan t)` of a plane that holds the cone.
+pub(super) fn push_cone(out: &mut HullPlanes, light: DVec3, axis: DVec3, tangent: f64, reach: DVec3) {
+    use core::f64::consts::FRAC_1_SQRT_2 as D;
+    let Some(axis) = (axis / axis.abs().max_element()).try_normalize() else { return };
+    let (u, v) = axis.any_orthonormal_pair();
+    for (x, y) in [(1.0, 0.0), (D, D), (0.0, 1.0), (-D, D), (-1.0, 0.0), (-D, -D), (0.0, -1.0), (D, -D)] {
+        let normal = axis * tangent - (u * x + v * y);
+        push_through(out, light, normal, 32.0 * EPSILON * (1.0 + tangent), reach);
+    }
+}
+
+/// Appends to `out` the half-space whose boundary goes through `point` and whose inside is the side that
+/// `normal` points to. `normal_error` bounds the absolute error of each component of the normal. The result
+/// is valid for points whose coordinates have absolute values of at most `reach`.
+fn push_through(out: &mut HullPlanes, point: DVec3, normal: DVec3, normal_error: f64, reach: DVec3) {
+    let size = normal.abs().dot(point.abs());
+    // Errors of the normal turn the plane about the point. The rounding of the offset and of its products
+    // shifts it.
+    let offset_error = normal_error * (point.abs().element_sum()) + 4.0 * EPSILON * size;
+    let plane = Plane::new(normal, -normal.dot(point));
+    push(out, &RoundedPlane { plane, normal_error: DVec3::splat(normal_error), offset_error }, reach);
+}
+
+/// Appends the six sides of the axis-aligned box around a ball to `out`, up to its capacity. `center` is
+/// relative to the scene's origin; `radius` is in metres. The error of each plane covers half an epsilon each
+/// for the rounding of the center and of the sums.
+pub(super) fn push_ball(out: &mut HullPlanes, center: DVec3, radius: f64) {
+    for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+        for side in [axis, -axis] {
+            let offset = radius - side.dot(center);
+            let error = 4.0 * EPSILON * (radius + side.dot(center).abs()) + f64::MIN_POSITIVE;
+            if out.len() < MAX_HULL_PLANES && offset.is_finite() && error.is_finite() {
+                out.push(ViewPlane { plane: Plane::new(side, offset), error });
+            }
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! The walk over the clusters of each visible instance: planes, cones and occlusion map in turn.
+
+use super::ClusterMesh;
+use super::local_view::{LocalView, Placement};
+use crate::backface::SplitEye;
+use crate::simd::Kernels;
+use alloc::vec::Vec;
+use visibility_core::glam::Affine3A;
+use visibility_core::scene::{Boxes64, lanes};
+use visibility_core::simd::Simd;
+use visibility_core::view::{Eye, MAX_PLANES, ViewPlanes, ViewProjection};
+use visibility_core::{CullStats, ObjectId, OcclusionMap, Scene, View, VisibleSet};
+
+/// The mesh that an object is drawn with, and how.
+///
+/// ```
+/// use visibility_frame::clusters::{ClusterInstance, ClusterMesh};
+/// use visibility_core::glam::{Affine3A, Vec3};
+/// let rock = ClusterMesh::new([]);
+/// let instance = ClusterInstance::new(&rock, Affine3A::from_translation(Vec3::X));
+/// assert!(!instance.two_sided);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct ClusterInstance<'m> {
+    /// Clusters of the mesh.
+    pub mesh: &'m ClusterMesh,
+    /// Maps mesh coordinates to coordinates relative to the scene's origin. May mirror, shear and scale. All
+    /// clusters are listed if the transform is flat or not finite.
+    pub transform: Affine3A,
+    /// Whether back faces are drawn too, so that cones are not used. False by default.
+    ///
+    /// Under a mirroring transform the front of each triangle stays its front, though its corners then run
+    /// clockwise. An engine that does not reverse its winding rule for mirrored instances sets `two_sided`
+    /// for these.
+    pub two_sided: bool,
+}
+
+impl<'m> ClusterInstance<'m> {
+    /// Returns a one-sided instance of a mesh. `transform` maps mesh coordinates to coordinates relative to
+    /// the scene's origin.
+    pub const fn new(mesh: &'m ClusterMesh, transform: Affine3A) -> Self {
+        Self { mesh, transform, two_sided: false }
+    }
+}
+
+/// A cluster of an instance that a view may see.
+///
+/// ```
+/// # use visibility_core::{Aabb, Scene};
+/// # use visibility_frame::clusters::VisibleCluster;
+/// # let mut scene = Scene::new();
+/// # let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+/// let listed = VisibleCluster { instance: id, cluster: 7 };
+/// assert_eq!(listed.cluster, 7);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Hash)]
+pub struct VisibleCluster {
+    /// The object.
+    pub instance: ObjectId,
+    /// Number of the cluster, in the order in which [`ClusterMesh::new`] was given the clusters.
+    pub cluster: u32,
+}
+
+/// One view of one scene, prepared to list the visible clusters of instances. Holds no state between frames:
+/// make one for each view and frame.
+///
+/// Conservative: no cluster is dropped that has a front-facing triangle in view, unless the occlusion map
+/// hides the cluster's whole box.
+///
+/// # Cost
+/// Some 5 us for an instance of 1,000 clusters in view, half of which are listed. Planes and eye are
+/// transformed once for each instance; blocks of 64 clusters out of view cost nothing. The occlusion map is
+/// asked last, only for clusters that planes and cones left.
+///
+/// ```
+/// use visibility_frame::clusters::{ClusterInstance, ClusterMesh, ClusterView, VisibleCluster};
+/// use visibility_core::glam::{Affine3A, DVec3, Vec3};
+/// use visibility_frame::backface::cluster_mesh;
+/// use visibility_core::{FrustumCuller, Aabb, Pipeline, Pose, Scene, View, VisibleSet};
+/// // A roof, seen from above and from below.
+/// let (positions, indices) = ([Vec3::ZERO, Vec3::X, Vec3::Y], [[0, 1, 2]]);
+/// let clusters = cluster_mesh(&positions, &indices)?;
+/// let roof = ClusterMesh::new(clusters.iter().map(|cluster| (cluster.bounds, cluster.cone)));
+/// let mut scene = Scene::new();
+/// let heights = [-3.0f32, 3.0];
+/// let ids = heights.map(|z| scene.insert(Aabb::from_arrays([9.0, 0.0, z], [10.0, 1.0, z])));
+///
+/// // Each frame: cull objects, then the clusters of those that are left.
+/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0)?;
+/// let (mut visible, mut list) = (VisibleSet::new(), Vec::new());
+/// Pipeline::new().with(FrustumCuller::new()).cull(&scene, &view, &mut visible);
+/// list.clear();
+/// let place = |z| Affine3A::from_translation(Vec3::new(9.0, 0.0, z));
+/// ClusterView::new(&scene, &view).cull(
+///     &visible,
+///     |id| Some(ClusterInstance::new(&roof, place(heights[id.index()]))),
+///     &mut list,
+/// );
+/// assert_eq!(list, [VisibleCluster { instance: ids[0], cluster: 0 }], "the other shows its back");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy)]
+pub struct ClusterView<'a> {
+    scene: &'a Scene,
+    simd: Simd,
+    planes: ViewPlanes,
+    /// Eye relative to the scene's origin.
+    eye: Eye,
+    /// Bound on the error of `eye`; infinite if it is unknown.
+    eye_error: f64,
+    map: Option<&'a dyn OcclusionMap>,
+}
+
+impl core::fmt::Debug for ClusterView<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("ClusterView")
+            .field("eye", &self.eye)
+            .field("map", &self.map.map(OcclusionMap::name))
+            .finish()
+    }
+}
+
+impl<'a> ClusterView<'a> {
+    /// Prepares a view of a scene, without an occlusion map.
+    pub fn new(scene: &'a Scene, view: &View) -> Self {
+        let projection = ViewProjection::new(view, scene.origin());
+        Self {
+            scene,
+            simd: Simd::best(),
+            planes: view.planes(scene.origin()),
+            eye: projection.eye(),
+            eye_error: projection.eye_error(),
+            map: None,
+        }
+    }
+
+    /// Returns the view with an occlusion map, which clusters are tested against last. The map must be that
+    /// of this view, scene and frame, with all occluders flushed: that of an
+    /// [`OcclusionCuller`](visibility_core::OcclusionCuller::map) that has culled this frame. An object's own occluder
+    /// hides clusters of the object too, so it must not reach out of the surface that is drawn.
+    pub fn with_map(self, map: &'a dyn OcclusionMap) -> Self {
+        Self { map: Some(map), ..self }
+    }
+
+    /// Returns the view with the given SIMD instructions, for tests and comparisons. Answers are the same
+    /// with all.
+    pub fn with_simd(self, simd: Simd) -> Self {
+        Self { simd, ..self }
+    }
+
+    /// Appends the clusters that the view may see, of all instances in `visible`, to `list`. Clusters of an
+    /// instance are adjacent, in no particular order; instances are in the order of the set.
+    ///
+    /// `instances` returns what an object is drawn with. Nothing is listed for objects without clusters, for
+    /// which it returns `None`. All clusters are listed of an object that is
+    /// [never culled](visibility_core::Object::never_cull) or whose bounds are not finite. Allocates only if `list`
+    /// must grow.
+    ///
+    /// Returns the counters: blocks of 64, tests of boxes, cones and the map, and clusters listed.
+    pub fn cull<'m>(
+        &self,
+        visible: &VisibleSet,
+        mut instances: impl FnMut(ObjectId) -> Option<ClusterInstance<'m>>,
+        list: &mut Vec<VisibleCluster>,
+    ) -> CullStats {
+        let mut sum = CullStats::default();
+        for id in visible.iter(self.scene) {
+            let Some(instance) = instances(id) else { continue };
+            let mut push = |cluster| list.push(VisibleCluster { instance: id, cluster });
+            let before = sum.visible;
+            if self.scene.object(id).is_ok_and(|object| object.is_unculled()) {
+                (0..instance.mesh.len() as u32).for_each(&mut push);
+                sum.visible += instance.mesh.len() as u64;
+            } else {
+                sum += self.cull_instance(&instance, push);
+                sum.visible += before;
+            }
+        }
+        sum
+    }
+
+    /// Calls `each` with the number of every cluster of one instance that the view may see, in no particular
+    /// order. For engines with lists of instances of their own, and for several threads. Returns the counters
+    /// of this instance.
+    pub fn cull_instance(&self, instance: &ClusterInstance<'_>, mut each: impl FnMut(u32)) -> CullStats {
+        let ClusterInstance { mesh, transform, two_sided } = *instance;
+        let mut stats = CullStats::default();
+        let Some(placement) = Placement::new(&transform) else {
+            (0..mesh.len() as u32).for_each(each);
+            return CullStats { visible: mesh.len() as u64, ..stats };
+        };
+        let Some(root) = mesh.level_count().checked_sub(1) else { return stats };
+        let volume = placement.volume(self.simd, &self.planes, mesh.reach());
+        let eye = if two_sided { SplitEye::UNKNOWN } else { placement.eye(&self.eye, self.eye_error) };
+        let walk = InstanceWalk { simd: self.simd, mesh, transform, view: LocalView { volume, eye } };
+        walk.visit(root, 0, walk.view.volume.all(), self.map, &mut stats, &mut each);
+        stats
+    }
+}
+
+/// The walk over the clusters of one instance.
+struct InstanceWalk<'m> {
+    simd: Simd,
+    mesh: &'m ClusterMesh,
+    transform: Affine3A,
+    view: LocalView,
+}
+
+impl InstanceWalk<'_> {
+    /// Tests a block of a level (0: clusters) against the planes in the mask `active`, all others being known
+    /// to contain the block, against the cones, and against `map` unless it is known to hide nothing below.
+    fn visit(
+        &self,
+        level: usize,
+        block: usize,
+        active: u32,
+        map: Option<&dyn OcclusionMap>,
+        stats: &mut CullStats,
+        each: &mut impl FnMut(u32),
+    ) {
+        let (boxes, used) = self.mesh.block(level, block);
+        stats.nodes += 1;
+        stats.tests += u64::from(used.count_ones()) * u64::from(active.count_ones());
+        let volume = &self.view.volume;
+        let mut mask = if active == 0 { used } else { used & !volume.outside(boxes, active) };
+        if level == 0 && mask != 0 {
+            stats.tests += u64::from(mask.count_ones());
+            mask &= !self.simd.inside_cones(self.mesh.cones(block), &self.view.eye);
+        }
+        let mut unhidden = 0;
+        if let Some(map) = map.filter(|_| mask != 0) {
+            let (placed, known) = self.placed(boxes, mask);
+            stats.tests += u64::from(known.count_ones());
+            let answer = map.test_64(&placed, known);
+            mask &= !(answer.hidden & known);
+            unhidden = answer.visible;
+        }
+        if level == 0 {
+            stats.visible += u64::from(mask.count_ones());
+            let clusters = self.mesh.clusters_of(block);
+            lanes(mask).for_each(|lane| each(clusters[lane]));
+            return;
+        }
+        let mut inside = [0; MAX_PLANES];
+        for plane in lanes(active.into()) {
+            inside[plane] = volume.inside(boxes, plane);
+        }
+        for lane in lanes(mask) {
+            let crossing = lanes(active.into())
+                .fold(0, |set, plane| set | ((!inside[plane] >> lane & 1) as u32) << plane);
+            let map = map.filter(|_| unhidden >> lane & 1 == 0);
+            self.visit(level - 1, 64 * block + lane, crossing, map, stats, each);
+        }
+    }
+
+    /// Returns the boxes of the lanes in `mask` relative to the scene's origin, rounded outwards, and a mask
+    /// of those that are finite.
+    fn placed(&self, boxes: &Boxes64, mask: u64) -> (Boxes64, u64) {
+        let (mut placed, mut known) = (Boxes64::EMPTY, 0);
+        for lane in lanes(mask) {
+            let bounds = boxes.get(lane).transformed(&self.transform);
+            if bounds.is_finite() {
+                placed.set(lane, &bounds);
+                known |= 1 << lane;
+            }
+        }
+        (placed, known)
+    }
+}

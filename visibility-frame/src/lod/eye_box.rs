@@ -1,0 +1,77 @@
+//! The point that distances are measured from, with its rounding error.
+
+use visibility_core::glam::DVec3;
+use visibility_core::view::{Eye, ViewProjection};
+use visibility_core::{Aabb, geometry::sqrt};
+
+/// Unit round-off of `f64`.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// Relative margin of the comparisons, greater than all rounding in them. With `u = 2^-53`: a gap between eye
+/// and box has one rounding, its square three, the sum of three squares five; the same holds for the squared
+/// diagonal; the products with the scale have one each, and the scale itself less than 40. These are 52u at
+/// most, and the margin is 8192u. Squares of `f32` coordinates neither overflow nor underflow in `f64`; the
+/// least normal number is added to the scale, in case that one underflows.
+pub(super) const MARGIN: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// A box that certainly contains the point that distances are measured from, relative to the scene's origin.
+/// All of space for parallel views, and where rounding leaves the eye undecided: every distance is then 0.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct EyeBox {
+    pub(super) low: DVec3,
+    pub(super) high: DVec3,
+}
+
+impl EyeBox {
+    pub(super) fn of_view(projection: &ViewProjection) -> Self {
+        match projection.eye() {
+            Eye::Point(eye) => Self::around(eye, projection.eye_error()),
+            Eye::Direction(_) => Self { low: DVec3::NEG_INFINITY, high: DVec3::INFINITY },
+        }
+    }
+
+    /// Returns the box around a point of the world. `origin` is the world point that the box is relative to.
+    pub(super) fn of_point(point: DVec3, origin: DVec3) -> Self {
+        Self::around(point - origin, 0.0)
+    }
+
+    /// Returns the box of all points within `error` metres of a point whose coordinates were rounded once.
+    fn around(point: DVec3, error: f64) -> Self {
+        // The factors exceed the rounding of the point and those of the two sums.
+        let error = point.abs() * (4.0 * U) + DVec3::splat(error * (1.0 + 8.0 * U));
+        Self { low: point - error, high: point + error }
+    }
+
+    /// Returns the squared distance in square metres to the nearest point of `bounds`, at most that of any
+    /// point of this box: 0 if the two may touch, or for NaN.
+    pub(super) fn gap_squared(&self, bounds: &Aabb) -> f64 {
+        let gap = |axis: usize| {
+            let below = f64::from(bounds.min[axis]) - self.high[axis];
+            let above = self.low[axis] - f64::from(bounds.max[axis]);
+            let gap = if below > above { below } else { above };
+            if gap > 0.0 { gap } else { 0.0 }
+        };
+        gap(0) * gap(0) + gap(1) * gap(1) + gap(2) * gap(2)
+    }
+
+    /// Returns the distance in metres to the nearest point of `bounds`, rounded down.
+    pub(super) fn distance(&self, bounds: &Aabb) -> f64 {
+        sqrt(self.gap_squared(bounds))
+    }
+
+    /// Tests whether a box is certainly farther away than `distance` metres.
+    pub(super) fn is_beyond(&self, bounds: &Aabb, distance: f64) -> bool {
+        self.gap_squared(bounds) > distance * distance * (1.0 + MARGIN)
+    }
+
+    /// Tests whether a box is certainly nearer than `distance` metres. Where the eye may be anywhere, every
+    /// box counts as nearer than any distance above 0.
+    pub(super) fn is_within(&self, bounds: &Aabb, distance: f64) -> bool {
+        if !(self.high - self.low).is_finite() {
+            return distance > 0.0;
+        }
+        // With low and high exchanged, gaps are at least those of any point of this box.
+        let farthest = Self { low: self.high, high: self.low };
+        farthest.gap_squared(bounds) < distance * distance * (1.0 - MARGIN)
+    }
+}

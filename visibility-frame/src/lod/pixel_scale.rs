@@ -1,0 +1,100 @@
+//! How large and how far an object is for a view.
+
+use super::eye_box::{EyeBox, MARGIN};
+use super::size_test::SizeTest;
+use visibility_core::glam::DVec3;
+use visibility_core::view::{Eye, View, ViewProjection};
+use visibility_core::{Aabb, geometry::sqrt};
+
+/// Unit round-off of `f64`.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// The size in pixels and the distance at which a view sees boxes, as the [module](super) defines them.
+///
+/// ```
+/// use visibility_core::{glam::DVec3, Aabb, Pose, View};
+/// use visibility_frame::lod::PixelScale;
+/// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+/// let view = View::perspective(pose, 90f64.to_radians(), 1.5, 0.1, f64::INFINITY)?;
+/// let scale = PixelScale::new(&view, DVec3::ZERO, 1080.0);
+/// // Ten metres away, 1080 pixels are 20 metres.
+/// let pole = Aabb::from_arrays([10.0, 0.0, 0.0], [10.0, 0.0, 2.0]);
+/// assert!((scale.diameter(&pole) - 108.0).abs() < 1e-9);
+/// assert_eq!(scale.distance(&pole), 10.0);
+/// # Ok::<(), visibility_core::view::ViewError>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct PixelScale {
+    eye: EyeBox,
+    /// Squared pixels per metre at a distance of one metre, in parallel views at any distance, rounded up.
+    squared: f64,
+    is_parallel: bool,
+}
+
+impl PixelScale {
+    /// Makes the scale of a view whose picture is `picture_height` pixels high. Boxes are relative to
+    /// `origin`, a point of the world, usually the scene's origin.
+    pub fn new(view: &View, origin: DVec3, picture_height: f64) -> Self {
+        let projection = ViewProjection::new(view, origin);
+        let (y, w) = (projection.y(), projection.w());
+        // Clip-space y over w changes by 2 over the height of the picture.
+        let half_height = if picture_height > 0.0 { 0.5 * picture_height } else { f64::NAN };
+        let (slope_squared, is_parallel) = match projection.eye() {
+            // The slope of y over w, straight ahead at distance 1, is the part of the row of y across that of
+            // w, over the length of the latter: the length of their cross product over its square.
+            Eye::Point(_) => (
+                cross_above(y.linear, w.linear).length_squared()
+                    / (w.linear.length_squared() * w.linear.length_squared()),
+                false,
+            ),
+            Eye::Direction(_) => (y.linear.length_squared() / (w.constant * w.constant), true),
+        };
+        Self {
+            eye: EyeBox::of_view(&projection),
+            squared: slope_squared * half_height * half_height,
+            is_parallel,
+        }
+    }
+
+    /// Returns the diameter in pixels of the sphere around a box: infinite if the eye is in the box,
+    /// otherwise NaN for a picture height that is NaN, zero or negative.
+    pub fn diameter(&self, bounds: &Aabb) -> f64 {
+        sqrt(self.diameter_squared(bounds))
+    }
+
+    /// Returns the square of [`diameter`](Self::diameter).
+    pub(super) fn diameter_squared(&self, bounds: &Aabb) -> f64 {
+        let size = bounds.diagonal_squared() * self.squared;
+        let gap = if self.is_parallel { 1.0 } else { self.eye.gap_squared(bounds) };
+        if gap == 0.0 { f64::INFINITY } else { size / gap }
+    }
+
+    /// Returns the distance in metres from the eye to the nearest point of a box, 0 if the eye is in the box
+    /// or the view is parallel.
+    pub fn distance(&self, bounds: &Aabb) -> f64 {
+        self.eye.distance(bounds)
+    }
+
+    /// Returns the region of the eye.
+    pub(super) fn eye(&self) -> &EyeBox {
+        &self.eye
+    }
+
+    /// Returns the test for objects of less than `least` pixels, `None` if no object is as small: for a
+    /// limit or a picture height that is NaN, zero or negative.
+    pub(super) fn smaller_than(&self, least: f64) -> Option<SizeTest> {
+        let limit = self.squared / (least * least) * (1.0 + MARGIN) + f64::MIN_POSITIVE;
+        let test = SizeTest { eye: self.eye, limit, is_parallel: self.is_parallel };
+        (least > 0.0 && self.squared > 0.0).then_some(test)
+    }
+}
+
+/// Returns the magnitudes of the cross product of two vectors, each rounded up: the products have a rounding
+/// and those of the elements of two rows, 3u each, and their difference another; `16u` exceeds these `8u`.
+fn cross_above(a: DVec3, b: DVec3) -> DVec3 {
+    let part = |i: usize, j: usize| {
+        let (first, second) = (a[i] * b[j], a[j] * b[i]);
+        (first - second).abs() + 16.0 * U * (first.abs() + second.abs())
+    };
+    DVec3::new(part(1, 2), part(2, 0), part(0, 1))
+}

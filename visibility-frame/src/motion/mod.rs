@@ -1,0 +1,487 @@
+//! Motion volumes: hidden movers that need no update until they may be seen.
+//!
+//! A mover that is hidden gets bounds that contain it for a span of time. While the span lasts and nothing of
+//! these bounds is seen, neither its animation nor the scene needs an update. (Sudarsky and Gotsman,
+//! "Output-Sensitive Visibility Algorithms for Dynamic Scenes with Applications to Virtual Reality", 1996,
+//! who call them temporal bounding volumes. Spans adapt as there: one that ends unseen was too short, one
+//! whose volume is seen before its end was too long.)
+
+mod deadlines;
+
+use alloc::vec::Vec;
+use deadlines::Deadlines;
+use visibility_core::glam::Vec3;
+use visibility_core::scene::{Changes, SceneCursor, SceneError};
+use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
+
+/// What is known of the motion of an object.
+///
+/// ```
+/// use visibility_core::Aabb;
+/// use visibility_frame::motion::Motion;
+/// let walker = Motion::new(1.5).within(Aabb::from_arrays([-50.0, -50.0, 0.0], [50.0, 50.0, 2.0]));
+/// assert_eq!(walker.max_speed, 1.5);
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Motion {
+    /// Greatest speed of any side of the object's bounds, in metres per unit of the time that the caller
+    /// counts in. A mover whose speed is negative or NaN never gets a volume; infinity means that only
+    /// [`region`](Self::region) bounds the motion.
+    pub max_speed: f32,
+    /// Box that the bounds never leave, relative to the scene's origin in the next call of
+    /// [`begin_frame`](MotionVolumes::begin_frame); the infinite box if none is known. A region that does not
+    /// contain the bounds is ignored while it does not. A region is dropped when the scene's origin is set,
+    /// and in another scene: [insert](MotionVolumes::insert) the mover again with a new one.
+    pub region: Aabb,
+}
+
+impl Motion {
+    /// Returns a motion with a greatest speed, anywhere in space.
+    pub const fn new(max_speed: f32) -> Self {
+        Self { max_speed, region: Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY) }
+    }
+
+    /// Returns the motion restricted to a box that the object's bounds never leave.
+    pub const fn within(self, region: Aabb) -> Self {
+        Self { region, ..self }
+    }
+
+    /// Returns a box that contains all bounds that `bounds` can become within `time`. `None` if no finite box
+    /// is known.
+    fn volume(&self, bounds: &Aabb, time: f64) -> Option<Aabb> {
+        let reach = f64::from(self.max_speed) * time;
+        let known = bounds.is_finite() && reach >= 0.0;
+        // The caller rounds the bounds of both times to f32, by less than a step each: the first of a side of
+        // `bounds`, at most `f32::EPSILON` of it, the second of the result. The conversion here may round
+        // down to what the caller rounds up from: one step outwards. The second covers the sums in f64.
+        let away = |x: f32, sign: f64| {
+            (f64::from(x) + sign * (reach + f64::from(x.abs()) * f64::from(f32::EPSILON))) as f32
+        };
+        let mut volume = Aabb::new(
+            Vec3::from_array(bounds.min.to_array().map(|x| away(x, -1.0).next_down().next_down())),
+            Vec3::from_array(bounds.max.to_array().map(|x| away(x, 1.0).next_up().next_up())),
+        );
+        if self.region.min.cmple(bounds.min).all() && bounds.max.cmple(self.region.max).all() {
+            volume = Aabb::new(volume.min.max(self.region.min), volume.max.min(self.region.max));
+        }
+        (known && volume.is_finite()).then_some(volume)
+    }
+}
+
+/// How the scene's bounds of a mover are to be read.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum State {
+    /// The place in the list is free.
+    Free,
+    /// The mover is due in the next frame, the first since it was inserted. Its region is relative to the
+    /// scene's origin there, whatever the origin is now.
+    Inserted,
+    /// The mover is due in the next frame, and its bounds may be wrong until then: its volume was seen, its
+    /// bounds were set from outside, or the origin moved.
+    New,
+    /// The mover is due in the present frame: its bounds are exact once the caller has set them.
+    Active,
+    /// As `Active`, and visible in the present frame. Used within `end_frame` only.
+    Visible,
+    /// The mover was hidden in the last frame and gets its volume when the next one begins.
+    Hidden,
+    /// The bounds contain the mover until its deadline.
+    Volume,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Mover {
+    id: ObjectId,
+    motion: Motion,
+    /// Length of the next span, in frames.
+    span: f32,
+    /// Last time at which the volume holds. Meaningful in the state `Volume`.
+    deadline: f64,
+    /// Bounds in the scene that contain the mover until `deadline`. Meaningful in the state `Volume`.
+    volume: Aabb,
+}
+
+/// What is read of a mover in every frame: 2 bytes, so that the status of all movers stays in the cache.
+#[derive(Clone, Copy, Debug)]
+struct Status {
+    state: State,
+    /// Whether `MotionVolumes::active` lists the mover.
+    is_listed: bool,
+}
+
+/// Returns a test of a deadline and a place: whether they are those of a present volume.
+fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
+    |deadline, place| {
+        let place = place as usize;
+        status[place].state == State::Volume && movers[place].deadline == deadline
+    }
+}
+
+/// The movers of a scene, and the spans of time for which the bounds of the hidden ones hold.
+///
+/// Each frame has two calls. [`begin_frame`](Self::begin_frame) lists the movers whose bounds must be set;
+/// all others stay as they are. After culling, [`end_frame`](Self::end_frame) lists the movers that are seen
+/// by their volumes: the caller finds out where they are before it draws them. Visible movers are due in each
+/// frame.
+///
+/// # What is promised
+/// No mover is hidden that would be visible with its exact bounds, as long as movers keep to their
+/// [`Motion`], the due ones are set, and the culler is conservative: the bounds that it tests contain the
+/// mover. A mover whose bounds the caller sets although it is not due (a teleport) is due again in the next
+/// frame; so are all movers after the scene's origin was set, be it to the same point, after another scene
+/// took its place, and when time is NaN or runs backwards. Set the origin between `end_frame` and
+/// `begin_frame`: in the middle of a frame, the movers that are not due stay where the origin takes them
+/// until the next. Movers that the scene does not contain are removed.
+///
+/// # Cost
+/// `begin_frame` takes `log n` time per hidden mover that gets a volume and per volume that ends, and
+/// constant time per due mover. `end_frame` takes time in proportion to the visible objects, the due movers
+/// and the changes of the scene. Nothing is spent on the other movers, unless more
+/// objects change in a frame than the scene's log lists one by one, a quarter of them: then every volume is
+/// compared with the scene, some 20 ns each. [`set_bounds_batch`](Self::set_bounds_batch) sets the due bounds
+/// without that. Nothing is allocated once the buffers have grown.
+///
+/// ```
+/// use visibility_frame::motion::{Motion, MotionVolumes};
+/// use visibility_core::{glam::DVec3, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
+/// let mut scene = Scene::new();
+/// let at = |x: f32| Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0]);
+/// let walker = scene.insert(at(-500.0)); // behind the camera
+/// let mut volumes = MotionVolumes::new();
+/// volumes.insert(walker, Motion::new(2.0));
+/// let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 1e3)?;
+/// let (mut pipeline, mut visible) = (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new());
+/// let (mut due, mut moved, mut seen, mut updates) = (Vec::new(), Vec::new(), Vec::new(), 0);
+/// for frame in 0..100 {
+///     let time = f64::from(frame) / 60.0;
+///     volumes.begin_frame(&mut scene, time, &mut due);
+///     moved.clear();
+///     moved.extend(due.iter().map(|&id| (id, at(-500.0 + 2.0 * time as f32))));
+///     volumes.set_bounds_batch(&mut scene, &moved)?;
+///     updates += due.len();
+///     pipeline.cull(&scene, &view, &mut visible);
+///     volumes.end_frame(&scene, &visible, &mut seen);
+///     // Here the movers in `seen` are placed, and `visible` is drawn.
+/// }
+/// assert!(updates < 10);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct MotionVolumes {
+    movers: Vec<Mover>,
+    /// Indexed like `movers`.
+    status: Vec<Status>,
+    /// Indexed by object index: the place in `movers`, or `NONE`.
+    places: Vec<u32>,
+    free: Vec<u32>,
+    /// Places of all movers without a volume, each once, and maybe of free ones.
+    active: Vec<u32>,
+    deadlines: Deadlines,
+    /// Volumes that `begin_frame` sets.
+    moved: Vec<(ObjectId, Aabb)>,
+    cursor: SceneCursor,
+    time: f64,
+    /// Time from the frame before to the present one.
+    frame_time: f64,
+}
+
+/// Mark of an object that is no mover.
+const NONE: u32 = u32::MAX;
+
+/// Least, first and greatest length of a span, in frames.
+const SPANS: [f32; 3] = [2.0, 8.0, 4096.0];
+
+impl Default for MotionVolumes {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl MotionVolumes {
+    /// Returns a set without movers.
+    pub const fn new() -> Self {
+        Self {
+            movers: Vec::new(),
+            status: Vec::new(),
+            places: Vec::new(),
+            free: Vec::new(),
+            active: Vec::new(),
+            deadlines: Deadlines::new(),
+            moved: Vec::new(),
+            cursor: SceneCursor::START,
+            time: f64::NAN,
+            frame_time: 0.0,
+        }
+    }
+
+    /// Adds an object as a mover, or replaces its motion. The mover is due in the next frame.
+    pub fn insert(&mut self, id: ObjectId, motion: Motion) {
+        if self.places.len() <= id.index() {
+            self.places.resize(id.index() + 1, NONE);
+        }
+        // The mover itself, or an object that had the index before and was removed from the scene.
+        let old = self.places[id.index()];
+        if old != NONE {
+            self.release(old);
+        }
+        let place = self.free.pop().unwrap_or(self.movers.len() as u32);
+        let mover = Mover { id, motion, span: SPANS[1], deadline: 0.0, volume: Aabb::EMPTY };
+        if place as usize == self.movers.len() {
+            self.movers.push(mover);
+            self.status.push(Status { state: State::Inserted, is_listed: false });
+        } else {
+            self.movers[place as usize] = mover;
+            self.status[place as usize].state = State::Inserted;
+        }
+        self.places[id.index()] = place;
+        self.list(place);
+        self.deadlines.reserve(self.movers.len());
+    }
+
+    /// Removes a mover; its bounds in the scene stay as they are. Returns false if `id` is no mover.
+    pub fn remove(&mut self, id: ObjectId) -> bool {
+        let Some(place) = self.place(id) else { return false };
+        self.release(place);
+        true
+    }
+
+    /// Returns the number of movers.
+    pub fn len(&self) -> usize {
+        self.movers.len() - self.free.len()
+    }
+
+    /// Returns whether there are no movers.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn release(&mut self, place: u32) {
+        self.status[place as usize].state = State::Free;
+        self.places[self.movers[place as usize].id.index()] = NONE;
+        self.free.push(place);
+    }
+
+    /// Lists a mover without a volume in `active`.
+    fn list(&mut self, place: u32) {
+        let is_listed = &mut self.status[place as usize].is_listed;
+        if !core::mem::replace(is_listed, true) {
+            self.active.push(place);
+        }
+    }
+
+    fn place(&self, id: ObjectId) -> Option<u32> {
+        let place = *self.places.get(id.index())?;
+        let is_mover = place != NONE && self.movers[place as usize].id == id;
+        is_mover.then_some(place)
+    }
+
+    /// Begins the frame at `time`: gives the movers that the last frame hid their volumes, and replaces the
+    /// content of `due` with the movers whose exact bounds the caller must set before it culls. Any unit of
+    /// time will do that [`Motion::max_speed`] is given in. Movers that the scene no longer contains are
+    /// removed.
+    pub fn begin_frame(&mut self, scene: &mut Scene, time: f64, due: &mut Vec<ObjectId>) {
+        due.clear();
+        self.take_changes(scene);
+        let last = core::mem::replace(&mut self.time, time);
+        self.frame_time = time - last;
+        if self.frame_time.is_nan() || self.frame_time < 0.0 {
+            self.frame_time = 0.0;
+            (0..self.movers.len() as u32).for_each(|place| self.activate(place));
+        }
+        while let Some(place) = self.deadlines.pop_before(time, is_volume(&self.movers, &self.status)) {
+            // The whole span went by unseen.
+            let mover = &mut self.movers[place as usize];
+            mover.span = (mover.span * 2.0).min(SPANS[2]);
+            self.status[place as usize].state = State::Active;
+            self.list(place);
+        }
+        let mut active = core::mem::take(&mut self.active);
+        active.retain(|&place| {
+            let state = self.status[place as usize].state;
+            let is_due = match state {
+                State::Free => false,
+                State::Hidden => !self.enter_volume(scene, place, last),
+                _ => true,
+            };
+            if is_due {
+                self.status[place as usize].state = State::Active;
+                due.push(self.movers[place as usize].id);
+            }
+            self.status[place as usize].is_listed = is_due;
+            is_due
+        });
+        self.active = active;
+        // All ids are in the scene, so nothing is refused.
+        let _ = scene.set_bounds_batch(&self.moved);
+        self.moved.clear();
+        self.cursor = SceneCursor::at(scene);
+    }
+
+    /// Sets bounds as [`Scene::set_bounds_batch`] does. For the exact bounds of the due movers this is
+    /// quicker than the scene's own function where more than a quarter of the scene's objects are due.
+    /// Objects that are not due, or no movers, may be among them: such movers are due in the next frame.
+    ///
+    /// # Errors
+    /// The errors of [`Scene::set_bounds_batch`]; nothing is changed then.
+    pub fn set_bounds_batch(
+        &mut self,
+        scene: &mut Scene,
+        bounds: &[(ObjectId, Aabb)],
+    ) -> Result<(), SceneError> {
+        self.take_changes(scene);
+        scene.set_bounds_batch(bounds)?;
+        for &(id, _) in bounds {
+            self.activate_object(id);
+        }
+        self.cursor = SceneCursor::at(scene);
+        Ok(())
+    }
+
+    /// Lets a mover that the frame at time `last` hid have a volume, if one holds beyond the present frame.
+    /// Returns false if none does: the mover is due.
+    fn enter_volume(&mut self, scene: &Scene, place: u32, last: f64) -> bool {
+        let mover = &mut self.movers[place as usize];
+        let Ok(bounds) = scene.bounds(mover.id) else { return false };
+        // Spans that differ by up to a half keep movers that were hidden together from being due together.
+        let spread = f64::from(mover.id.index().wrapping_mul(0x9e37_79b9) as u32) / f64::from(u32::MAX);
+        let deadline = last + self.frame_time * f64::from(mover.span) * (0.75 + 0.5 * spread);
+        let Some(volume) = mover.motion.volume(&bounds, deadline - last) else { return false };
+        if deadline.is_nan() || deadline <= self.time {
+            return false;
+        }
+        self.moved.push((mover.id, volume));
+        (mover.deadline, mover.volume) = (deadline, volume);
+        self.status[place as usize].state = State::Volume;
+        let movers = self.movers.len();
+        self.deadlines.push(deadline, place, movers, is_volume(&self.movers, &self.status));
+        true
+    }
+
+    /// Ends a frame after culling, before `visible` is drawn. Replaces the content of `seen` with the movers
+    /// in `visible` that were not due, whose volumes are seen: the caller finds out where these movers are.
+    /// `visible` must hold what any view of the frame shows: for several views the
+    /// [`union`](VisibleSet::union) of their sets.
+    pub fn end_frame(&mut self, scene: &Scene, visible: &VisibleSet, seen: &mut Vec<ObjectId>) {
+        seen.clear();
+        for id in visible.iter(scene) {
+            let Some(&place) = self.places.get(id.index()).filter(|&&place| place != NONE) else { continue };
+            match self.status[place as usize].state {
+                State::Active => self.status[place as usize].state = State::Visible,
+                State::Volume if self.movers[place as usize].id == id => {
+                    let span = &mut self.movers[place as usize].span;
+                    *span = (*span * 0.5).max(SPANS[0]);
+                    self.status[place as usize].state = State::New;
+                    self.list(place);
+                    seen.push(id);
+                }
+                _ => {}
+            }
+        }
+        self.take_changes(scene);
+        for &place in &self.active {
+            let state = &mut self.status[place as usize].state;
+            *state = match *state {
+                State::Active => State::Hidden,
+                State::Visible => State::Active,
+                other => other,
+            };
+        }
+    }
+
+    /// Makes every mover due whose bounds were set, or may have been, since the scene was last read, and
+    /// removes those that the scene no longer contains.
+    ///
+    /// Volumes, the exact bounds of this frame and regions are numbers in scene coordinates. Once the origin
+    /// was set they are other places, though equal numbers are still in the scene.
+    fn take_changes(&mut self, scene: &Scene) {
+        let is_placed = self.cursor.is_at_origin_of(scene);
+        match self.cursor.follow(scene) {
+            Changes::Everything if !is_placed => {
+                for place in 0..self.movers.len() {
+                    let state = self.status[place].state;
+                    if state == State::Free {
+                        continue;
+                    }
+                    if !scene.contains(self.movers[place].id) {
+                        self.release(place as u32);
+                    } else if state != State::Inserted {
+                        let motion = &mut self.movers[place].motion;
+                        *motion = Motion::new(motion.max_speed);
+                        self.status[place].state = State::New;
+                        self.list(place as u32);
+                    }
+                }
+            }
+            Changes::Everything => {
+                for place in 0..self.movers.len() {
+                    let (Mover { id, volume, .. }, state) = (self.movers[place], self.status[place].state);
+                    match (state, scene.bounds(id)) {
+                        (State::Free, _) => {}
+                        (_, Err(_)) => self.release(place as u32),
+                        (State::Volume, Ok(bounds)) if bounds == volume => {}
+                        (_, Ok(_)) => self.activate(place as u32),
+                    }
+                }
+            }
+            Changes::Objects(ids) => {
+                for &id in ids {
+                    self.activate_object(id);
+                    if !scene.contains(id) {
+                        self.remove(id);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Makes an object due in the next frame if it is a mover.
+    fn activate_object(&mut self, id: ObjectId) {
+        if let Some(&place) = self.places.get(id.index()).filter(|&&place| place != NONE) {
+            self.activate(place);
+        }
+    }
+
+    /// Makes a mover due in the next frame, with an unchanged span.
+    fn activate(&mut self, place: u32) {
+        let state = &mut self.status[place as usize].state;
+        match *state {
+            State::Volume => {
+                *state = State::New;
+                self.list(place);
+            }
+            State::Hidden => *state = State::Active,
+            State::Active | State::Visible | State::New | State::Inserted | State::Free => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::DVec3;
+    use visibility_testing::Random;
+
+    /// Tests places that are exact in f64 and rounded to f32 by the caller, at both ends of a motion at
+    /// exactly the greatest speed.
+    #[test]
+    fn a_volume_contains_the_rounded_bounds_at_its_end() {
+        let mut rng = Random(1);
+        let mut number = |low, high| (rng.range(-1.0, 1.0) as f32, 2f64.powi(rng.between(low, high)));
+        for _ in 0..200_000 {
+            let ((start, scale), (more, small)) = (number(-10, 20), number(-40, -20));
+            let start = (f64::from(start) + f64::from(more) * small) * scale;
+            let ((speed, scale), (_, time)) = (number(-10, 20), number(-4, 4));
+            let speed = speed.abs() * scale as f32;
+            let bounds = |at: f64| Aabb::new(DVec3::splat(at).as_vec3(), DVec3::splat(at).as_vec3());
+            let volume = Motion::new(speed).volume(&bounds(start), time).unwrap();
+            for end in [start - f64::from(speed) * time, start + f64::from(speed) * time] {
+                // The caller rounds outwards here.
+                let end = Aabb::from_world(DVec3::splat(end), DVec3::splat(end), DVec3::ZERO);
+                assert!(
+                    volume.contains_point(end.min) && volume.contains_point(end.max),
+                    "{volume:?} {end:?}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Tests of the backface culler in scenes that change: an object that changed after its cone was built counts
+//! as visible, and no object with a visible front is hidden.
+
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{
+    Aabb, Accuracy, Culler, Object, ObjectId, Pose, Scene, View, VisibleSet, scene::Triangle, simd::Simd,
+    view::Eye,
+};
+use visibility_frame::backface::{BackfaceCuller, Facing, NormalCone, facing};
+use visibility_testing::Random;
+
+fn triangle(rng: &mut Random) -> Triangle {
+    let at = rng.vector(50.0);
+    core::array::from_fn(|_| (at + rng.vector(1.0)).as_vec3())
+}
+
+fn insert(scene: &mut Scene, triangle: Triangle) -> ObjectId {
+    let id = scene.insert(Aabb::from_points(triangle));
+    scene.set_triangles(id, [triangle]).unwrap();
+    id
+}
+
+fn cull(culler: &mut BackfaceCuller, scene: &Scene, view: &View) -> VisibleSet {
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, view);
+    let stats = culler.cull(scene, view, &mut visible);
+    assert_eq!(stats.visible, visible.count(scene) as u64);
+    visible
+}
+
+fn view_from(eye: DVec3) -> View {
+    let pose = Pose::look_at(eye, DVec3::ZERO, DVec3::Z);
+    View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap()
+}
+
+/// Tests a scene with triangles under random changes: the culler may hide an object only if no triangle of
+/// the object, tested by itself, faces the eye.
+#[test]
+fn a_scene_under_random_changes_hides_backs_only() {
+    let mut rng = Random(1);
+    let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
+    assert_eq!(culler.accuracy(), Accuracy::Conservative);
+    let mut other = BackfaceCuller::with_simd(Simd::PORTABLE);
+    let mut objects: Vec<(ObjectId, Triangle)> = Vec::new();
+    let (mut hidden, mut kept) = (0, 0);
+    for frame in 0..200 {
+        for _ in 0..rng.below(if frame % 10 == 0 { 400 } else { 12 }) {
+            let t = triangle(&mut rng);
+            objects.push((insert(&mut scene, t), t));
+        }
+        for _ in 0..rng.below(12) {
+            if objects.len() < 2 {
+                break;
+            }
+            let which = rng.below(objects.len());
+            match rng.below(3) {
+                0 => scene.remove(objects.swap_remove(which).0).unwrap(),
+                1 => {
+                    // A new triangle at a new place.
+                    let (id, old) = &mut objects[which];
+                    *old = triangle(&mut rng);
+                    scene.set_bounds(*id, Aabb::from_points(*old)).unwrap();
+                    scene.set_triangles(*id, [*old]).unwrap();
+                }
+                _ => {
+                    // The triangle with opposite winding, at the same place.
+                    let (id, old) = &mut objects[which];
+                    old.swap(1, 2);
+                    scene.set_triangles(*id, [*old]).unwrap();
+                }
+            }
+        }
+        match rng.below(8) {
+            0 => scene.rebuild(),
+            1 => scene.set_origin(rng.vector(10.0)).unwrap(),
+            2..5 => drop(scene.maintain(4)),
+            _ => {}
+        }
+        let late = rng.one_in(3);
+        if !late {
+            culler.sync(&scene);
+        }
+        other.sync(&scene);
+        let eye = rng.vector(80.0);
+        let view = view_from(eye);
+        let visible = cull(&mut culler, &scene, &view);
+        let all = cull(&mut other, &scene, &view);
+        for &(id, t) in &objects {
+            let side = facing(&t, &Eye::Point(eye - scene.origin()));
+            if !visible.contains(&scene, id) {
+                hidden += 1;
+                assert_eq!(side, Facing::Back);
+                assert!(!all.contains(&scene, id), "another culler knows as much");
+            } else if side == Facing::Back {
+                kept += 1;
+                let reason = late || culler.cone(&scene, id).is_some();
+                assert!(reason, "it has a cone");
+            }
+        }
+        if !late {
+            assert_eq!(visible.count(&scene), all.count(&scene), "all paths and histories agree");
+        }
+    }
+    println!("hidden {hidden}, backs kept {kept}");
+    assert!(hidden > 10 * kept / 4 && hidden > 10_000);
+}
+
+#[test]
+fn a_moved_object_is_visible_until_it_is_set_again() {
+    let floor: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let cone = NormalCone::from_triangles(&[floor]);
+    let below = view_from(DVec3::new(0.3, 0.2, -5.0));
+    let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
+    let one = scene.insert(Aabb::from_points(floor));
+    let two = scene.insert(Aabb::from_points(floor));
+    culler.set(&scene, one, cone).unwrap();
+    let three = scene.insert(Aabb::from_points(floor));
+    culler.set(&scene, two, cone).unwrap();
+    let seen = |culler: &mut BackfaceCuller, scene: &Scene| {
+        let visible = cull(culler, scene, &below);
+        [one, two, three].map(|id| visible.contains(scene, id))
+    };
+    assert_eq!(seen(&mut culler, &scene), [false, false, true], "the third has no cone");
+    scene.set_bounds(one, Aabb::from_points(floor)).unwrap();
+    assert_eq!(culler.cone(&scene, one), None);
+    assert_eq!(seen(&mut culler, &scene), [true, false, true]);
+    culler.sync(&scene);
+    assert_eq!(seen(&mut culler, &scene), [true, false, true], "nothing to build a cone from");
+    culler.set(&scene, one, cone).unwrap();
+    assert_eq!(culler.cone(&scene, one), Some(cone));
+    assert_eq!(seen(&mut culler, &scene), [false, false, true]);
+    // A new object that reuses the index of the removed one.
+    scene.remove(two).unwrap();
+    let four = scene.insert(Aabb::from_points(floor));
+    assert_eq!(four.index(), two.index());
+    assert!(cull(&mut culler, &scene, &below).contains(&scene, four));
+    assert!(culler.set(&scene, two, cone).is_err());
+    // Triangles outside of the object's bounds are outdated, so the object counts as visible.
+    scene.set_triangles(four, [floor]).unwrap();
+    culler.sync(&scene);
+    assert!(!cull(&mut culler, &scene, &below).contains(&scene, four));
+    scene.set_bounds(four, Aabb::from_arrays([0.5; 3], [2.0; 3])).unwrap();
+    culler.sync(&scene);
+    assert!(cull(&mut culler, &scene, &below).contains(&scene, four));
+}
+
+#[test]
+fn two_sided_and_never_culled_objects_are_kept() {
+    let floor: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
+    let leaf = insert(&mut scene, floor);
+    let wall = insert(&mut scene, floor);
+    let sign = scene.insert(Object { never_cull: true, ..Object::new(Aabb::from_points(floor)) });
+    scene.set_triangles(sign, [floor]).unwrap();
+    culler.set_two_sided(&scene, leaf, true).unwrap();
+    culler.sync(&scene);
+    culler.set(&scene, leaf, NormalCone::from_triangles(&[floor])).unwrap();
+    let below = view_from(DVec3::new(0.3, 0.2, -5.0));
+    let seen = |culler: &mut BackfaceCuller, scene: &Scene| {
+        let visible = cull(culler, scene, &below);
+        [leaf, wall, sign].map(|id| visible.contains(scene, id))
+    };
+    assert_eq!(seen(&mut culler, &scene), [true, false, true]);
+    scene.set_bounds(leaf, Aabb::from_points(floor)).unwrap();
+    culler.sync(&scene);
+    assert_eq!(seen(&mut culler, &scene), [true, false, true], "it stays two-sided");
+    culler.set_two_sided(&scene, leaf, false).unwrap();
+    assert_eq!(seen(&mut culler, &scene), [false, false, true]);
+}
+
+/// Returns a scene and its clone, whose objects have equal ids but opposite winding, the object's id, and a
+/// view of either side.
+fn opposite_scenes() -> ([Scene; 2], ObjectId, [View; 2]) {
+    let mut a = Scene::new();
+    let id = insert(&mut a, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    let mut b = a.clone();
+    b.set_triangles(id, [[Vec3::ZERO, Vec3::Y, Vec3::X]]).unwrap();
+    ([a, b], id, [5.0, -5.0].map(|z| view_from(DVec3::new(0.3, 0.2, z))))
+}
+
+#[test]
+fn cones_of_one_scene_hide_nothing_in_another() {
+    // In both orders: the scene made later has the greater revisions.
+    for order in [[0, 1], [1, 0]] {
+        let (scenes, id, views) = opposite_scenes();
+        let [a, b] = order.map(|i| &scenes[i]);
+        let [front_of_a, front_of_b] = order.map(|i| &views[i]);
+        let mut culler = BackfaceCuller::new();
+        culler.sync(b);
+        assert!(!cull(&mut culler, b, front_of_a).contains(b, id), "its back is seen");
+        assert!(cull(&mut culler, a, front_of_a).contains(a, id), "its front is seen");
+        assert_eq!(culler.cone(a, id), None);
+        culler.sync(a);
+        assert!(cull(&mut culler, a, front_of_a).contains(a, id));
+        assert!(!cull(&mut culler, a, front_of_b).contains(a, id));
+        assert!(cull(&mut culler, b, front_of_b).contains(b, id));
+    }
+}
+
+/// Tests that the culler rebuilds its blocks of cones when it returns to a scene. That scene's layout has not
+/// changed while the culler was used with another scene.
+#[test]
+fn blocks_of_a_scene_are_made_anew_after_another() {
+    let ([mut a, _], id, [front, back]) = opposite_scenes();
+    let b = Scene::new();
+    let mut culler = BackfaceCuller::new();
+    culler.sync(&a);
+    assert!(!cull(&mut culler, &a, &back).contains(&a, id));
+    // The winding is reversed while the culler is used with the other scene.
+    culler.sync(&b);
+    a.set_triangles(id, [[Vec3::ZERO, Vec3::Y, Vec3::X]]).unwrap();
+    assert!(cull(&mut culler, &a, &back).contains(&a, id));
+    culler.sync(&a);
+    assert!(cull(&mut culler, &a, &back).contains(&a, id));
+    assert!(!cull(&mut culler, &a, &front).contains(&a, id));
+}
+
+#[test]
+fn two_sided_objects_stay_so_while_the_culler_is_with_another_scene() {
+    let up: Triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let mut a = Scene::new();
+    let gone = insert(&mut a, up);
+    a.remove(gone).unwrap();
+    // In the first scene the index is reused after a removal; in the other it is still that of the first
+    // object.
+    let leaf = insert(&mut a, up);
+    let mut b = Scene::new();
+    let other = insert(&mut b, up);
+    assert!(leaf.index() == other.index() && leaf != other);
+    let below = view_from(DVec3::new(0.3, 0.2, -5.0));
+    let mut culler = BackfaceCuller::new();
+    culler.set_two_sided(&a, leaf, true).unwrap();
+    culler.sync(&b);
+    assert!(!cull(&mut culler, &b, &below).contains(&b, other));
+    culler.sync(&a);
+    assert!(cull(&mut culler, &a, &below).contains(&a, leaf));
+}
+
+#[test]
+fn what_one_scene_removes_stays_two_sided_in_another() {
+    let ([mut a, b], id, [above, _]) = opposite_scenes();
+    let mut culler = BackfaceCuller::new();
+    for scene in [&a, &b] {
+        culler.set_two_sided(scene, id, true).unwrap();
+    }
+    culler.sync(&a);
+    a.remove(id).unwrap();
+    culler.sync(&a);
+    culler.sync(&b);
+    assert!(cull(&mut culler, &b, &above).contains(&b, id), "its back is drawn");
+}
