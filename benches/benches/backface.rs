@@ -7,9 +7,9 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
 use visibility_benches::workload::Random;
-use visibility_core::backface::{BackfaceCuller, Cones, NormalCone};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, view::Eye};
+use visibility_frame::backface::{BackfaceCuller, Cones, NormalCone};
 
 /// Makes `count` clusters like those of meshes, as bounds and normal cone: patches about a metre wide with
 /// random orientation.

@@ -8,11 +8,11 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use std::f32::consts::{PI, TAU};
 use std::hint::black_box;
 use visibility_benches::workload::Random;
-use visibility_core::backface::NormalCone;
-use visibility_core::clusters::{ClusterInstance, ClusterMesh, ClusterView, VisibleCluster};
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3, Vec4};
 use visibility_core::view::Eye;
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_frame::backface::NormalCone;
+use visibility_frame::clusters::{ClusterInstance, ClusterMesh, ClusterView, VisibleCluster};
 
 /// A cluster as meshoptimizer describes it: bounding sphere, and cone with apex, axis and cutoff.
 #[derive(Clone, Copy)]

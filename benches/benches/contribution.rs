@@ -8,10 +8,8 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use std::{hint::black_box, time::Duration};
 use visibility_benches::workload::{FRAMES, Order, Random, Share, boxes, views};
-use visibility_core::{
-    Aabb, Culler, FrustumCuller, Scene, View, VisibleSet, lod::ContributionCuller, scene::DrawRange,
-    view::Eye,
-};
+use visibility_core::{Aabb, Culler, FrustumCuller, Scene, View, VisibleSet, scene::DrawRange, view::Eye};
+use visibility_frame::lod::ContributionCuller;
 
 const COUNT: usize = 1_000_000;
 const PICTURE_HEIGHT: f64 = 1080.0;

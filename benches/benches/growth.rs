@@ -12,9 +12,9 @@ use visibility_benches::workload::Random;
 use visibility_bsp::{Occluders, SceneTree, ShadowFrusta, Solid};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, Object, OccluderMesh, Scene, backface::BackfaceCuller, geometry::ConvexPolygon,
-    occlusion::Preparation, scene::Triangle,
+    Aabb, Object, OccluderMesh, Scene, geometry::ConvexPolygon, occlusion::Preparation, scene::Triangle,
 };
+use visibility_frame::backface::BackfaceCuller;
 use visibility_hzb::{OccluderCriteria, OccluderDatabase};
 use visibility_plp::{DelaunayTessellation, OctreeTessellation};
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
@@ -157,7 +157,9 @@ const STRUCTURES: &[Structure] = &[
         let positions: Vec<Vec3> = triangles.iter().flatten().copied().collect();
         let indices: Vec<[u32; 3]> =
             (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        timed(|| visibility_core::backface::cluster_mesh(&positions, &indices).map(|clusters| clusters.len()))
+        timed(|| {
+            visibility_frame::backface::cluster_mesh(&positions, &indices).map(|clusters| clusters.len())
+        })
     }),
 ];
 

@@ -7,8 +7,8 @@ use glam::Vec3;
 use std::{hint::black_box, time::Duration};
 use visibility_benches::workload::{Order, REACH, Random, boxes};
 use visibility_core::geometry::Sphere;
-use visibility_core::queries::{Neighbor, Ray, RayHit, SceneQuery};
 use visibility_core::{Aabb, ObjectId, Scene};
+use visibility_frame::queries::{Neighbor, Ray, RayHit, SceneQuery};
 
 /// Number of different queries, asked in turn.
 const QUERIES: usize = 64;

@@ -4,7 +4,8 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::{collections::HashMap, hint::black_box, time::Duration};
 use visibility_core::glam::DVec3;
-use visibility_core::{Aabb, DrawList, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::{Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_frame::DrawList;
 
 /// A component of an entity, as large as a cache line: what an engine writes for each visible object.
 #[derive(Clone)]

@@ -3,10 +3,10 @@
 
 use crate::streaming::Cache;
 use glam::{Affine3A, DVec3, Quat, Vec3};
-use visibility_core::casters::{CasterCuller, Light};
-use visibility_core::draw_list::{DrawIndexedIndirect, DrawList};
-use visibility_core::lod::{ContributionCuller, LodSelector};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_frame::casters::{CasterCuller, Light};
+use visibility_frame::draw_list::{DrawIndexedIndirect, DrawList};
+use visibility_frame::lod::{ContributionCuller, LodSelector};
 use visibility_hzb::{Hzb, HzbCuller};
 
 /// Number of instances.

@@ -8,8 +8,8 @@ use crate::shared_scenes;
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
-use visibility_core::backface::{Cluster, Cones, Facing, NormalCone, cluster_mesh, facing};
 use visibility_core::{scene::Triangle, view::Eye};
+use visibility_frame::backface::{Cluster, Cones, Facing, NormalCone, cluster_mesh, facing};
 use visibility_testing::Random;
 
 /// Number of eyes per scene unless the environment variable `BACKFACE_EYES` gives another number.

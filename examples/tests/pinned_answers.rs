@@ -5,14 +5,14 @@
 use std::fmt::Write;
 use std::path::Path;
 use visibility_core::glam::DVec3;
-use visibility_core::{
-    Pipeline, VisibleSet,
-    backface::BackfaceCuller,
-    casters::{CasterCuller, Light},
-};
+use visibility_core::{Pipeline, VisibleSet};
 use visibility_examples::built_in;
 use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::cullers::{CullerError, entries, parse};
+use visibility_frame::{
+    backface::BackfaceCuller,
+    casters::{CasterCuller, Light},
+};
 
 const SCENES: [&str; 5] = ["plpcity:1,1", "london:5,5", "town:1", "forest:60,40", "office:1,8"];
 /// Number of frames of each scene, spread over its walks.

@@ -14,8 +14,6 @@ use visibility_bsp::{
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Culler, FrustumCuller, OcclusionCuller, Pipeline, Pose, RegionCuller, Scene, View, VisibleSet,
-    backface::BackfaceCuller,
-    casters::{CasterCuller, Light},
     occlusion::{HardwareQueries, LateAnswers, Preparation, QueryDevice},
     pvs::Viewcell,
     view::Window,
@@ -23,6 +21,10 @@ use visibility_core::{
 use visibility_examples::built_in;
 use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::cullers::{known, parse};
+use visibility_frame::{
+    backface::BackfaceCuller,
+    casters::{CasterCuller, Light},
+};
 use visibility_hzb::{
     Coverage, DepthEstimate, Hom, HomCuller, Hzb, HzbCuller, OccluderCriteria, OccluderDatabase,
 };

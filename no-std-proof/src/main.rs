@@ -14,7 +14,10 @@ use visibility_core::{
 };
 use visibility_hzb::{Hzb, HzbCuller};
 // Linked, so that these crates are also proven to need no standard library.
-use {visibility_2d as _, visibility_bsp as _, visibility_exact as _, visibility_measure as _};
+use {
+    visibility_2d as _, visibility_bsp as _, visibility_exact as _, visibility_frame as _,
+    visibility_measure as _,
+};
 use {visibility_plp as _, visibility_portals as _, visibility_region as _};
 
 /// Returns true if frustum culling and the z-buffer give the expected answers.

@@ -8,13 +8,13 @@ use comfy_table::{Table, presets};
 use glam::{DVec3, Vec3};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
-use visibility_core::motion::{Motion, MotionVolumes};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
 use visibility_examples::arguments::count;
 use visibility_examples::built_in;
 use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::{World, cullers};
 use visibility_examples::{eprintln, println};
+use visibility_frame::motion::{Motion, MotionVolumes};
 use visibility_measure::{DrawnObject, ItemBuffer};
 
 /// Walk through built-in scenes with many movers, and count the updates that motion volumes save.

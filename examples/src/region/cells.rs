@@ -6,7 +6,8 @@ use crate::{Frame, frames};
 use glam::{DQuat, DVec3, Vec3};
 use visibility_core::geometry::Plane;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Aabb, ObjectId, queries::SceneQuery};
+use visibility_core::{Aabb, ObjectId};
+use visibility_frame::queries::SceneQuery;
 
 /// Number of steps in which a viewcell grows to its size on each side.
 const STEPS: u32 = 16;

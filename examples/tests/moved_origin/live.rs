@@ -8,10 +8,10 @@ use visibility_bsp::{
     LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree,
     ShadowFrusta, ShadowFrustaCuller,
 };
-use visibility_core::backface::BackfaceCuller;
 use visibility_core::occlusion::{HardwareQueries, LateAnswers, Occlusion, QueryDevice};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Culler, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View, VisibleSet};
+use visibility_frame::backface::BackfaceCuller;
 use visibility_hzb::{Hom, Hzb, HzbCuller};
 use visibility_plp::{Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation};
 use visibility_region::{ExtendedProjectionCuller, VirtualOccluders};

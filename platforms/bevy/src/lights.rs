@@ -21,7 +21,7 @@ use bevy_transform::components::GlobalTransform;
 use std::any::TypeId;
 use visibility_core::ObjectId;
 use visibility_core::frustum::ConvexVolume;
-use visibility_core::queries::SceneQuery;
+use visibility_frame::queries::SceneQuery;
 
 /// Memory of a shadow view's culling, kept from frame to frame.
 #[derive(Default)]

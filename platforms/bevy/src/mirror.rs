@@ -79,7 +79,7 @@ impl Record {
 /// The mirror of all entities that bevy culls on the CPU: a [`Scene`] whose objects are entities.
 ///
 /// [`scene`](Self::scene) answers questions of the game too, by
-/// [`SceneQuery`](visibility_core::queries::SceneQuery): what is along a ray, in a sphere, nearest to a
+/// [`SceneQuery`](visibility_frame::queries::SceneQuery): what is along a ray, in a sphere, nearest to a
 /// point.
 #[derive(Resource)]
 pub struct VisibilityScene {

@@ -10,9 +10,9 @@ use crate::view::vis_view;
 use crate::visible::vis_visible;
 use std::ffi::c_char;
 use std::fmt::Write;
-use visibility_core::lod::ContributionCuller;
 use visibility_core::pvs::PvsCuller;
 use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pipeline};
+use visibility_frame::lod::ContributionCuller;
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_portals::SharedPortalCuller;
 

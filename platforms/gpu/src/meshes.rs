@@ -2,7 +2,7 @@
 
 use crate::Gpu;
 use visibility_core::Scene;
-use visibility_core::draw_list::DrawIndexedIndirect;
+use visibility_frame::draw_list::DrawIndexedIndirect;
 use wgpu::BufferUsages;
 
 /// Triangles of all objects of a scene, each object a mesh of its own.

@@ -5,7 +5,7 @@ use crate::{Gpu, Meshes, Target};
 use bytemuck::{Pod, Zeroable};
 use glam::Mat4;
 use visibility_core::ObjectId;
-use visibility_core::draw_list::DrawList;
+use visibility_frame::draw_list::DrawList;
 use wgpu::BufferUsages;
 
 /// The camera as shaders have it; see `shaders/camera.wgsl`.

@@ -1,7 +1,7 @@
 //! Entry of the culler of small objects, whose dial is a size in pixels.
 
 use super::known::Known;
-use visibility_core::lod::ContributionCuller;
+use visibility_frame::lod::ContributionCuller;
 
 pub(super) const KNOWN: &[Known] = &[Known {
     name: "contribution",
