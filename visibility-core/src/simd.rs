@@ -1,5 +1,5 @@
-//! The instruction sets that kernels are compiled for, and the kernel of the hierarchy tests: 64 boxes against
-//! planes.
+//! The instruction sets that kernels are compiled for, and the kernel of the hierarchy tests: 64 boxes
+//! against planes.
 //!
 //! Each kernel has one body of safe loops, which compilers turn into SIMD code. The body is compiled once for
 //! the instruction set that the program is built for and, on x86-64 with `std`, also for AVX2 and AVX-512;
@@ -76,10 +76,10 @@ impl Simd {
     }
 }
 
-/// Declares a trait `Kernels` with methods that return a mask of 64 lanes, and implements it for [`Simd`]. Each
-/// method runs the body that it names, compiled for the instruction set of the [`Simd`]. A body takes the
-/// method's arguments and a function that returns a mask of the negative numbers among as many lanes as it
-/// works on at a time, and has `#[inline(always)]`. For the SIMD modules of this crate and its siblings.
+/// Declares a trait `Kernels` with methods that return a mask of 64 lanes, and implements it for [`Simd`].
+/// Each method runs the body that it names, compiled for the instruction set of the [`Simd`]. A body takes
+/// the method's arguments and a function that returns a mask of the negative numbers among as many lanes as
+/// it works on at a time, and has `#[inline(always)]`. For the SIMD modules of this crate and its siblings.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! mask_kernels {

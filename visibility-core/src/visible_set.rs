@@ -19,7 +19,7 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 ///
 /// The set holds a mask for each node of the scene's hierarchy, so that cullers work on 64 objects at once
 /// and never touch hidden subtrees. The [list](Self::ids) of its objects is made when it is first asked for;
-/// [`iter`](Self::iter), [`write_bits`](Self::write_bits) and a [`DrawList`](crate::DrawList) need no list.
+/// [`iter`](Self::iter), [`write_bits`](Self::write_bits) and a `DrawList` need no list.
 ///
 /// [`Pipeline::cull`](crate::Pipeline::cull) leaves a *finished* set, which survives every change of the
 /// scene, listed or not. Objects that are removed after culling are left out; objects that are inserted after

@@ -260,7 +260,8 @@ fn what_a_scene_keeps_for_results_goes_with_them() {
     assert!(scene.memory() <= without + without / 50, "{} of {without}", scene.memory());
 }
 
-/// Tests the tracker's case: cullers called one by one, then a list of the result, without a call of `finish`.
+/// Tests the tracker's case: cullers called one by one, then a list of the result, without a call of
+/// `finish`.
 #[test]
 fn no_order_of_calls_leaves_a_list_empty() {
     let mut scene = Scene::new();

@@ -2,8 +2,9 @@
 //!
 //! This crate bundles the family of `visibility` crates into one dependency. The types that every program
 //! needs are at the root: the [`Scene`], the [`View`], the [`Pipeline`] of cullers and the [`VisibleSet`]
-//! that the pipeline narrows down. Each further family of cullers is a module behind a feature of the same
-//! name (`two_d` behind `2d`).
+//! that the pipeline narrows down. What an engine does around culling is here too: [levels of detail](lod),
+//! [casters], [backface], [clusters], [motion], [queries], [draw lists](draw_list). Each further family of
+//! cullers is a module behind a feature of the same name (`two_d` behind `2d`).
 //!
 //! # Which culler for which scene
 //!

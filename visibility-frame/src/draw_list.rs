@@ -104,8 +104,8 @@ impl DrawList {
     }
 
     /// Replaces the content of the list with the objects `ids`, such as those of
-    /// [`VisibleSet::iter`](visibility_core::VisibleSet::iter), in groups of equal `key`. Groups are in the order of
-    /// their keys, objects of a group in the order of `ids`.
+    /// [`VisibleSet::iter`](visibility_core::VisibleSet::iter), in groups of equal `key`. Groups are in the
+    /// order of their keys, objects of a group in the order of `ids`.
     ///
     /// Takes a few nanoseconds per object if the greatest key is less than about four times the number of
     /// objects; otherwise the objects are sorted by comparison.

@@ -1,4 +1,5 @@
-//! Tests that frames allocate nothing once warm. Allocations are counted by a global allocator of this program.
+//! Tests that frames allocate nothing once warm. Allocations are counted by a global allocator of this
+//! program.
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::Occlusion;

@@ -1,6 +1,6 @@
 //! Draw ranges and HLOD parents of a scene: at which distances from the eye an object is drawn, and which
-//! object stands in for it from afar. The scene only stores them; the culler is
-//! [`ContributionCuller`](crate::lod::ContributionCuller).
+//! object stands in for it from afar. The scene only stores them; the culler is `ContributionCuller` of
+//! `visibility-frame`.
 //!
 //! HLOD is for hierarchical levels of detail: Erikson, Manocha and Baxter, "HLODs for Faster Display of Large
 //! Static and Dynamic Environments", 2001.
@@ -20,8 +20,8 @@ fn linked(link: Link) -> Option<usize> {
 
 impl Scene {
     /// Sets the distances at which an object is drawn. Objects are drawn at every distance by default. Only a
-    /// [`ContributionCuller`](crate::lod::ContributionCuller) hides by them: a pipeline without one draws
-    /// every object, and says so in [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack).
+    /// `ContributionCuller` of `visibility-frame` hides by them: a pipeline without one draws every object,
+    /// and says so in [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack).
     ///
     /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too: ranges alone
     /// leave distances at which neither is drawn where the bounds of the levels differ.
@@ -54,9 +54,9 @@ impl Scene {
     }
 
     /// Returns the [HLOD parent](Self::set_hlod_parent) that stands in for an object from the parent's range
-    /// on, with the parent's bounds, from which the end of the object's own range is measured. `None` if there
-    /// is none, or if the parent cannot stand in: it is never culled, is not on all of the object's layers, or
-    /// its bounds do not contain those of the object, which has moved away.
+    /// on, with the parent's bounds, from which the end of the object's own range is measured. `None` if
+    /// there is none, or if the parent cannot stand in: it is never culled, is not on all of the object's
+    /// layers, or its bounds do not contain those of the object, which has moved away.
     pub fn stand_in(&self, id: ObjectId) -> Option<(ObjectId, Aabb)> {
         let above = self.tree.substitute(self.slot(id).ok()?)?;
         let bounds = self.tree.bounds[above.node()].get(above.lane());
@@ -64,8 +64,8 @@ impl Scene {
     }
 
     /// Returns a mask of the lanes of a leaf whose objects have a draw range, an HLOD parent or children; bit
-    /// i stands for lane i. `leaf` is the number of a [leaf](crate::walk::Block::leaf); the mask is 0 if it is
-    /// not less than [`leaf_limit`](Self::leaf_limit).
+    /// i stands for lane i. `leaf` is the number of a [leaf](crate::walk::Block::leaf); the mask is 0 if it
+    /// is not less than [`leaf_limit`](Self::leaf_limit).
     pub fn detailed_lanes(&self, leaf: usize) -> u64 {
         self.tree.detailed.get(leaf).copied().unwrap_or(0)
     }

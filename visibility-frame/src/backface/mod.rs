@@ -5,7 +5,8 @@
 //! - A [`NormalCone`] decides for a cluster of triangles at once, from an eye or along a direction. It is
 //!   conservative: a cluster is back-facing only if all its triangles certainly face away.
 //! - [`cluster_mesh`] divides a mesh into clusters of triangles with similar normals.
-//! - [`Cones`] tests many cones 64 at a time, and [`BackfaceCuller`] is a [`Culler`](visibility_core::Culler).
+//! - [`Cones`] tests many cones 64 at a time, and [`BackfaceCuller`] is a
+//!   [`Culler`](visibility_core::Culler).
 //!
 //! # Sources
 //! - Shirman and Abi-Ezzi, "The Cone of Normals Technique for Fast Processing of Curved Patches", 1993: a

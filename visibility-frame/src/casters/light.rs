@@ -3,8 +3,8 @@
 use core::fmt;
 use visibility_core::glam::DVec3;
 
-/// A shadow-casting light, in world coordinates: `f64`, metres. The origin of the [`Scene`](visibility_core::Scene) is
-/// subtracted in `f64`.
+/// A shadow-casting light, in world coordinates: `f64`, metres. The origin of the
+/// [`Scene`](visibility_core::Scene) is subtracted in `f64`.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;

@@ -28,9 +28,10 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet
 /// may be removed.
 ///
 /// The culler is the first stage of the pipeline that selects objects for the light's shadow map. A
-/// [`FrustumCuller`](visibility_core::FrustumCuller) does not belong in that pipeline, since casters may be outside the
-/// view. The view is the camera's, or the part of it that one shadow cascade covers. Candidates are the
-/// objects on the view's layers, so the view must include the layers of all casters ([`View::with_layers`]).
+/// [`FrustumCuller`](visibility_core::FrustumCuller) does not belong in that pipeline, since casters may be
+/// outside the view. The view is the camera's, or the part of it that one shadow cascade covers. Candidates
+/// are the objects on the view's layers, so the view must include the layers of all casters
+/// ([`View::with_layers`]).
 ///
 /// For lights with a range, objects farther from the light are removed too. For spot lights, objects outside
 /// the cone are removed, where the cone is approximated by a pyramid with eight sides. With
@@ -38,8 +39,9 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet
 ///
 /// # Occlusion from the light
 /// A caster that the light cannot see adds nothing to a shadow map: whatever hides it is nearer to the light.
-/// An [`OcclusionCuller`](visibility_core::OcclusionCuller) with the light's own view removes such casters. The caster
-/// culler takes the camera's view, all other stages that of the light, so they are called one after another:
+/// An [`OcclusionCuller`](visibility_core::OcclusionCuller) with the light's own view removes such casters.
+/// The caster culler takes the camera's view, all other stages that of the light, so they are called one
+/// after another:
 ///
 /// ```
 /// # use visibility_core::{
@@ -82,10 +84,10 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet
 ///   occluders.
 ///
 /// # Cost
-/// A walk of the hierarchy like that of the [`FrustumCuller`](visibility_core::FrustumCuller), against 8 to 12 planes
-/// instead of 6; a second walk over the remaining objects for spot lights and for receivers; 5 ns for each
-/// remaining object if the light has a range. Among 100 thousand objects, where the frustum of a camera takes
-/// 7 us, the sun takes 8 to 13 us and a lamp 8 to 11 us.
+/// A walk of the hierarchy like that of the [`FrustumCuller`](visibility_core::FrustumCuller), against 8 to
+/// 12 planes instead of 6; a second walk over the remaining objects for spot lights and for receivers; 5 ns
+/// for each remaining object if the light has a range. Among 100 thousand objects, where the frustum of a
+/// camera takes 7 us, the sun takes 8 to 13 us and a lamp 8 to 11 us.
 ///
 /// ```
 /// use visibility_core::{glam::DVec3, Aabb, Pipeline, Pose, Scene, View, VisibleSet};

@@ -136,8 +136,8 @@ impl<'a> ClusterView<'a> {
 
     /// Returns the view with an occlusion map, which clusters are tested against last. The map must be that
     /// of this view, scene and frame, with all occluders flushed: that of an
-    /// [`OcclusionCuller`](visibility_core::OcclusionCuller::map) that has culled this frame. An object's own occluder
-    /// hides clusters of the object too, so it must not reach out of the surface that is drawn.
+    /// [`OcclusionCuller`](visibility_core::OcclusionCuller::map) that has culled this frame. An object's own
+    /// occluder hides clusters of the object too, so it must not reach out of the surface that is drawn.
     pub fn with_map(self, map: &'a dyn OcclusionMap) -> Self {
         Self { map: Some(map), ..self }
     }
@@ -153,8 +153,8 @@ impl<'a> ClusterView<'a> {
     ///
     /// `instances` returns what an object is drawn with. Nothing is listed for objects without clusters, for
     /// which it returns `None`. All clusters are listed of an object that is
-    /// [never culled](visibility_core::Object::never_cull) or whose bounds are not finite. Allocates only if `list`
-    /// must grow.
+    /// [never culled](visibility_core::Object::never_cull) or whose bounds are not finite. Allocates only if
+    /// `list` must grow.
     ///
     /// Returns the counters: blocks of 64, tests of boxes, cones and the map, and clusters listed.
     pub fn cull<'m>(

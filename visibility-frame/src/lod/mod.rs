@@ -1,7 +1,8 @@
 //! Levels of detail: small objects are not drawn, far ones cheaper or by a stand-in.
 //!
 //! - [`ContributionCuller`] removes objects that are smaller than a number of pixels, out of their [draw
-//!   range](visibility_core::scene::DrawRange), or [stood in for](visibility_core::Scene::set_hlod_parent) by an HLOD parent.
+//!   range](visibility_core::scene::DrawRange), or [stood in for](visibility_core::Scene::set_hlod_parent) by
+//!   an HLOD parent.
 //! - [`LodSelector`] gives each visible object its level of detail, with hysteresis and a cross-fade.
 //! - [`PixelScale`] tells the size in pixels and the distance that both decide by.
 //!
@@ -15,8 +16,9 @@
 //! does not depend on the distance, and the distance counts as 0, since there is no eye to measure it from.
 //!
 //! Hiding what is small is an error that the user chose: cullers here are
-//! [`Approximate`](visibility_core::Accuracy::Approximate), and `visibility-measure` counts their wrong pixels. What
-//! they promise is the other half: no object as large as the limit is hidden, whatever the rounding.
+//! [`Approximate`](visibility_core::Accuracy::Approximate), and `visibility-measure` counts their wrong
+//! pixels. What they promise is the other half: no object as large as the limit is hidden, whatever the
+//! rounding.
 //!
 //! # Sources
 //! - Funkhouser and Séquin, "Adaptive Display Algorithm for Interactive Frame Rates During Visualization of

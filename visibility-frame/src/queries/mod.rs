@@ -10,9 +10,9 @@
 //!
 //! # What is undecided
 //! A query never misses an object. Where rounding leaves open whether bounds touch a shape, the object is
-//! found. An object whose bounds are [improper](visibility_core::Aabb::is_proper) may be anywhere: every area query
-//! finds it, every ray hits it at distance 0, and its distance from every point is 0. Any other object that
-//! is [never culled](visibility_core::Object::never_cull) is found by its bounds, like all objects.
+//! found. An object whose bounds are [improper](visibility_core::Aabb::is_proper) may be anywhere: every area
+//! query finds it, every ray hits it at distance 0, and its distance from every point is 0. Any other object
+//! that is [never culled](visibility_core::Object::never_cull) is found by its bounds, like all objects.
 //!
 //! # Cost
 //! Time in proportion to the nodes that the shape crosses and the objects found. No query allocates once the
