@@ -81,6 +81,7 @@ impl<S: Borrow<SceneTree>> BspOrderCuller<S> {
 
     /// Sets the maximum number of tree nodes visited per frame. Objects not reached within it stay visible
     /// and come last; 0 visits none.
+    #[must_use]
     pub fn with_nodes(self, most: u64) -> Self {
         Self { most, ..self }
     }

@@ -38,6 +38,7 @@ impl Accuracy {
     /// Returns the accuracy of two cullers in sequence, which keep the objects that both keep. The sequence
     /// never removes visible objects if neither culler does, and never leaves hidden ones if one of the two
     /// leaves none.
+    #[must_use]
     pub const fn and(self, other: Self) -> Self {
         match (self.never_hides() && other.never_hides(), self.never_shows() || other.never_shows()) {
             (true, true) => Self::Exact,

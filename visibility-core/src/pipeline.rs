@@ -112,6 +112,7 @@ impl Pipeline {
     }
 
     /// Appends a culler as the last stage and returns the pipeline.
+    #[must_use]
     pub fn with(mut self, culler: impl Culler + Send + Sync + 'static) -> Self {
         self.push(Box::new(culler));
         self

@@ -58,10 +58,21 @@ pub trait BoxHierarchy {
     /// `None` stands for the top of the hierarchy.
     fn for_each_child(&self, scene: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb));
 
-    /// True only for [`SceneHierarchy`], whose nodes have masks in a [`VisibleSet`]. False for every other
-    /// implementation: its dropped objects are removed from the set one by one.
+    /// `Some` only for [`SceneHierarchy`], whose nodes have masks in a [`VisibleSet`]. `None` for every other
+    /// implementation: its dropped objects are removed from the set one by one. The type has no name outside
+    /// this module, so that no other implementation can set it:
+    ///
+    /// ```compile_fail
+    /// use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy, sealed::OfScene};
+    /// use visibility_core::{Aabb, Scene};
+    /// struct Empty;
+    /// impl BoxHierarchy for Empty {
+    ///     const OF_SCENE: Option<OfScene> = SceneHierarchy::OF_SCENE;
+    ///     fn for_each_child(&self, _: &Scene, _: Option<usize>, _: &mut dyn FnMut(Child, Aabb)) {}
+    /// }
+    /// ```
     #[doc(hidden)]
-    const IS_OF_SCENE: bool = false;
+    const OF_SCENE: Option<sealed::OfScene> = None;
 
     /// Calls `each` with the direct children of a node (`None`: the top of the hierarchy) in blocks of at
     /// most 64. The default implementation copies the children that [`for_each_child`](Self::for_each_child)
@@ -87,6 +98,19 @@ pub trait BoxHierarchy {
     }
 }
 
+mod sealed {
+    pub struct OfScene;
+}
+
+/// Whether a hierarchy is the [`SceneHierarchy`].
+pub(crate) trait IsOfScene {
+    const IS_OF_SCENE: bool;
+}
+
+impl<H: BoxHierarchy> IsOfScene for H {
+    const IS_OF_SCENE: bool = H::OF_SCENE.is_some();
+}
+
 /// The hierarchy that every [`Scene`] maintains over the objects that can be culled. Objects that are never
 /// culled are not part of it.
 ///
@@ -101,7 +125,7 @@ pub trait BoxHierarchy {
 pub struct SceneHierarchy;
 
 impl BoxHierarchy for SceneHierarchy {
-    const IS_OF_SCENE: bool = true;
+    const OF_SCENE: Option<sealed::OfScene> = Some(sealed::OfScene);
 
     fn for_each_child(&self, scene: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb)) {
         self.for_each_block(scene, node, |block| {

@@ -170,6 +170,7 @@ impl Hzb {
 
     /// Sets the rule of which pixels an occluder covers. Call it between frames: pixels that are already
     /// drawn are kept. [`Coverage::Sampled`] makes the map approximate.
+    #[must_use]
     pub fn with_coverage(self, coverage: Coverage) -> Self {
         Self { coverage, ..self }
     }
@@ -202,6 +203,7 @@ impl Hzb {
     /// assert_eq!(hzb.test(&Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0])), Occlusion::Hidden);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
+    #[must_use]
     pub fn with_level(self, level: Arc<LevelOccluders>, origin: DVec3) -> Self {
         Self { levels: alloc::vec![Arc::new(PreparedLevel::new(level, origin))], ..self }
     }
@@ -250,6 +252,7 @@ impl Hzb {
     }
 
     /// Sets the instruction set of the inner loops. Answers do not depend on it. For tests and benchmarks.
+    #[must_use]
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { simd, ..self }
     }

@@ -105,6 +105,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M
 
     /// Sets the estimate of how likely a cell is hidden, which orders the cells. [`Solidity::Coverage`] by
     /// default.
+    #[must_use]
     pub fn with_solidity(mut self, solidity: Solidity) -> Self {
         self.settings.solidity = solidity;
         self
@@ -113,6 +114,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M
     /// Sets whether objects of one to four triangles are dropped when all their triangles certainly face away
     /// from the eye, see [`PlpCuller::with_one_sided`](crate::PlpCuller::with_one_sided). False by default.
     /// Conservative only if the scene is drawn with back-face culling.
+    #[must_use]
     pub fn with_one_sided(mut self, one_sided: bool) -> Self {
         self.settings.one_sided = one_sided;
         self

@@ -63,6 +63,7 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
 
     /// Sets the estimate of how likely a cell is hidden, which orders the cells. [`Solidity::Coverage`] by
     /// default.
+    #[must_use]
     pub fn with_solidity(mut self, solidity: Solidity) -> Self {
         self.settings.solidity = solidity;
         self
@@ -71,6 +72,7 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     /// Sets whether objects of one to four triangles are dropped when all their triangles certainly face away
     /// from the eye. For scenes that are drawn with back-face culling and triangles that are anticlockwise
     /// seen from the front. Undecided triangles count as facing the eye. False by default.
+    #[must_use]
     pub fn with_one_sided(mut self, one_sided: bool) -> Self {
         self.settings.one_sided = one_sided;
         self
@@ -78,6 +80,7 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
 
     /// Sets whether objects beyond the budget stay in the set. If true, the culler only sorts: the objects
     /// within the budget come first, the other objects follow. False by default.
+    #[must_use]
     pub fn with_all_kept(mut self, keep_all: bool) -> Self {
         self.keep_all = keep_all;
         self

@@ -118,6 +118,7 @@ impl CellMatrix {
 
     /// Returns the matrix of mutual pairs: cell a sees cell b in the result if each sees the other in `self`.
     /// A line can be walked both ways, so the result is conservative if `self` is.
+    #[must_use]
     pub fn both_ways(&self) -> Self {
         let mut both = Self { source: self.source, ..Self::new(self.cells) };
         for a in 0..self.cells {

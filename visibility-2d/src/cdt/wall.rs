@@ -44,6 +44,7 @@ impl Wall {
     }
 
     /// Returns the wall with another opacity.
+    #[must_use]
     pub fn with_opacity(self, opacity: Opacity) -> Self {
         Self { opacity, ..self }
     }
@@ -51,6 +52,7 @@ impl Wall {
     /// Returns the wall with the heights at which it begins and ends: a parapet, a crate, the wall above a
     /// door. If the first is not below the second, or one is NaN, the wall stops no line of sight that
     /// has heights.
+    #[must_use]
     pub fn with_heights(self, low: f64, high: f64) -> Self {
         Self { heights: [low, high], ..self }
     }

@@ -118,6 +118,7 @@ impl HorizonCuller {
 
     /// Sets the number of columns of each of the four faces of the picture: see
     /// [`Horizon::with_columns`].
+    #[must_use]
     pub fn with_columns(self, per_face: usize) -> Self {
         Self { horizon: self.horizon.with_columns(per_face), ..self }
     }
@@ -136,6 +137,7 @@ impl HorizonCuller {
     /// let culler = HorizonCuller::new(occluders.into()).with_crowns([tree], 6);
     /// assert_eq!(culler.accuracy(), Accuracy::Approximate);
     /// ```
+    #[must_use]
     pub fn with_crowns(self, crowns: impl IntoIterator<Item = ObjectId>, crossings: u8) -> Self {
         Self { crowns: Some(CrownColumns::new(crowns.into_iter().collect(), crossings)), ..self }
     }

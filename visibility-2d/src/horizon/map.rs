@@ -70,6 +70,7 @@ impl Horizon {
 
     /// Sets the number of columns of each of the four faces of the picture, moved into the range from 1 to
     /// 16,384. More columns hide more, and take time in proportion.
+    #[must_use]
     pub fn with_columns(mut self, per_face: usize) -> Self {
         self.columns = Columns::new(per_face.clamp(1, MAX_COLUMNS));
         // The columns are of no frame.

@@ -83,16 +83,19 @@ impl ViewCdt {
 
     /// Sets the number of vertices of the image from which on no occluder is entered, at most 3,072, which
     /// is the default. An occluder has some six, and as many as it crosses outlines.
+    #[must_use]
     pub fn with_vertices(self, most: usize) -> Self {
         Self { most: most.min(MOST_VERTICES), ..self }
     }
 
     /// Sets what becomes of partly hidden occluders.
+    #[must_use]
     pub fn with_partly_hidden(self, partly_hidden: PartlyHidden) -> Self {
         Self { partly_hidden, ..self }
     }
 
     /// Sets how the map tells near from far.
+    #[must_use]
     pub fn with_order(self, order: DepthOrder) -> Self {
         Self { order, ..self }
     }

@@ -91,6 +91,7 @@ impl VirtualOccluderCuller {
     }
 
     /// Sets the greatest number of virtual occluders of a viewcell. 0 hides nothing.
+    #[must_use]
     pub fn with_most(self, most: usize) -> Self {
         Self { most, ..self }
     }

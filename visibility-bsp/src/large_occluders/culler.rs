@@ -83,12 +83,14 @@ impl LargeOccludersCuller {
 
     /// Sets the maximum number of occluder polygons in use; 0 disables culling. The cost of a test whose
     /// answer is not cached grows in proportion.
+    #[must_use]
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, chosen_at: None, ..self }
     }
 
     /// Turns the answer cache on (the default) or off. Without the cache, every frame computes all answers
     /// anew; the answers are the same.
+    #[must_use]
     pub fn with_coherence(mut self, coherent: bool) -> Self {
         self.inner.map_mut().coherent = coherent;
         self

@@ -54,6 +54,7 @@ impl OcclusionTreeCuller {
     }
 
     /// Sets the maximum number of occluder polygons used per frame; 0 disables culling.
+    #[must_use]
     pub fn with_polygons(mut self, most: usize) -> Self {
         self.inner.map_mut().most = most;
         self

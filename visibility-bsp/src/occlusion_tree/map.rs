@@ -118,6 +118,7 @@ impl OcclusionTree {
 
     /// Sets the maximum number of polygons inserted per frame, from the next frame on. With 0, no box inside
     /// the image is hidden.
+    #[must_use]
     pub fn with_polygons(self, most: usize) -> Self {
         Self { most, ..self }
     }

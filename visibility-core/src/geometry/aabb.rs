@@ -103,6 +103,7 @@ impl Aabb {
 
     /// Returns the smallest box that contains `self` and `other`. Where a coordinate of `self` or `other` is
     /// NaN, the coordinate of the result is unspecified: NaN, or that of the box without NaN.
+    #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self::new(self.min.min(other.min), self.max.max(other.max))
     }
@@ -123,6 +124,7 @@ impl Aabb {
     /// assert!(bounds.contains_point(Vec3::X) && bounds.contains_point(Vec3::new(2.0, 1.0, 1.0)));
     /// ```
     #[inline]
+    #[must_use]
     pub fn transformed(&self, transform: &Affine3A) -> Self {
         if !self.is_proper() || *transform == Affine3A::IDENTITY {
             return *self;

@@ -83,6 +83,7 @@ impl Plane {
     }
 
     /// Returns the opposite half-space: the same boundary with the normal and the offset negated.
+    #[must_use]
     pub fn flipped(&self) -> Self {
         Self::new(-self.normal, -self.offset)
     }

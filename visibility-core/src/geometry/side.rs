@@ -47,6 +47,7 @@ impl Side {
 
     /// Returns the side of a point with respect to the flipped plane, given its side of the plane: exchanges
     /// `Front` and `Back`, keeps `On`.
+    #[must_use]
     pub const fn opposite(self) -> Self {
         match self {
             Self::Front => Self::Back,

@@ -11,7 +11,7 @@ use super::{Occlusion64, OcclusionMap};
 use crate::culler::Lack;
 use crate::jobs::Jobs;
 use crate::scene::lanes;
-use crate::walk::{Block, BoxHierarchy, Child, NodeTest, SceneHierarchy, Walk, retain_on};
+use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
 /// Default price: the number of occluder triangles that may be drawn for each object that they are expected
@@ -103,6 +103,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// Sets how many triangles of occluders, as [`OcclusionMap::cost`] counts them, are drawn to hide one
     /// object. 24 by default. Less saves time where objects are cheap to draw, and more objects are reported.
     /// With 0 no occluder of the scene is drawn, for maps that are filled otherwise.
+    #[must_use]
     pub fn with_price(self, triangles_per_object: u32) -> Self {
         Self { price: triangles_per_object, ..self }
     }
@@ -112,6 +113,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     /// the bound on tests no more objects and reports the rest. The last node tested, batch of occluders, or
     /// cluster of a level may exceed the bound, and so may the search for a level's clusters in view. It does
     /// not cover emptying the map, which takes longer the larger the map is.
+    #[must_use]
     pub fn with_work_limit(self, triangles: u32) -> Self {
         Self { work_limit: triangles, ..self }
     }

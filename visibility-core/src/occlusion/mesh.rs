@@ -175,6 +175,7 @@ impl OccluderMesh {
     }
 
     /// Returns the mesh with back faces that occlude too (`true`) or do not (`false`, the default).
+    #[must_use]
     pub fn with_two_sided(self, two_sided: bool) -> Self {
         let mut mesh = self;
         mesh.two_sided = two_sided;

@@ -17,7 +17,7 @@
 use super::budget::Budget;
 use super::{OccluderMesh, Occlusion, OcclusionMap};
 use crate::scene::lanes;
-use crate::walk::{BoxHierarchy, Child, Walk};
+use crate::walk::{BoxHierarchy, Child, IsOfScene, Walk};
 use crate::{
     Aabb, ObjectId, View, geometry,
     view::{Eye, ViewPlanes},

@@ -114,6 +114,7 @@ impl View {
 
     /// Returns this view restricted to objects that share a layer with `layers`, one bit per layer. Views
     /// show all layers (`u32::MAX`) by default.
+    #[must_use]
     pub fn with_layers(self, layers: u32) -> Self {
         Self { layers, ..self }
     }

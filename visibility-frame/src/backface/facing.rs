@@ -29,6 +29,7 @@ pub enum Facing {
 
 impl Facing {
     /// Returns the side under the opposite winding rule: exchanges `Front` and `Back`, keeps `Undecided`.
+    #[must_use]
     pub const fn flipped(self) -> Self {
         match self {
             Self::Front => Self::Back,

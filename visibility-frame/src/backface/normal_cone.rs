@@ -93,6 +93,7 @@ impl NormalCone {
 
     /// Returns the cone of the same triangles under the opposite winding rule: fronts become backs and backs
     /// fronts.
+    #[must_use]
     pub fn flipped(&self) -> Self {
         let rows = self.rows.map(|row| row.map(|x| -x));
         Self { rows, behind: self.ahead, ahead: self.behind, margin: self.margin }
@@ -171,6 +172,7 @@ impl NormalCone {
     /// assert_eq!(cone.transformed(&mirror).facing(&above), Facing::Back);
     /// assert_eq!(cone.transformed(&mirror).flipped().facing(&above), Facing::Front);
     /// ```
+    #[must_use]
     pub fn transformed(&self, transform: &DAffine3) -> Self {
         if self.is_open() || !transform.is_finite() {
             return Self::OPEN;

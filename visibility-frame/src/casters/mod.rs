@@ -129,12 +129,14 @@ impl CasterCuller {
     }
 
     /// Returns the culler with the given SIMD instructions, for tests and comparisons.
+    #[must_use]
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { simd, ..self }
     }
 
     /// Returns the culler restricted to shadows that fall into the box `receivers`, as
     /// [`set_receivers`](Self::set_receivers) does.
+    #[must_use]
     pub fn with_receivers(mut self, receivers: Aabb, origin: DVec3) -> Self {
         self.set_receivers(receivers, origin);
         self

@@ -138,12 +138,14 @@ impl<'a> ClusterView<'a> {
     /// of this view, scene and frame, with all occluders flushed: that of an
     /// [`OcclusionCuller`](visibility_core::OcclusionCuller::map) that has culled this frame. An object's own
     /// occluder hides clusters of the object too, so it must not reach out of the surface that is drawn.
+    #[must_use]
     pub fn with_map(self, map: &'a dyn OcclusionMap) -> Self {
         Self { map: Some(map), ..self }
     }
 
     /// Returns the view with the given SIMD instructions, for tests and comparisons. Answers are the same
     /// with all.
+    #[must_use]
     pub fn with_simd(self, simd: Simd) -> Self {
         Self { simd, ..self }
     }

@@ -147,11 +147,13 @@ impl LodSelector {
 
     /// Sets the share of a limit by which the size of an object must be beyond the limit before the level
     /// changes, from 0 to 0.9; others are clamped, NaN counts as 0.
+    #[must_use]
     pub fn with_hysteresis(self, share: f64) -> Self {
         Self { hysteresis: share.clamp(0.0, 0.9).max(0.0), ..self }
     }
 
     /// Sets the duration of a cross-fade in seconds. 0, negative or NaN: levels change at once.
+    #[must_use]
     pub fn with_fade(self, seconds: f32) -> Self {
         Self { fade_seconds: seconds, ..self }
     }

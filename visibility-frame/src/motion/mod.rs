@@ -42,6 +42,7 @@ impl Motion {
     }
 
     /// Returns the motion restricted to a box that the object's bounds never leave.
+    #[must_use]
     pub const fn within(self, region: Aabb) -> Self {
         Self { region, ..self }
     }

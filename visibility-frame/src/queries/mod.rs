@@ -70,6 +70,7 @@ impl<'a> SceneQuery<'a> {
     }
 
     /// Returns the reader restricted to objects that share a layer with `layers`, one bit per layer.
+    #[must_use]
     pub fn on_layers(self, layers: u32) -> Self {
         Self { layers, ..self }
     }

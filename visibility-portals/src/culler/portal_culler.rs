@@ -66,6 +66,7 @@ impl PortalCuller {
 
     /// Returns the culler with `eye` in place of its own eye; the cells are kept. `eye` brings its settings
     /// and its state of the last frame.
+    #[must_use]
     pub fn with_eye(self, eye: PortalEye) -> Self {
         Self { eye, ..self }
     }

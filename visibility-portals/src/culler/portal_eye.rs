@@ -89,6 +89,7 @@ impl PortalEye {
     }
 
     /// Sets the shape to which each portal narrows the view. Both shapes are conservative.
+    #[must_use]
     pub fn with_narrowing(self, narrowing: Narrowing) -> Self {
         Self { narrowing, ..self }
     }
@@ -96,6 +97,7 @@ impl PortalEye {
     /// Sets the maximum number of portals inspected in the walk of a frame, and again in the walk of each
     /// reflection. A frame that needs more removes no object; [`PortalStats::fallback`] of that frame is then
     /// [`NotCulled::Steps`](super::NotCulled::Steps).
+    #[must_use]
     pub fn with_step_limit(self, steps: u64) -> Self {
         Self { steps, ..self }
     }
@@ -103,6 +105,7 @@ impl PortalEye {
     /// Sets `max_count`, the maximum number of reflections per frame, and `max_depth`, the maximum number of
     /// mirrors along one line of sight. A `max_depth` of 1 leaves out mirrors seen in mirrors; 0 for either
     /// disables reflections.
+    #[must_use]
     pub fn with_reflections(mut self, max_count: usize, max_depth: u32) -> Self {
         self.reflections.set_limits(max_count, max_depth);
         self

@@ -59,6 +59,7 @@ impl SharedPortalCuller {
 
     /// Returns the culler with `eye` in place of its own eye. `eye` brings its settings and its state of the
     /// last frame.
+    #[must_use]
     pub fn with_eye(self, eye: PortalEye) -> Self {
         Self { eye, ..self }
     }

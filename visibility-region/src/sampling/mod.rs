@@ -124,12 +124,14 @@ impl SamplingCuller {
 
     /// Sets the greatest number of rays of a call; with 0 only objects that are never culled stay. More rays
     /// find more. A call ends earlier once all candidates are found.
+    #[must_use]
     pub fn with_rays(self, rays: usize) -> Self {
         Self { rays, ..self }
     }
 
     /// Sets the start of the pseudorandom numbers. Equal seeds give equal answers; the answers of several
     /// seeds can be united.
+    #[must_use]
     pub fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
     }

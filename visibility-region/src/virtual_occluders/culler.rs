@@ -53,6 +53,7 @@ impl VirtualSweepCuller {
 
     /// Sets the greatest number of virtual occluders for each viewcell. Numbers above
     /// [`VirtualOccluders::MOST`] count as that.
+    #[must_use]
     pub fn with_most(mut self, most: usize) -> Self {
         self.most = most;
         self
