@@ -286,6 +286,7 @@ impl SceneSource {
     }
 
     /// Returns the scene without its objects and cells.
+    #[must_use]
     pub fn without_objects(&self) -> Self {
         Self {
             name: self.name.clone(),
