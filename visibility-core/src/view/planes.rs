@@ -112,7 +112,7 @@ impl View {
     /// be called before. (A view made from a [`Pose`](crate::Pose) has its origin in the eye.)
     ///
     /// Cullers that use [`planes`](Self::planes) respect clip planes: the
-    /// [`FrustumCuller`](crate::FrustumCuller), the [`CasterCuller`](crate::casters::CasterCuller), and the
+    /// [`FrustumCuller`](crate::FrustumCuller), the `CasterCuller` of `visibility-frame`, and the
     /// item buffer of `visibility-measure`. Clip planes are not part of the clip matrix. An occlusion map
     /// that uses only the matrix may keep objects beyond the planes, and must not be given occluders that
     /// the planes cut away.
