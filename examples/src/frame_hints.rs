@@ -36,11 +36,13 @@ pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
 }
 
 /// Returns the part of the area of all triangles that is upright or level, to about a degree, where an axis
-/// is up; 0 without an area.
+/// is up; 0 without an area. Of a scene of more than four million triangles, objects are taken evenly.
 fn upright_share(scene: &SceneSource, axis: Vec3) -> f64 {
     let (mut upright, mut all) = (0.0, 0.0);
-    for [a, b, c] in scene.objects.iter().flat_map(|object| &object.triangles) {
-        let normal = (*b - *a).cross(*c - *a);
+    let step = scene.triangle_count().div_ceil(1 << 22).max(1);
+    let objects = scene.objects.iter().step_by(step);
+    for [a, b, c] in objects.flat_map(|object| object.triangles.view()) {
+        let normal = (b - a).cross(c - a);
         let (area, along) = (normal.length(), normal.dot(axis).abs());
         if area.is_finite() {
             all += f64::from(area);

@@ -134,7 +134,7 @@ fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<Sc
         let place = |p: Vec3| (turn * p.as_dvec3() + DVec3::new(*x, 0.0, *z)).as_vec3();
         let copies = car.objects.iter().map(|part| SourceObject {
             name: format!("car{number}/{}", part.name),
-            triangles: part.triangles.iter().map(|t| t.map(place)).collect(),
+            triangles: part.triangles.iter().map(|t| t.map(place)).collect::<Vec<_>>().into(),
             ..*part
         });
         copies.for_each(&mut *each);
@@ -165,7 +165,10 @@ fn load_vscn(
     let unit = reading.metres();
     let scaled = |p: Vec3| (p.as_dvec3() * unit).as_vec3();
     let mut scene = assemble(path, &description, &mut |mut object| {
-        object.triangles.as_flattened_mut().iter_mut().for_each(|p| *p = scaled(*p));
+        if unit != 1.0 {
+            let triangles = object.triangles.iter();
+            object.triangles = triangles.map(|triangle| triangle.map(scaled)).collect::<Vec<_>>().into();
+        }
         each(object);
     })?;
     scene.up = reading.up.unwrap_or(scene.up);

@@ -248,7 +248,7 @@ pub fn make(
             .to_vec(),
         Placement::Above(file) => {
             let walkable = load_as(&file, reading).map_err(|error| error.to_string())?;
-            let triangles = walkable.objects.iter().flat_map(|object| &object.triangles);
+            let triangles = walkable.objects.iter().flat_map(|object| object.triangles.view());
             let triangles: Vec<[DVec3; 3]> =
                 triangles.map(|corners| corners.map(|p| double(p) + walkable.origin)).collect();
             grid.above(&triangles, &camera).map_err(text)?

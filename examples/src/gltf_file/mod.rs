@@ -23,7 +23,7 @@ use crate::source::{Hint, SceneSource, SourceObject};
 use crate::{frame_hints, walk};
 use buffers::Buffers;
 use document::Document;
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DAffine3, DMat4, DVec3, Vec3};
 use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
 use instances::instances;
@@ -33,13 +33,17 @@ use serde_json::Value;
 use shape::Shape;
 use std::collections::HashMap;
 use std::path::Path;
-use visibility_core::Aabb;
+use std::rc::Rc;
+use visibility_core::{Aabb, scene::SharedTriangles};
 
 /// Maximum number of objects of a scene, which may have few triangles or none.
 const MOST_OBJECTS: usize = 1 << 22;
-/// Maximum number of triangles of a scene. Nodes can instance one mesh any number of times, so the size of
-/// the file does not bound the number of triangles.
+/// Maximum number of triangles that are kept: those of each mesh once, and of skinned, morphed and moving
+/// meshes for each node.
 const MOST_TRIANGLES: usize = 1 << 25;
+/// Maximum number of triangles of all objects, of which the item buffer must be able to number each. Nodes can
+/// instance one mesh any number of times, so neither the size of the file nor [`MOST_TRIANGLES`] bounds it.
+const MOST_PLACED: usize = u32::MAX as usize - 1;
 
 /// Reads a glTF or GLB document from its bytes, in metres and with y up. `path` is the document's path:
 /// further files are searched below its folder, and error messages show it.
@@ -80,7 +84,10 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         moved: Vec::new(),
         at_rest: Vec::new(),
         without_triangles: 0,
-        triangles: 0,
+        kept: 0,
+        placed: 0,
+        users: users_of_meshes(&document, &nodes),
+        meshes: HashMap::new(),
     };
     collector.origin = collector.origin_near_content()?;
     for node in placed(&document, &nodes) {
@@ -142,12 +149,33 @@ struct Collector<'a> {
     at_rest: Vec<Box64>,
     /// Number of primitives of points or lines, or without positions.
     without_triangles: usize,
-    triangles: usize,
+    /// Number of triangles that are kept.
+    kept: usize,
+    /// Number of triangles of all objects.
+    placed: usize,
+    /// Number of nodes that show a mesh, by its index. A node with instances counts twice.
+    users: Vec<usize>,
+    /// Primitives of meshes that several objects share, by the mesh's index.
+    meshes: HashMap<usize, Rc<[Primitive]>>,
+}
+
+/// Returns the number of nodes of the scene that show a mesh, by the index of the mesh. A node with instances
+/// counts twice.
+fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<usize> {
+    let mut users = vec![0; document.gltf.meshes().len()];
+    for node in placed(document, nodes) {
+        if let Some(mesh) = node.mesh() {
+            users[mesh.index()] += if node.extension_value("EXT_mesh_gpu_instancing").is_some() { 2 } else { 1 };
+        }
+    }
+    users
 }
 
 /// Triangles of a primitive before they are placed.
 struct Primitive {
     shape: Shape,
+    /// Triangles in the coordinates of the mesh, if several objects share them.
+    shared: Option<SharedTriangles>,
     /// Vertices of the corners.
     order: Vec<u32>,
     corners: Corners,
@@ -215,15 +243,13 @@ impl Collector<'_> {
             node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_owned);
         let hint = self.hint(node)?;
         let several = mesh.primitives().len() > 1;
-        let primitives: Vec<Primitive> = mesh
-            .primitives()
-            .map(|primitive| {
-                let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
-                self.primitive(node, &primitive, &place)
-            })
-            .collect::<Result<_, _>>()?;
+        let primitives = self.primitives(node, &mesh)?;
         let copies = instances(node, &self.document.gltf, self.buffers, self.path)?;
         let is_copied = copies.is_some();
+        if let Some(copies) = &copies {
+            let triangles = primitives.iter().map(|primitive| primitive.corners.len()).sum();
+            self.check_placed(copies.len(), triangles, node)?;
+        }
         for (copy, instance) in copies.unwrap_or_else(|| vec![DMat4::IDENTITY]).iter().enumerate() {
             for (index, primitive) in primitives.iter().enumerate() {
                 let mut name = name.clone();
@@ -308,6 +334,68 @@ impl Collector<'_> {
             .transpose()
     }
 
+    /// Returns the primitives of a node's mesh. Those of a mesh that several nodes show are read once, unless
+    /// the node deforms them by a skin or the mesh has morph targets.
+    fn primitives(
+        &mut self,
+        node: &gltf::Node<'_>,
+        mesh: &gltf::Mesh<'_>,
+    ) -> Result<Rc<[Primitive]>, SourceError> {
+        let is_soft = node.skin().is_some()
+            || mesh.primitives().any(|primitive| primitive.morph_targets().next().is_some());
+        let is_shared = !is_soft && self.users[mesh.index()] > 1;
+        if is_shared && let Some(known) = self.meshes.get(&mesh.index()) {
+            return Ok(known.clone());
+        }
+        let mut read = Vec::with_capacity(mesh.primitives().len());
+        for primitive in mesh.primitives() {
+            let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
+            let mut primitive = self.primitive(node, &primitive, &place)?;
+            if is_shared {
+                self.keep(primitive.corners.len(), node)?;
+                self.check_placed(self.users[mesh.index()], primitive.corners.len(), node)?;
+                let Primitive { shape, order, corners, .. } = &primitive;
+                let corner = |i: usize| shape.positions[order[i] as usize];
+                let triangles = (0..corners.len()).map(|t| corners.of(t).map(corner));
+                primitive.shared = Some(triangles.collect::<Vec<_>>().into());
+            }
+            read.push(primitive);
+        }
+        let read: Rc<[Primitive]> = read.into();
+        if is_shared {
+            self.meshes.insert(mesh.index(), read.clone());
+        }
+        Ok(read)
+    }
+
+    /// Returns an error if `copies` of `triangles` triangles, beside those of the objects so far, are too many
+    /// to be placed.
+    fn check_placed(
+        &self,
+        copies: usize,
+        triangles: usize,
+        node: &gltf::Node<'_>,
+    ) -> Result<(), SourceError> {
+        let placed = copies.saturating_mul(triangles).saturating_add(self.placed);
+        if placed <= MOST_PLACED && copies.saturating_add(self.objects.len()) <= MOST_OBJECTS {
+            return Ok(());
+        }
+        let most = format!("{MOST_OBJECTS} objects, or {MOST_PLACED} triangles of all instances");
+        Err(self.wrong(node, format!("with it, the scene has more than {most}")))
+    }
+
+    /// Counts triangles that are kept. Returns an error when they are too many.
+    fn keep(&mut self, triangles: usize, node: &gltf::Node<'_>) -> Result<(), SourceError> {
+        self.kept += triangles;
+        let problem =
+            || format!("with it, the scene has more than {MOST_TRIANGLES} triangles, shared ones counted once");
+        if self.kept > MOST_TRIANGLES { Err(self.wrong(node, problem())) } else { Ok(()) }
+    }
+
+    fn wrong(&self, node: &gltf::Node<'_>, problem: String) -> SourceError {
+        SourceError::content(self.path, format!("node {}", node.index()), problem)
+    }
+
     /// Reads the triangles of one primitive, which are none for points and lines. `place` names the primitive
     /// in error messages. Returns an error for invalid accessors or indices, and when more would be read than
     /// may be.
@@ -324,6 +412,7 @@ impl Collector<'_> {
             self.without_triangles += 1;
             return Ok(Primitive {
                 shape: Shape::default(),
+                shared: None,
                 order: Vec::new(),
                 corners: corners(Mode::Points, 0),
                 see_through: false,
@@ -354,7 +443,7 @@ impl Collector<'_> {
         let shape = Shape::read(node, primitive, positions, self.motion, self.buffers, (self.path, place))?;
         let material = primitive.material();
         let (see_through, one_sided) = (is_see_through(&material), !material.double_sided());
-        Ok(Primitive { shape, order, corners, see_through, one_sided })
+        Ok(Primitive { shape, shared: None, order, corners, see_through, one_sided })
     }
 
     /// Returns the triangles of a primitive, relative to the origin. `instance` maps the mesh's space to the
@@ -364,15 +453,16 @@ impl Collector<'_> {
         node: &gltf::Node<'_>,
         primitive: &Primitive,
         instance: &DMat4,
-    ) -> Result<Vec<[Vec3; 3]>, SourceError> {
-        let Primitive { shape, order, corners, .. } = primitive;
-        self.triangles += corners.len();
-        if self.triangles > MOST_TRIANGLES || self.objects.len() >= MOST_OBJECTS {
-            let problem = format!(
-                "with it, the scene has more than {MOST_TRIANGLES} triangles or {MOST_OBJECTS} objects"
-            );
-            return Err(SourceError::content(self.path, format!("node {}", node.index()), problem));
+    ) -> Result<SharedTriangles, SourceError> {
+        let Primitive { shape, order, corners, shared, .. } = primitive;
+        self.check_placed(1, corners.len(), node)?;
+        self.placed += corners.len();
+        if let Some(shared) = shared {
+            let mut transform = DAffine3::from_mat4(self.nodes.worlds[node.index()] * *instance);
+            transform.translation -= self.origin;
+            return Ok(shared.placed(transform));
         }
+        self.keep(corners.len(), node)?;
         let placed = shape.placed(node.index(), instance, self.nodes);
         let placed: Vec<Vec3> = placed.into_iter().map(|p| (p - self.origin).as_vec3()).collect();
         // A mirroring transform turns triangles inside out; swapping two vertices restores the front that the
@@ -382,7 +472,7 @@ impl Collector<'_> {
             let [a, b, c] = corners.of(t).map(|i| placed[order[i] as usize]);
             if mirrored { [a, c, b] } else { [a, b, c] }
         };
-        Ok((0..corners.len()).map(triangle).collect())
+        Ok((0..corners.len()).map(triangle).collect::<Vec<_>>().into())
     }
 }
 

@@ -104,7 +104,8 @@ impl FloorMap {
         if object.motion.is_some() || is_door(&self.axes, object) {
             return;
         }
-        for triangle in object.triangles.iter().filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
+        let triangles = object.triangles.iter();
+        for triangle in triangles.filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
             self.add_triangle(triangle.map(|p| self.axes.flat(p.as_dvec3())), object.one_sided);
         }
     }

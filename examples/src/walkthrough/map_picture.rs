@@ -5,8 +5,8 @@ use super::canvas::{Canvas, Color};
 use super::judge::Judgement;
 use super::palette::{HIDDEN, INK, LOST, PAPER, REPORTED, VIEW, VISIBLE};
 use super::{Trial, World};
-use glam::{DVec3, Vec3};
-use visibility_core::{Pose, View, view::Window};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use visibility_core::{Pose, View, scene::SharedTriangles, view::Window};
 use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
 const WALK: Color = [120, 120, 200];
@@ -128,6 +128,14 @@ pub(crate) struct Map {
 }
 
 impl Map {
+    /// Returns the map from scene coordinates, relative to `origin`, to the level at a height, relative to the
+    /// map's centre.
+    fn flattening(&self, origin: DVec3, height: DVec3) -> DAffine3 {
+        let column = |i: usize| self.right * self.right[i] + self.ahead * self.ahead[i];
+        let matrix3 = DMat3::from_cols(column(0), column(1), column(2));
+        DAffine3 { matrix3, translation: matrix3 * (origin - self.center) + height }
+    }
+
     /// Creates the map of the whole scene and all camera positions.
     fn new(world: &World) -> Self {
         let (low, high) = world.source.bounds().unwrap_or((Vec3::ZERO, Vec3::ONE));
@@ -196,7 +204,7 @@ impl Map {
         let whole = f64::from(self.width) * f64::from(self.height) / self.pixels_per_metre.powi(2);
         order.retain(|&(area, object)| shown(object, area / whole));
         let areas: Vec<f64> = order.iter().map(|&(area, _)| area).collect();
-        let flat: Vec<(u32, Vec<[Vec3; 3]>)> = (1..)
+        let flat: Vec<(u32, SharedTriangles)> = (1..)
             .zip(&order)
             .map(|(rank, &(_, object))| {
                 let height = self.up * f64::from(rank);
@@ -205,7 +213,12 @@ impl Map {
                     (self.right * offset.dot(self.right) + self.ahead * offset.dot(self.ahead) + height)
                         .as_vec3()
                 };
-                (object, objects[object as usize].triangles.iter().map(|t| t.map(flatten)).collect())
+                let triangles = &objects[object as usize].triangles;
+                if let (_, Some(transform)) = triangles.view().mesh() {
+                    return (object, triangles.placed(self.flattening(world.origin(), height) * *transform));
+                }
+                let flat = triangles.iter().map(|triangle| triangle.map(flatten));
+                (object, flat.collect::<Vec<_>>().into())
             })
             .collect();
         let top = self.up * (objects.len() as f64 + 2.0);
@@ -219,7 +232,7 @@ impl Map {
         buffer.draw(
             &view,
             DVec3::ZERO,
-            flat.iter().map(|(object, triangles)| (*object, triangles.as_slice())),
+            flat.iter().map(|(object, triangles)| (*object, triangles.view())),
         )?;
         // A dark rim where two objects meet separates neighbours of one color.
         let object_at = |x: u32, y: u32| {

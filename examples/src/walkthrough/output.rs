@@ -21,9 +21,13 @@ pub fn header(world: &World, reading: &Reading) -> String {
     let count = |is: fn(&SourceObject) -> bool| source.objects.iter().filter(|&object| is(object)).count();
     let moving = |object: &SourceObject| object.motion.is_some() || object.never_cull;
     let (occluders, up) = (scene.occluder_count(), source.up_axis());
+    let shared = match source.instances() {
+        [0, _] => String::new(),
+        [objects, meshes] => format!(", {objects} objects share {meshes} meshes"),
+    };
     format!(
-        "{}: {} objects: {} opaque, {} see-through, {} moving; {occluders} occluders; {} triangles ({}); \
-         unit {} m, {up} up, origin {}",
+        "{}: {} objects: {} opaque, {} see-through, {} moving; {occluders} occluders; {} triangles \
+         ({}){shared}; unit {} m, {up} up, origin {}",
         source.name,
         source.objects.len(),
         count(|object| !object.see_through),
