@@ -166,8 +166,9 @@ fn load_vscn(
     let scaled = |p: Vec3| (p.as_dvec3() * unit).as_vec3();
     let mut scene = assemble(path, &description, &mut |mut object| {
         if unit != 1.0 {
-            let triangles = object.triangles.iter();
-            object.triangles = triangles.map(|triangle| triangle.map(scaled)).collect::<Vec<_>>().into();
+            object.edit_triangles(|triangles| {
+                triangles.as_flattened_mut().iter_mut().for_each(|p| *p = scaled(*p));
+            });
         }
         each(object);
     })?;

@@ -218,15 +218,19 @@ impl SourceObject {
 
     /// Moves the triangles.
     fn move_by(&mut self, shift: DVec3) {
-        self.triangles = match self.triangles.view().mesh() {
-            (_, Some(transform)) => {
-                self.triangles.placed(DAffine3::from_translation(shift) * *transform)
-            }
-            (triangles, None) => {
-                let moved = |point: Vec3| (point.as_dvec3() + shift).as_vec3();
-                triangles.iter().map(|triangle| triangle.map(moved)).collect::<Vec<_>>().into()
-            }
-        };
+        if let (_, Some(transform)) = self.triangles.view().mesh() {
+            self.triangles = self.triangles.placed(DAffine3::from_translation(shift) * *transform);
+            return;
+        }
+        let move_by = |point: &mut Vec3| *point = (point.as_dvec3() + shift).as_vec3();
+        self.edit_triangles(|triangles| triangles.as_flattened_mut().iter_mut().for_each(move_by));
+    }
+
+    /// Changes the triangles. The object no longer shares them with others.
+    pub fn edit_triangles(&mut self, change: impl FnOnce(&mut Vec<[Vec3; 3]>)) {
+        let mut triangles = self.triangles.view().to_vec();
+        change(&mut triangles);
+        self.triangles = triangles.into();
     }
 
     /// Notes a hint of the level.

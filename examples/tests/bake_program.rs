@@ -43,7 +43,7 @@ pub(crate) fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
         let corner = |x: f32, z: f32| Vec3::new(x, y, z);
         [[corner(a, c), corner(b, c), corner(b, d)], [corner(a, c), corner(b, d), corner(a, d)]]
     };
-    let wall = rectangles.iter().flat_map(|&rectangle| at(5.0, rectangle)).collect();
+    let wall = rectangles.iter().flat_map(|&rectangle| at(5.0, rectangle)).collect::<Vec<_>>();
     let plate = at(9.0, [-0.4, 0.4, 0.0, 2.0]).to_vec();
     let objects = vec![SourceObject::new("wall", wall), SourceObject::new("plate", plate)];
     let scene = SceneSource { objects, ..SceneSource::new("wall", Vec3::Z, 0.01) };

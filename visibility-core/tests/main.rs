@@ -29,6 +29,7 @@ mod results;
 mod same_answers;
 mod scene_model;
 mod shadow_occlusion;
+mod shared_triangles;
 mod sight_start;
 mod skinned_bounds;
 mod swapped_sources;

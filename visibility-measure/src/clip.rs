@@ -12,8 +12,8 @@
 use crate::raster::{Corner, DEPTH_TIE, EDGE_TIE, Image, first_center};
 use smallvec::SmallVec;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
-use visibility_core::view::{Depth, Eye};
 use visibility_core::scene::Triangles;
+use visibility_core::view::{Depth, Eye};
 use visibility_core::{View, geometry::Plane};
 
 /// Guard band: greatest |x / w| and |y / w| (NDC, where the image spans -1 to 1) up to which triangles are
@@ -79,7 +79,8 @@ impl ImageProjection {
         let moved = |p: &Plane| Plane::new(p.normal, p.normal.dot(shift) + p.offset);
         let clip_planes = view.clip_planes().iter().map(moved).collect();
         let eye = view.eye(origin);
-        let distances = [0, 1, 2, 3].map(|i| clip_from_local.row(i)).map(|row| row.w / row.truncate().length());
+        let distances =
+            [0, 1, 2, 3].map(|i| clip_from_local.row(i)).map(|row| row.w / row.truncate().length());
         // A coordinate that is the same for all points has no such plane.
         let reach = distances.iter().map(|d| d.abs()).filter(|d| d.is_finite()).fold(0.0, f64::max);
         Self { clip_from_local, near, far, depth_key, parallel, half_size, eye, reach, clip_planes }

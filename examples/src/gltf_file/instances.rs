@@ -7,6 +7,18 @@ use glam::{DMat4, DQuat, DVec3};
 use serde_json::Value;
 use std::path::Path;
 
+/// Returns the number of copies of a node's mesh, without reading their places: the greatest number of elements
+/// of an attribute, and 1 for a node without the extension.
+pub(super) fn instance_count(node: &gltf::Node<'_>, document: &gltf::Document) -> usize {
+    let Some(extension) = node.extension_value("EXT_mesh_gpu_instancing") else { return 1 };
+    let accessor = |name: &str| {
+        let index = extension.get("attributes")?.get(name)?.as_u64()?;
+        document.accessors().nth(usize::try_from(index).ok()?)
+    };
+    let accessors = ["TRANSLATION", "SCALE", "ROTATION"].into_iter().filter_map(accessor);
+    accessors.map(|accessor| accessor.count()).max().unwrap_or(0)
+}
+
 /// Reads the matrices from the space of a node's mesh to that of the node, one for each copy. `None` for a
 /// node without the extension, whose mesh is there once.
 ///

@@ -26,7 +26,7 @@ use document::Document;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
 use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
-use instances::instances;
+use instances::{instance_count, instances};
 use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, union};
 use nodes::Nodes;
 use serde_json::Value;
@@ -153,19 +153,18 @@ struct Collector<'a> {
     kept: usize,
     /// Number of triangles of all objects.
     placed: usize,
-    /// Number of nodes that show a mesh, by its index. A node with instances counts twice.
+    /// Number of times that the scene shows a mesh, by its index.
     users: Vec<usize>,
     /// Primitives of meshes that several objects share, by the mesh's index.
     meshes: HashMap<usize, Rc<[Primitive]>>,
 }
 
-/// Returns the number of nodes of the scene that show a mesh, by the index of the mesh. A node with instances
-/// counts twice.
+/// Returns the number of times that the scene shows a mesh, by the index of the mesh.
 fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<usize> {
     let mut users = vec![0; document.gltf.meshes().len()];
     for node in placed(document, nodes) {
         if let Some(mesh) = node.mesh() {
-            users[mesh.index()] += if node.extension_value("EXT_mesh_gpu_instancing").is_some() { 2 } else { 1 };
+            users[mesh.index()] += instance_count(&node, &document.gltf);
         }
     }
     users
@@ -387,8 +386,9 @@ impl Collector<'_> {
     /// Counts triangles that are kept. Returns an error when they are too many.
     fn keep(&mut self, triangles: usize, node: &gltf::Node<'_>) -> Result<(), SourceError> {
         self.kept += triangles;
-        let problem =
-            || format!("with it, the scene has more than {MOST_TRIANGLES} triangles, shared ones counted once");
+        let problem = || {
+            format!("with it, the scene has more than {MOST_TRIANGLES} triangles, shared ones counted once")
+        };
         if self.kept > MOST_TRIANGLES { Err(self.wrong(node, problem())) } else { Ok(()) }
     }
 

@@ -97,8 +97,7 @@ mod tests {
         let mut source = SceneSource { objects: vec![source.objects[0].clone()], ..source };
         source.objects[0].one_sided = true;
         assert_eq!(super::boxes(&source).len(), 1);
-        let turned = source.objects[0].triangles.iter().map(|[a, b, c]| [b, a, c]);
-        source.objects[0].triangles = turned.collect::<Vec<_>>().into();
+        source.objects[0].edit_triangles(|triangles| triangles.iter_mut().for_each(|t| t.swap(0, 1)));
         assert!(super::boxes(&source).is_empty());
     }
 }

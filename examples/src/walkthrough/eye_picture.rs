@@ -33,7 +33,9 @@ pub fn draw(world: &World, view: &View, shown: Shown<'_>) -> Result<Canvas, Meas
     for row in 0..height {
         for column in 0..width {
             let color_of = |item: u32| {
-                let Some((object, triangle)) = world.drawn_triangle(buffer.visible(), item) else { return SKY };
+                let Some((object, triangle)) = world.drawn_triangle(buffer.visible(), item) else {
+                    return SKY;
+                };
                 let color = if shown.marked == Some(object) { MARK } else { own_color(object as usize) };
                 shade(color, &triangle)
             };

@@ -1,8 +1,8 @@
 //! Making occluders from the triangles of opaque objects.
 
 use super::OccluderMesh;
-use crate::{Aabb, Scene};
 use crate::scene::{MeshId, SharedTriangles, Triangle};
+use crate::{Aabb, Scene};
 use alloc::vec::Vec;
 use glam::Affine3A;
 use hashbrown::HashMap;

@@ -25,7 +25,9 @@ pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb
 /// Tests whether a corner of `triangles` lies outside of `bounds` by more than rounding. False if `bounds`
 /// are improper; NaN corners are not outside.
 pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
-    let is_inside = |known: &Aabb| known.is_proper() && bounds.contains_point(known.min) && bounds.contains_point(known.max);
+    let is_inside = |known: &Aabb| {
+        known.is_proper() && bounds.contains_point(known.min) && bounds.contains_point(known.max)
+    };
     if triangles.known_bounds().is_some_and(is_inside) {
         return false;
     }

@@ -30,8 +30,8 @@ pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub use skinned_bounds::{SkinError, SkinnedBounds};
-pub use triangles::{SharedTriangles, TriangleIter, Triangles};
 pub(crate) use tree::{DetailBounds, NONE, Slot, Token, Tree, diagonal_squared};
+pub use triangles::{SharedTriangles, TriangleIter, Triangles};
 
 use crate::serial::{next_generation, next_range};
 use crate::{Aabb, stamp::Stamp};

@@ -39,6 +39,11 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_local_bounds(&mut self, id: ObjectId, local: Aabb) -> Result<(), SceneError> {
         self.slot(id)?;
+        let mesh = self.placements.get(id.index).and_then(|placement| placement.mesh);
+        if mesh.is_some_and(|mesh| mesh.is_prepared && !mesh.in_scene) {
+            // Its transform is that of triangles, not the object's.
+            self.drop_prepared_mesh(id.index);
+        }
         let placement = self.placements.get_or_insert(id.index);
         let bounds = local.transformed(&placement.transform);
         let former = placement.local.replace(local);
@@ -173,13 +178,16 @@ impl Scene {
         if let Some(triangles) = self.triangles.get_mut(index as usize) {
             *triangles = None;
         }
-        if self
-            .placements
-            .get(index)
-            .and_then(|placement| placement.mesh)
-            .is_some_and(|mesh| mesh.is_prepared)
-        {
-            self.replace_mesh(index, None);
+        self.drop_prepared_mesh(index);
+    }
+
+    /// Takes away a mesh that was made from the object's triangles, and the transform that it came with.
+    fn drop_prepared_mesh(&mut self, index: u32) {
+        let mesh = self.placements.get(index).and_then(|placement| placement.mesh);
+        let Some(mesh) = mesh.filter(|mesh| mesh.is_prepared) else { return };
+        self.replace_mesh(index, None);
+        if let Some(placement) = self.placements.get_mut(index).filter(|_| !mesh.in_scene) {
+            placement.transform = Affine3A::IDENTITY;
         }
     }
 
