@@ -86,7 +86,9 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
     }
     // Of two-sided meshes, one-sided objects do without the backs.
     let mut scene = Scene::new();
-    (0..10).for_each(|i| drop(place(&mut scene, &mesh, at(i), i % 2 == 0)));
+    for i in 0..10 {
+        place(&mut scene, &mesh, at(i), i % 2 == 0);
+    }
     scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
     assert_eq!(scene.mesh_count(), 2);
     for id in scene.ids() {

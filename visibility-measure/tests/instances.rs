@@ -14,8 +14,7 @@ fn compare(view: &View, size: [u32; 2], objects: &[(SharedTriangles, bool, bool)
     let copies: Vec<Vec<Triangle>> =
         objects.iter().map(|(triangles, ..)| triangles.iter().collect()).collect();
     let mut buffers = [(); 2].map(|()| ItemBuffer::new(size[0], size[1]).unwrap());
-    let drawn = |(key, (shared, see_through, one_sided))| {
-        let shared: &SharedTriangles = shared;
+    let drawn = |(key, (shared, see_through, one_sided)): (u32, &(SharedTriangles, bool, bool))| {
         DrawnObject { see_through: *see_through, one_sided: *one_sided, ..(key, shared.view()).into() }
     };
     let shared: Vec<_> = (0..).zip(objects).map(drawn).collect();

@@ -26,7 +26,7 @@ use document::Document;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
 use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
-use instances::{instance_count, instances};
+use instances::{Instances, instance_count};
 use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, union};
 use nodes::Nodes;
 use serde_json::Value;
@@ -90,6 +90,10 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         meshes: HashMap::new(),
     };
     collector.origin = collector.origin_near_content()?;
+    let shown = placed(&document, &nodes)
+        .filter_map(|node| node.mesh().zip(Some(instance_count(&node, &document.gltf))));
+    let objects = shown.map(|(mesh, copies)| mesh.primitives().len().saturating_mul(copies));
+    collector.objects.reserve_exact(objects.fold(0, usize::saturating_add).min(MOST_OBJECTS));
     for node in placed(&document, &nodes) {
         collector.add(&node)?;
     }
@@ -145,8 +149,8 @@ struct Collector<'a> {
     objects: Vec<SourceObject>,
     /// Boxes of the objects that move.
     moved: Vec<MovedBox>,
-    /// Boxes of all objects at rest, in world space; empty for objects that do not move.
-    at_rest: Vec<Box64>,
+    /// Boxes of the objects that move, at rest, in world space, each with the index of its object.
+    at_rest: Vec<(usize, Box64)>,
     /// Number of primitives of points or lines, or without positions.
     without_triangles: usize,
     /// Number of triangles that are kept.
@@ -206,13 +210,12 @@ impl Collector<'_> {
                 known.insert(accessor.index(), of_accessor);
                 bounds = union(bounds, of_accessor);
             }
-            let copies = instances(&node, &self.document.gltf, self.buffers, self.path)?;
+            let copies = Instances::read(&node, &self.document.gltf, self.buffers, self.path)?;
             let joint = node.skin().and_then(|skin| skin.joints().next());
             let world = self.nodes.worlds[joint.map_or(node.index(), |joint| joint.index())];
             // A thousand copies say well enough where all are.
-            let copies = copies.unwrap_or_else(|| vec![DMat4::IDENTITY]);
-            for copy in copies.iter().step_by(copies.len() / 1000 + 1) {
-                let world = world * *copy;
+            for copy in (0..copies.count).step_by(copies.count / 1000 + 1) {
+                let world = world * copies.matrix(copy);
                 boxes.push(around(box_corners(bounds).map(|corner| world.transform_point3(corner))));
             }
         }
@@ -243,13 +246,12 @@ impl Collector<'_> {
         let hint = self.hint(node)?;
         let several = mesh.primitives().len() > 1;
         let primitives = self.primitives(node, &mesh)?;
-        let copies = instances(node, &self.document.gltf, self.buffers, self.path)?;
-        let is_copied = copies.is_some();
-        if let Some(copies) = &copies {
-            let triangles = primitives.iter().map(|primitive| primitive.corners.len()).sum();
-            self.check_placed(copies.len(), triangles, node)?;
-        }
-        for (copy, instance) in copies.unwrap_or_else(|| vec![DMat4::IDENTITY]).iter().enumerate() {
+        let copies = Instances::read(node, &self.document.gltf, self.buffers, self.path)?;
+        let is_copied = node.extension_value("EXT_mesh_gpu_instancing").is_some();
+        let triangles = primitives.iter().map(|primitive| primitive.corners.len()).sum();
+        self.check_placed(copies.count, triangles, node)?;
+        for copy in 0..copies.count {
+            let instance = &copies.matrix(copy);
             for (index, primitive) in primitives.iter().enumerate() {
                 let mut name = name.clone();
                 if is_copied {
@@ -285,24 +287,24 @@ impl Collector<'_> {
         instance: &DMat4,
         object: &mut SourceObject,
     ) {
-        let object_index = self.objects.len();
         let is_pointed_at = &self.nodes.is_pointed_at;
         let is_moved =
             primitive.shape.is_soft() || self.motion.moves(node.index()) || is_pointed_at[node.index()];
-        self.at_rest.push(EMPTY);
         if !is_moved || primitive.corners.len() == 0 {
             return;
         }
         object.opaque = false;
         object.motion = Some((Vec3::ZERO, Vec3::ZERO));
+        let (mover, mut all) = (self.at_rest.len(), EMPTY);
         for (node, to_node, bounds) in primitive.shape.boxes(node.index(), instance, &primitive.order) {
             // Where a pointer moves a node to is not read.
             object.never_cull |= is_pointed_at[node];
             let world = self.nodes.worlds[node] * to_node;
             let at_rest = around(box_corners(bounds).map(|corner| world.transform_point3(corner)));
-            self.at_rest[object_index] = union(self.at_rest[object_index], at_rest);
-            self.moved.push(MovedBox { object: object_index, node, to_node, bounds });
+            all = union(all, at_rest);
+            self.moved.push(MovedBox { mover, node, to_node, bounds });
         }
+        self.at_rest.push((self.objects.len(), all));
     }
 
     /// Gives all objects that move their bounds over all clips. One whose bounds are not known is never
@@ -310,10 +312,8 @@ impl Collector<'_> {
     fn bound_movers(&mut self) {
         let known =
             self.motion.enclose(&self.document.transforms, self.nodes, &self.moved, &mut self.at_rest);
-        for (object, &(low, high)) in self.objects.iter_mut().zip(&self.at_rest) {
-            if object.motion.is_none() {
-                continue;
-            }
+        for &(object, (low, high)) in &self.at_rest {
+            let object = &mut self.objects[object];
             let bounds = Aabb::from_world(low, high, self.origin);
             object.never_cull |= !known || !low.is_finite() || !high.is_finite() || !bounds.is_finite();
             object.motion = Some((bounds.min, bounds.max));

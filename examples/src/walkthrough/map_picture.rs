@@ -5,8 +5,8 @@ use super::canvas::{Canvas, Color};
 use super::judge::Judgement;
 use super::palette::{HIDDEN, INK, LOST, PAPER, REPORTED, VIEW, VISIBLE};
 use super::{Trial, World};
-use glam::{DAffine3, DMat3, DVec3, Vec3};
-use visibility_core::{Pose, View, scene::SharedTriangles, view::Window};
+use glam::{DVec3, Vec3};
+use visibility_core::{OccluderMesh, Pose, View, scene::SharedTriangles, view::Window};
 use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
 const WALK: Color = [120, 120, 200];
@@ -17,6 +17,8 @@ const SIDE: f64 = 1200.0;
 const MARGIN: f64 = 0.04;
 /// Fraction of the map's area above which an object counts as ground and is drawn pale.
 const GROUND: f64 = 0.05;
+/// Number of triangles above which instances of meshes are drawn as their boxes: a map copies what it draws.
+const MOST_TRIANGLES: usize = 1 << 20;
 /// Height of the legend below the map, in pixels.
 const LEGEND: u32 = 64;
 
@@ -128,14 +130,6 @@ pub(crate) struct Map {
 }
 
 impl Map {
-    /// Returns the map from scene coordinates, relative to `origin`, to the level at a height, relative to the
-    /// map's centre.
-    fn flattening(&self, origin: DVec3, height: DVec3) -> DAffine3 {
-        let column = |i: usize| self.right * self.right[i] + self.ahead * self.ahead[i];
-        let matrix3 = DMat3::from_cols(column(0), column(1), column(2));
-        DAffine3 { matrix3, translation: matrix3 * (origin - self.center) + height }
-    }
-
     /// Creates the map of the whole scene and all camera positions.
     fn new(world: &World) -> Self {
         let (low, high) = world.source.bounds().unwrap_or((Vec3::ZERO, Vec3::ONE));
@@ -204,6 +198,7 @@ impl Map {
         let whole = f64::from(self.width) * f64::from(self.height) / self.pixels_per_metre.powi(2);
         order.retain(|&(area, object)| shown(object, area / whole));
         let areas: Vec<f64> = order.iter().map(|&(area, _)| area).collect();
+        let all: usize = order.iter().map(|&(_, object)| objects[object as usize].triangles.len()).sum();
         let flat: Vec<(u32, SharedTriangles)> = (1..)
             .zip(&order)
             .map(|(rank, &(_, object))| {
@@ -214,8 +209,9 @@ impl Map {
                         .as_vec3()
                 };
                 let triangles = &objects[object as usize].triangles;
-                if let (_, Some(transform)) = triangles.view().mesh() {
-                    return (object, triangles.placed(self.flattening(world.origin(), height) * *transform));
+                if all > MOST_TRIANGLES && triangles.view().mesh().1.is_some() {
+                    let corners = triangles.bounds().corners().map(flatten);
+                    return (object, OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize])).into());
                 }
                 let flat = triangles.iter().map(|triangle| triangle.map(flatten));
                 (object, flat.collect::<Vec<_>>().into())
