@@ -96,8 +96,8 @@ impl File {
     }
 }
 
-/// Returns a file with a yard of boxes around the origin by nodes: moved, turned, stretched and mirrored, below
-/// a parent that is turned itself. `exact` restricts them to what `f32` computes without rounding.
+/// Returns a file with a yard of boxes around the origin by nodes: moved, turned, stretched and mirrored,
+/// below a parent that is turned itself. `exact` restricts them to what `f32` computes without rounding.
 fn yard(exact: bool) -> File {
     let mut file = File::new();
     let half = 0.5f64.sqrt();

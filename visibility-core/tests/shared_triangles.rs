@@ -100,8 +100,8 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
     assert_eq!(scene.mesh_count(), 0, "the meshes go with the last object");
 }
 
-/// A mesh far from its own origin, which a transform brings near, would be placed by rounded products that are
-/// much larger than the coordinates: off by centimetres.
+/// A mesh far from its own origin, which a transform brings near, would be placed by rounded products that
+/// are much larger than the coordinates: off by centimetres.
 #[test]
 fn rounding_never_moves_an_occluder() {
     for (far, shares) in [(0.0, true), (2.0, true), (1e5, false), (1e6, false)] {

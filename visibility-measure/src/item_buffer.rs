@@ -59,10 +59,10 @@ impl<'a> DrawnObject<'a> {
 /// Image that holds, for each pixel, the number of the triangle seen through the pixel's centre.
 ///
 /// Memory: 12 bytes per pixel, 24 bytes per object, 8 bytes per triangle that shows, about 40 bytes per pixel
-/// for each further object that the pixel shows in a tie, and 24 bytes per pixel once a see-through object was
-/// drawn. All memory is reused from frame to frame. Drawing costs 10 to 20 ns per triangle and about 1 ns for
-/// each pixel of each triangle, hidden or not. Objects whose [bounds are known](Triangles::known_bounds) and
-/// meet no pixel's centre cost some 50 ns in all.
+/// for each further object that the pixel shows in a tie, and 24 bytes per pixel once a see-through object
+/// was drawn. All memory is reused from frame to frame. Drawing costs 10 to 20 ns per triangle and about 1 ns
+/// for each pixel of each triangle, hidden or not. Objects whose [bounds are known](Triangles::known_bounds)
+/// and meet no pixel's centre cost some 50 ns in all.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Pose, View};

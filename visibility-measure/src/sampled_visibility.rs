@@ -100,8 +100,8 @@ impl SampledVisibility {
         &self.objects
     }
 
-    /// Returns the number of each triangle that a pixel of the image shows, and the number of these pixels, by
-    /// ascending triangle number. A tied pixel counts for the one triangle that the image shows.
+    /// Returns the number of each triangle that a pixel of the image shows, and the number of these pixels,
+    /// by ascending triangle number. A tied pixel counts for the one triangle that the image shows.
     pub fn triangle_pixels(&self) -> &[(u32, u32)] {
         &self.triangle_pixels
     }
@@ -215,8 +215,8 @@ impl SampledVisibility {
         self.visible_objects += u32::from(entry.is_visible());
     }
 
-    /// Ends the see-through objects. `layers` is the sum over all pixels of the number of triangles that cover
-    /// the pixel.
+    /// Ends the see-through objects. `layers` is the sum over all pixels of the number of triangles that
+    /// cover the pixel.
     pub(crate) fn end_see_through(&mut self, layers: u64) {
         self.layers = layers;
         self.triangle_pixels.sort_unstable();

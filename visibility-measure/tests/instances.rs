@@ -8,16 +8,20 @@ use visibility_core::{Pose, View, geometry::Plane};
 use visibility_measure::{DrawnObject, ItemBuffer};
 use visibility_testing::Random;
 
+/// Returns an object with a key as the item buffer takes it. It has triangles, and may be see-through and
+/// one-sided.
+fn drawn(key: u32, (triangles, see_through, one_sided): &(SharedTriangles, bool, bool)) -> DrawnObject<'_> {
+    let object = DrawnObject::from((key, triangles.view()));
+    DrawnObject { see_through: *see_through, one_sided: *one_sided, ..object }
+}
+
 /// Draws objects once as they are and once as copies without known bounds, and compares all that is found.
 /// Returns the numbers of visible objects and of tied pixels.
 fn compare(view: &View, size: [u32; 2], objects: &[(SharedTriangles, bool, bool)]) -> [u32; 2] {
     let copies: Vec<Vec<Triangle>> =
         objects.iter().map(|(triangles, ..)| triangles.iter().collect()).collect();
     let mut buffers = [(); 2].map(|()| ItemBuffer::new(size[0], size[1]).unwrap());
-    let drawn = |(key, (shared, see_through, one_sided)): (u32, &(SharedTriangles, bool, bool))| {
-        DrawnObject { see_through: *see_through, one_sided: *one_sided, ..(key, shared.view()).into() }
-    };
-    let shared: Vec<_> = (0..).zip(objects).map(drawn).collect();
+    let shared: Vec<_> = (0..).zip(objects).map(|(key, object)| drawn(key, object)).collect();
     let plain = shared
         .iter()
         .zip(&copies)

@@ -64,6 +64,7 @@ impl Level {
                 job.cameras.give_whole(&mut source, &job.reading)?;
                 source.print_notes();
                 let world = world(source);
+                world.check_copies().map_err(|why| format!("{why}; --memory bounds what a bake keeps"))?;
                 let solids = Solids::Scene(&world.scene);
                 let viewcells =
                     viewcells::make(&job.places, &job.reading, &world.source, bounds, &solids, stop)?;

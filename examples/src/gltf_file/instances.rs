@@ -7,8 +7,8 @@ use glam::{DMat4, DQuat, DVec3};
 use serde_json::Value;
 use std::path::Path;
 
-/// Returns the number of copies of a node's mesh, without reading their places: the greatest number of elements
-/// of an attribute, and 1 for a node without the extension.
+/// Returns the number of copies of a node's mesh, without reading their places: the greatest number of
+/// elements of an attribute, and 1 for a node without the extension.
 pub(super) fn instance_count(node: &gltf::Node<'_>, document: &gltf::Document) -> usize {
     let Some(extension) = node.extension_value("EXT_mesh_gpu_instancing") else { return 1 };
     let accessor = |name: &str| {

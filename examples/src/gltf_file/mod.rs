@@ -41,8 +41,9 @@ const MOST_OBJECTS: usize = 1 << 22;
 /// Maximum number of triangles that are kept: those of each mesh once, and of skinned, morphed and moving
 /// meshes for each node.
 const MOST_TRIANGLES: usize = 1 << 25;
-/// Maximum number of triangles of all objects, of which the item buffer must be able to number each. Nodes can
-/// instance one mesh any number of times, so neither the size of the file nor [`MOST_TRIANGLES`] bounds it.
+/// Maximum number of triangles of all objects, of which the item buffer must be able to number each. Nodes
+/// can instance one mesh any number of times, so neither the size of the file nor [`MOST_TRIANGLES`] bounds
+/// it.
 const MOST_PLACED: usize = u32::MAX as usize - 1;
 
 /// Reads a glTF or GLB document from its bytes, in metres and with y up. `path` is the document's path:
@@ -367,8 +368,8 @@ impl Collector<'_> {
         Ok(read)
     }
 
-    /// Returns an error if `copies` of `triangles` triangles, beside those of the objects so far, are too many
-    /// to be placed.
+    /// Returns an error if `copies` of `triangles` triangles, beside those of the objects so far, are too
+    /// many to be placed.
     fn check_placed(
         &self,
         copies: usize,

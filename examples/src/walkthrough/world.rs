@@ -115,8 +115,8 @@ impl World {
         let all = self.source.triangle_count();
         let refused = || {
             format!(
-                "it copies the triangles of each instance of a mesh, {all} in all, and takes at most {MOST}: \
-                 frustum, contribution, hzb, view-cdt and the judge read shared meshes in place"
+                "it copies the triangles of each instance of a mesh, {all} in all, and takes at most {MOST}, \
+                 unlike frustum, contribution, hzb, view-cdt and the judge"
             )
         };
         if all > MOST { Err(refused()) } else { Ok(()) }

@@ -305,8 +305,8 @@ impl Scene {
         Ok(self.shared_triangles(id).map_or_else(Triangles::default, SharedTriangles::view))
     }
 
-    /// Returns the triangles of an object, to be shared with other objects or scenes. `None` if the object has
-    /// none or is unknown.
+    /// Returns the triangles of an object, to be shared with other objects or scenes. `None` if the object
+    /// has none or is unknown.
     pub fn shared_triangles(&self, id: ObjectId) -> Option<&SharedTriangles> {
         self.slot(id).ok().and_then(|_| self.triangles.get(id.index())?.as_ref())
     }
