@@ -191,8 +191,8 @@ fn instances_are_what_nodes_with_their_own_meshes_are() {
             if exact || !["hzb", "view-cdt", "occlusion-tree"].contains(&name) {
                 assert_eq!(trials[0].reported, trials[1].reported, "{name}");
             }
-            // A transform rounded to f32 may decide otherwise in doubt.
-            assert!(counts[0].abs_diff(counts[1]) <= 3 && counts[0] > 20, "{name}: {counts:?}");
+            // With a transform, other occluders may be chosen, and rounding is in doubt elsewhere.
+            assert!(counts[0].abs_diff(counts[1]) <= counts[1] / 10 && counts[0] > 20, "{name}: {counts:?}");
             for (world, trial) in worlds.iter().zip(&trials) {
                 let judged = judge(world, std::slice::from_ref(trial), || ()).expect("few triangles");
                 assert_eq!(judged.verdicts[0].false_hidden, 0, "{name}");
@@ -201,18 +201,16 @@ fn instances_are_what_nodes_with_their_own_meshes_are() {
     }
 }
 
-/// A mirrored box without a floor is seen from above, and through from below, as one that is not.
+/// A box, open towards lesser z, and another that is mirrored, each with a plate inside that turns its front to
+/// the opening. The boxes hide the plates from greater z, and show them through their backs from the other side.
 #[test]
 fn a_mirrored_instance_keeps_its_fronts_in_front() {
     let mut file = File::new();
-    file.node(json!({"mesh": 0, "translation": [0, 0, -10], "name": "plain"}));
-    file.node(json!({"mesh": 0, "translation": [6, 0, -10], "scale": [-1, 1, 1], "name": "mirrored"}));
-    file.node(
-        json!({"mesh": 0, "translation": [0.25, 0.25, -9.5], "scale": [0.5, 0.5, 0.01], "name": "inside"}),
-    );
-    file.node(
-        json!({"mesh": 0, "translation": [5.25, 0.25, -9.5], "scale": [0.5, 0.5, 0.01], "name": "inside"}),
-    );
+    file.node(json!({"mesh": 0, "translation": [0, 0, -10]}));
+    file.node(json!({"mesh": 0, "translation": [6, 0, -10], "scale": [-1, 1, 1]}));
+    file.node(json!({"mesh": 0, "translation": [0.25, 0.25, -9.5], "scale": [0.5, 0.5, -0.01]}));
+    let (turned, scale) = ([0, 1, 0, 0], [0.5, 0.5, 0.01]);
+    file.node(json!({"mesh": 0, "translation": [5.75, 0.25, -9.5], "rotation": turned, "scale": scale}));
     let mut scene = file.scene();
     let look = |x: f64, z: f64| {
         let keys = vec![CameraKey { eye: DVec3::new(x + 0.1, 0.5, z), target: DVec3::new(x, 0.5, -10.0) }];
@@ -226,8 +224,7 @@ fn a_mirrored_instance_keeps_its_fronts_in_front() {
         .map(|(name, pipeline)| run(name, pipeline, &world))
         .collect();
     let judged = judge(&world, &trials, || ()).expect("few triangles");
-    // The roof, at greater z, hides what is inside; from the open side the walls show and all of it.
-    assert_eq!(judged.exact, [vec![0], vec![1], vec![0, 2], vec![1, 3]]);
+    assert_eq!(judged.exact, [[0], [1], [2], [3]]);
     for verdict in &judged.verdicts {
         assert_eq!(verdict.false_hidden, 0);
     }
@@ -285,7 +282,8 @@ fn limits_are_of_what_is_kept() {
     file.node(json!({"mesh": 0, "extensions": extension}));
     let scene = with_walk(file.scene());
     assert_eq!((scene.triangle_count(), scene.instances()), (40_000_000, [40_000, 1]));
-    let world = World::new(scene, (64, 36), Some(1)).expect("a world");
+    let mut world = World::new(scene, (64, 36), Some(1)).expect("a world");
+    world.makes_cells = true;
     assert_eq!(cullers::parse("hzb", &world).expect("it reads shared meshes").len(), 1);
     for name in ["hzb-level", "naylor", "plp:10%", "large-occluders", "horizon", "portals"] {
         let error = cullers::parse(name, &world).err().map(|error| error.to_string()).unwrap_or_default();
