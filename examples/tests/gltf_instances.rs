@@ -201,8 +201,9 @@ fn instances_are_what_nodes_with_their_own_meshes_are() {
     }
 }
 
-/// A box, open towards lesser z, and another that is mirrored, each with a plate inside that turns its front to
-/// the opening. The boxes hide the plates from greater z, and show them through their backs from the other side.
+/// A box, open towards lesser z, and another that is mirrored, each with a plate inside that turns its front
+/// to the opening. The boxes hide the plates from greater z, and show them through their backs from the other
+/// side.
 #[test]
 fn a_mirrored_instance_keeps_its_fronts_in_front() {
     let mut file = File::new();
