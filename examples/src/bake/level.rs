@@ -237,8 +237,8 @@ fn append(writer: &mut TiledSceneWriter, object: SourceObject) -> Result<(), Lev
     writer.push(&object, triangles, scene.occluder(id))
 }
 
-/// Notes that viewcells are around a few still cameras alone, such as those of a glTF file, where nothing says
-/// that others are wanted.
+/// Notes that viewcells are around a few still cameras alone, such as those of a glTF file, where nothing
+/// says that others are wanted.
 fn note_still_cameras(source: &mut SceneSource, job: &Job) {
     let is_still = !source.walks.is_empty() && source.walks.iter().all(|walk| walk.keys.len() == 1);
     let places = &job.places;

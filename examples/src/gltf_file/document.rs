@@ -248,7 +248,8 @@ fn objects<'a>(
     list_mut(value, key).iter_mut().filter_map(Value::as_object_mut)
 }
 
-/// Removes all of a document that places no triangle, gives each scene its list of nodes, and notes the nodes that pointers of animations move.
+/// Removes all of a document that places no triangle, gives each scene its list of nodes, and notes the nodes
+/// that pointers of animations move.
 fn strip(root: &mut Value, is_pointed_at: &mut [bool], unread: &mut Unread) {
     if let Some(members) = root.as_object_mut() {
         for key in ["images", "textures", "samplers", "cameras", "extensionsRequired", "extensions"] {
