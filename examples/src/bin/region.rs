@@ -77,8 +77,8 @@ struct Arguments {
     plot: Option<PathBuf>,
 
     /// Most seconds of the clock for each viewcell and method. What is not decided by then is open, and
-    /// reported. For `exact` and `share`, whose time grows with the number of objects that no ray finds: up to
-    /// a second for each. The other methods end soon. By default as long as it takes.
+    /// reported. For `exact` and `share`, whose time grows with the number of objects that no ray finds: up
+    /// to a second for each. The other methods end soon. By default as long as it takes.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time: Option<f64>,
 
