@@ -723,3 +723,32 @@ fn unit_and_axis_up_are_as_told_or_hinted_at() {
     assert!(hint([500.0, 300.0, 20.0]).ends_with("if z is up, say --up z"));
     assert_eq!(hint([12.0, 6.0, 9.0]) + &hint([500.0, 20.0, 300.0]) + &hint([1.7, 1.8, 0.3]), "");
 }
+
+#[test]
+fn a_house_on_its_side_gets_a_hint() {
+    let notes = |size: f32, floors: usize, is_y_up: bool| {
+        let mut file = File::new();
+        for floor in 0..floors {
+            let level = rectangle([0.0, size], [0.0, size], floor as f32);
+            let turned = level.iter().map(|&[x, y, z]| if is_y_up { [x, z, -y] } else { [x, y, z] });
+            let mesh = file.mesh(&turned.collect::<Vec<_>>());
+            file.node(json!({"mesh": mesh}));
+        }
+        file.scene().notes.join("\n")
+    };
+    assert_eq!(notes(8.0, 10, false), "its largest faces are level along z: if z is up, say --up z");
+    // A house that stands, and a thing of few parts.
+    assert_eq!(notes(8.0, 10, true) + &notes(8.0, 7, false), "");
+}
+
+#[test]
+fn a_scene_without_nodes_is_empty() {
+    let mut file = File::new();
+    let mesh = file.mesh(&rectangle([0.0, 1.0], [0.0, 1.0], 0.0));
+    file.node(json!({"mesh": mesh}));
+    let scenes = file.root["scenes"].as_array_mut().expect("a list");
+    scenes.push(json!({"name": "empty"}));
+    assert_eq!(file.scene().triangle_count(), 2);
+    file.root["scene"] = json!(1);
+    assert_eq!(file.scene().triangle_count(), 0);
+}

@@ -13,6 +13,8 @@ const WALK: Color = [120, 120, 200];
 
 /// Longer side of the map, in pixels.
 const SIDE: f64 = 1200.0;
+/// Least width of the map in pixels: that of the captions below it.
+const CAPTION: u32 = 960;
 /// Margin around the map as a fraction of the longer side, so that walks outside the scene are shown.
 const MARGIN: f64 = 0.04;
 /// Fraction of the map's area above which an object counts as ground and is drawn pale.
@@ -158,7 +160,7 @@ impl Map {
             ahead,
             up,
             pixels_per_metre,
-            width: pixels(across),
+            width: pixels(across).max(CAPTION),
             height: pixels(along),
             extent: (across * across + along * along).sqrt(),
         }
