@@ -22,7 +22,7 @@ pub struct LevelSettings {
 
 impl Default for LevelSettings {
     fn default() -> Self {
-        Self { flatness: 4.0 * f64::from(f32::EPSILON), bulge: 0.03, kept_area: 0.98, max_cluster_edges: 144 }
+        Self { flatness: 4.0 * f64::from(f32::EPSILON), bulge: 0.03, kept_area: 0.98, max_cluster_edges: 96 }
     }
 }
 
@@ -52,7 +52,7 @@ impl LevelSettings {
         Self { kept_area: share.clamp(0.0, 1.0), ..self }
     }
 
-    /// Sets the maximum number of edges of a cluster of more than one polygon. 144 by default.
+    /// Sets the maximum number of edges of a cluster of more than one polygon. 96 by default.
     #[must_use]
     pub fn with_max_cluster_edges(self, edges: usize) -> Self {
         Self { max_cluster_edges: edges, ..self }
