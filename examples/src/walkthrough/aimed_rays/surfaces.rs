@@ -98,7 +98,7 @@ impl Surfaces {
         for item in world.items() {
             let has_area =
                 |[a, b, c]: &[Vec3; 3]| (*b - *a).as_dvec3().cross((*c - *a).as_dvec3()) != DVec3::ZERO;
-            surfaces.extend(item.triangles.iter().filter(|t| has_area(t)).map(|&corners| Surface {
+            surfaces.extend(item.triangles.iter().filter(|t| has_area(t)).map(|corners| Surface {
                 corners,
                 object: item.key,
                 see_through: item.see_through,
