@@ -8,6 +8,8 @@ use glam::Vec3;
 const TALL: [f32; 2] = [300.0, 1500.0];
 /// Size in metres below which a scene is a thing rather than a place, and stands in any way.
 const PLACE: f32 = 30.0;
+/// Size in metres, and number of objects, from which on a scene may be a house with rooms.
+const HOUSE: (f32, usize) = (6.0, 10);
 
 /// Returns lines for a user of a file that was read with the default unit, or the default axis up, where its
 /// extents or its walls suggest others.
@@ -16,11 +18,20 @@ pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
     let (size, up) = (high - low, scene.up.abs());
     let mut lines = Vec::new();
     let [x, y, z] = size.to_array();
-    if reading.up.is_none() && scene.up == Vec3::Y && size.max_element() > PLACE {
-        let is_flat = 3.0 * z < x.min(y);
-        let upright = |axis: Vec3| upright_share(scene, axis);
-        if is_flat || upright(Vec3::Y) < 0.5 && upright(Vec3::Z) > 0.75 {
-            let why = if is_flat { "it is flat along z" } else { "its walls and floors stand along z" };
+    if reading.up.is_none() && scene.up == Vec3::Y {
+        let is_place = size.max_element() > PLACE;
+        let shares = Vec3::AXES.map(|axis| SurfaceShares::new(scene, axis));
+        let is_house = size.max_element() > HOUSE.0 && scene.objects.len() >= HOUSE.1;
+        let why = if is_place && 3.0 * z < x.min(y) {
+            Some("it is flat along z")
+        } else if is_place && shares[1].upright() < 0.5 && shares[2].upright() > 0.75 {
+            Some("its walls and floors stand along z")
+        } else if is_house && shares[2].level > 1.5 * shares[0].level.max(shares[1].level) {
+            Some("its largest faces are level along z")
+        } else {
+            None
+        };
+        if let Some(why) = why {
             lines.push(format!("{why}: if z is up, say --up z"));
             // The height is not known before that.
             return lines;
@@ -35,17 +46,35 @@ pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
     lines
 }
 
-/// Returns the part of the area of all triangles that is upright or level, to about a degree, where an axis
-/// is up; 0 without an area.
-fn upright_share(scene: &SceneSource, axis: Vec3) -> f64 {
-    let (mut upright, mut all) = (0.0, 0.0);
-    for [a, b, c] in scene.objects.iter().flat_map(|object| &object.triangles) {
-        let normal = (*b - *a).cross(*c - *a);
-        let (area, along) = (normal.length(), normal.dot(axis).abs());
-        if area.is_finite() {
-            all += f64::from(area);
-            upright += if along < 0.02 * area || along > 0.9998 * area { f64::from(area) } else { 0.0 };
+/// Parts of the area of all triangles, each from 0 to 1, 0 without an area. Of a scene of more than four million
+/// triangles, objects are taken evenly.
+struct SurfaceShares {
+    /// Part that is level, to about a degree, where an axis is up.
+    level: f64,
+    /// Part that is vertical, to about a degree.
+    vertical: f64,
+}
+
+impl SurfaceShares {
+    fn new(scene: &SceneSource, axis: Vec3) -> Self {
+        let (mut level, mut vertical, mut all) = (0.0, 0.0, 0.0);
+        let step = scene.triangle_count().div_ceil(1 << 22).max(1);
+        let objects = scene.objects.iter().step_by(step);
+        for [a, b, c] in objects.flat_map(|object| object.triangles.view()) {
+            let normal = (b - a).cross(c - a);
+            let (area, along) = (f64::from(normal.length()), f64::from(normal.dot(axis).abs()));
+            if area.is_finite() {
+                all += area;
+                level += if along > 0.9998 * area { area } else { 0.0 };
+                vertical += if along < 0.02 * area { area } else { 0.0 };
+            }
         }
+        let share = |part: f64| if all > 0.0 { part / all } else { 0.0 };
+        Self { level: share(level), vertical: share(vertical) }
     }
-    if all > 0.0 { upright / all } else { 0.0 }
+
+    /// Returns the part that is level or vertical.
+    fn upright(&self) -> f64 {
+        self.level + self.vertical
+    }
 }

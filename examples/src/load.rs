@@ -32,7 +32,24 @@ pub fn open(name: &str) -> Result<SceneSource, SourceError> {
 ///
 /// Returns the errors of [`open`].
 pub fn open_as(name: &str, reading: &Reading) -> Result<SceneSource, SourceError> {
-    collected(|each| open_by_object(name, reading, &mut |_, object| each(object)))
+    match file_of(name) {
+        Some(path) => load_as(path, reading),
+        None => collected(|each| open_by_object(name, reading, &mut |_, object| each(object))),
+    }
+}
+
+/// Returns the path of a scene file that a user names. `None` for a recipe, and for `cars5:FILE`.
+fn file_of(name: &str) -> Option<&Path> {
+    let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
+    let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
+    let is_made = name.starts_with("cars5:") || known_recipes().any(is_recipe);
+    (!is_made && Path::new(name).extension().is_some()).then(|| Path::new(name))
+}
+
+/// Returns whether a file is glTF by the extension of its name.
+fn is_gltf(path: &Path) -> bool {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    matches!(extension.as_deref(), Some("gltf" | "glb"))
 }
 
 /// Makes the same scene as [`open_as`], object by object: each is passed to `each` with the scene's origin as
@@ -48,14 +65,12 @@ pub fn open_by_object(
     each: &mut dyn FnMut(DVec3, SourceObject),
 ) -> Result<SceneSource, SourceError> {
     let mut at_zero = |object| each(DVec3::ZERO, object);
-    let before_sizes = |text: &str| text.split(':').next().unwrap_or_default().to_owned();
-    let is_recipe = |known: String| before_sizes(&known) == before_sizes(name);
     if let Some(car) = name.strip_prefix("cars5:") {
         cars5_by_object(Path::new(car), &mut at_zero)
-    } else if known_recipes().any(is_recipe) || Path::new(name).extension().is_none() {
-        built_in_by_object(name, &mut at_zero)
+    } else if let Some(path) = file_of(name) {
+        load_by_object(path, reading, each)
     } else {
-        load_by_object(Path::new(name), reading, each)
+        built_in_by_object(name, &mut at_zero)
     }
 }
 
@@ -77,7 +92,21 @@ pub fn load(path: &Path) -> Result<SceneSource, SourceError> {
 ///
 /// Returns the errors of [`load`].
 pub fn load_as(path: &Path, reading: &Reading) -> Result<SceneSource, SourceError> {
+    if is_gltf(path) {
+        return load_gltf(path, reading);
+    }
     collected(|each| load_by_object(path, reading, &mut |_, object| each(object)))
+}
+
+fn load_gltf(path: &Path, reading: &Reading) -> Result<SceneSource, SourceError> {
+    let mut scene = gltf_file::parse_as(&read(path)?, path, reading)?;
+    if scene.triangle_count() == 0 {
+        let notes = scene.notes.join("; ");
+        let problem = format!("it has no triangles, so nothing is seen or hidden ({notes})");
+        return Err(SourceError::content(path, "document", problem.replace(" ()", "")));
+    }
+    scene.objects.iter_mut().for_each(|object| object.one_sided &= !reading.two_sided);
+    Ok(scene)
 }
 
 fn load_by_object(
@@ -88,15 +117,9 @@ fn load_by_object(
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         Some("vscn") => load_vscn(path, reading, &mut |object| each(DVec3::ZERO, object)),
-        Some("gltf" | "glb") => {
-            let mut scene = gltf_file::parse_as(&read(path)?, path, reading)?;
-            if scene.triangle_count() == 0 {
-                let notes = scene.notes.join("; ");
-                let problem = format!("it has no triangles, so nothing is seen or hidden ({notes})");
-                return Err(SourceError::content(path, "document", problem.replace(" ()", "")));
-            }
-            for mut object in std::mem::take(&mut scene.objects) {
-                object.one_sided &= !reading.two_sided;
+        _ if is_gltf(path) => {
+            let mut scene = load_gltf(path, reading)?;
+            for object in std::mem::take(&mut scene.objects) {
                 each(scene.origin, object);
             }
             Ok(scene)
@@ -134,7 +157,7 @@ fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<Sc
         let place = |p: Vec3| (turn * p.as_dvec3() + DVec3::new(*x, 0.0, *z)).as_vec3();
         let copies = car.objects.iter().map(|part| SourceObject {
             name: format!("car{number}/{}", part.name),
-            triangles: part.triangles.iter().map(|t| t.map(place)).collect(),
+            triangles: part.triangles.iter().map(|t| t.map(place)).collect::<Vec<_>>().into(),
             ..*part
         });
         copies.for_each(&mut *each);
@@ -165,7 +188,11 @@ fn load_vscn(
     let unit = reading.metres();
     let scaled = |p: Vec3| (p.as_dvec3() * unit).as_vec3();
     let mut scene = assemble(path, &description, &mut |mut object| {
-        object.triangles.as_flattened_mut().iter_mut().for_each(|p| *p = scaled(*p));
+        if unit != 1.0 {
+            object.edit_triangles(|triangles| {
+                triangles.as_flattened_mut().iter_mut().for_each(|p| *p = scaled(*p));
+            });
+        }
         each(object);
     })?;
     scene.up = reading.up.unwrap_or(scene.up);

@@ -2,14 +2,15 @@
 //! them.
 //!
 //! Recipes, VSCN files and glTF files all produce this type, so a program is written once for all sources.
-//! Triangles are neither indexed nor shared between objects: a triangle soup is the simplest form from which
-//! to fill the cullers' scene.
+//! Triangles are not indexed: a triangle soup is the simplest form from which to fill the cullers' scene.
+//! Objects with the same mesh share its triangles, each with a transform of its own.
 
 use crate::error::SourceError;
 use crate::walk::Walk;
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use std::fmt;
 use std::str::FromStr;
+use visibility_core::scene::SharedTriangles;
 use visibility_core::{Aabb, Object, cells::CellGraph, pvs::Viewcells};
 
 /// Scene with its camera walks, in metres. Walks and cells are in world space, and objects relative to
@@ -89,9 +90,9 @@ fn size(cells: &Viewcells) -> (f64, f64) {
 pub struct SourceObject {
     /// Name in the source; not necessarily unique.
     pub name: String,
-    /// Triangles relative to the scene's origin, in metres. Of an object that moves, those at rest. Vertices
-    /// from files are kept unchanged, NaN and infinities included.
-    pub triangles: Vec<[Vec3; 3]>,
+    /// Triangles relative to the scene's origin, in metres, which other objects may share. Of an object that
+    /// moves, those at rest. Vertices from files are kept unchanged, NaN and infinities included.
+    pub triangles: SharedTriangles,
     /// Whether the object may serve as an occluder. False for glass and cut-out billboards, which can be
     /// hidden but must never hide other objects, and for what a hint excludes.
     pub opaque: bool,
@@ -175,10 +176,10 @@ pub type Corners = (Vec3, Vec3);
 
 impl SourceObject {
     /// Creates an opaque object that is drawn from both sides and not a door, from its world-space triangles.
-    pub fn new(name: impl Into<String>, triangles: Vec<[Vec3; 3]>) -> Self {
+    pub fn new(name: impl Into<String>, triangles: impl Into<SharedTriangles>) -> Self {
         Self {
             name: name.into(),
-            triangles,
+            triangles: triangles.into(),
             opaque: true,
             see_through: false,
             one_sided: false,
@@ -202,14 +203,34 @@ impl SourceObject {
 
     /// Returns the box around the triangles and all places that animations move them to.
     fn all_bounds(&self) -> Aabb {
-        let ends = self.motion.into_iter().flat_map(|(low, high)| [low, high]);
-        Aabb::from_points(self.triangles.iter().flatten().copied().chain(ends))
+        let bounds = self.triangles.bounds();
+        match self.motion {
+            Some((low, high)) => Aabb::from_points([bounds.min, bounds.max, low, high]),
+            None => bounds,
+        }
     }
 
     /// Returns the triangles as the cullers' scene takes them: none for an object that moves, which may be
     /// anywhere within its bounds.
-    pub fn fixed_triangles(&self) -> &[[Vec3; 3]] {
-        if self.motion.is_some() { &[] } else { &self.triangles }
+    pub fn fixed_triangles(&self) -> SharedTriangles {
+        if self.motion.is_some() { [].into() } else { self.triangles.clone() }
+    }
+
+    /// Moves the triangles.
+    fn move_by(&mut self, shift: DVec3) {
+        if let (_, Some(transform)) = self.triangles.view().mesh() {
+            self.triangles = self.triangles.placed(DAffine3::from_translation(shift) * *transform);
+            return;
+        }
+        let move_by = |point: &mut Vec3| *point = (point.as_dvec3() + shift).as_vec3();
+        self.edit_triangles(|triangles| triangles.as_flattened_mut().iter_mut().for_each(move_by));
+    }
+
+    /// Changes the triangles. The object no longer shares them with others.
+    pub fn edit_triangles(&mut self, change: impl FnOnce(&mut Vec<[Vec3; 3]>)) {
+        let mut triangles = self.triangles.view().to_vec();
+        change(&mut triangles);
+        self.triangles = triangles.into();
     }
 
     /// Notes a hint of the level.
@@ -302,10 +323,9 @@ impl SceneSource {
     /// Appends the objects of another scene, which stay where they are in world space.
     pub fn append(&mut self, other: SceneSource) {
         let shift = other.origin - self.origin;
-        let move_by = |point: &mut Vec3| *point = (point.as_dvec3() + shift).as_vec3();
         self.objects.extend(other.objects.into_iter().map(|mut object| {
             if shift != DVec3::ZERO {
-                object.triangles.as_flattened_mut().iter_mut().for_each(move_by);
+                object.move_by(shift);
                 object.motion = object.motion.map(|(low, high)| {
                     let bounds = Aabb::from_world(low.as_dvec3(), high.as_dvec3(), -shift);
                     (bounds.min, bounds.max)
@@ -331,8 +351,20 @@ impl SceneSource {
         self.objects.iter().map(|o| o.triangles.len()).sum()
     }
 
+    /// Returns the number of objects whose triangles are a mesh with a transform, and the number of these
+    /// meshes, each of which is kept once.
+    pub fn instances(&self) -> [usize; 2] {
+        let placed = self.objects.iter().map(|object| object.triangles.view().mesh());
+        let mut meshes: Vec<_> =
+            placed.filter(|(_, transform)| transform.is_some()).map(|(mesh, _)| mesh.as_ptr()).collect();
+        let objects = meshes.len();
+        meshes.sort_unstable();
+        meshes.dedup();
+        [objects, meshes.len()]
+    }
+
     /// Returns the box around the finite coordinates of all objects. `None` when one of the axes has no
-    /// finite coordinate. Visits every vertex.
+    /// finite coordinate. Visits the vertices of objects with a coordinate that is not finite.
     pub fn bounds(&self) -> Option<Corners> {
         Bounds::from_iter(&self.objects).corners()
     }
@@ -364,9 +396,14 @@ impl Default for Bounds {
 impl Bounds {
     /// Encloses the finite coordinates of an object.
     pub fn add(&mut self, object: &SourceObject) {
-        for point in object.triangles.as_flattened() {
-            self.low = self.low.min(Vec3::select(point.is_finite_mask(), *point, Vec3::INFINITY));
-            self.high = self.high.max(Vec3::select(point.is_finite_mask(), *point, Vec3::NEG_INFINITY));
+        let bounds = object.triangles.bounds();
+        if bounds.is_finite() {
+            (self.low, self.high) = (self.low.min(bounds.min), self.high.max(bounds.max));
+            return;
+        }
+        for point in object.triangles.iter().flatten() {
+            self.low = self.low.min(Vec3::select(point.is_finite_mask(), point, Vec3::INFINITY));
+            self.high = self.high.max(Vec3::select(point.is_finite_mask(), point, Vec3::NEG_INFINITY));
         }
     }
 

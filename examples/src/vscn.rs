@@ -80,7 +80,7 @@ pub fn write(scene: &SceneSource) -> Option<Vec<u8>> {
     bytes.extend(u32::try_from(scene.objects.len()).ok()?.to_le_bytes());
     for object in &scene.objects {
         bytes.extend(u32::try_from(object.triangles.len()).ok()?.to_le_bytes());
-        let coordinates = object.triangles.iter().flatten().flat_map(Vec3::to_array);
+        let coordinates = object.triangles.iter().flatten().flat_map(|p| p.to_array());
         bytes.extend(coordinates.flat_map(f32::to_le_bytes));
     }
     Some(bytes)

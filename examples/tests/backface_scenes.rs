@@ -47,10 +47,13 @@ impl Judge {
         let (low, high) = scene.bounds().expect("a scene");
         let mut clusters = Vec::new();
         for object in &scene.objects {
-            let (positions, indices) = weld(&object.triangles);
+            let (positions, indices) = weld(&object.triangles.view().to_vec());
             for cluster in cluster_mesh(&positions, &indices).expect("its own indices") {
-                let triangles: Vec<_> =
-                    cluster.triangles.iter().map(|&t| object.triangles[t as usize]).collect();
+                let triangles: Vec<_> = cluster
+                    .triangles
+                    .iter()
+                    .map(|&t| object.triangles.view().get(t as usize).unwrap())
+                    .collect();
                 clusters.push((cluster, triangles));
             }
         }

@@ -43,7 +43,7 @@ pub(crate) fn write_wall(path: &Path, rectangles: &[[f32; 4]]) {
         let corner = |x: f32, z: f32| Vec3::new(x, y, z);
         [[corner(a, c), corner(b, c), corner(b, d)], [corner(a, c), corner(b, d), corner(a, d)]]
     };
-    let wall = rectangles.iter().flat_map(|&rectangle| at(5.0, rectangle)).collect();
+    let wall = rectangles.iter().flat_map(|&rectangle| at(5.0, rectangle)).collect::<Vec<_>>();
     let plate = at(9.0, [-0.4, 0.4, 0.0, 2.0]).to_vec();
     let objects = vec![SourceObject::new("wall", wall), SourceObject::new("plate", plate)];
     let scene = SceneSource { objects, ..SceneSource::new("wall", Vec3::Z, 0.01) };
@@ -145,7 +145,8 @@ fn more_viewcells_than_can_be_kept_are_refused_with_their_number() {
         assert!(count.is_some_and(|count| count > 1 << 24) && said.contains("viewcells"), "{said}");
     }
     // As many can be kept, but are not made in a second.
-    assert_eq!(refused("0.0001", &["--time", "1"]), "error: the viewcells were not made in time\n");
+    let said = refused("0.0001", &["--time", "1"]);
+    assert!(said.starts_with("error: the viewcells were not made in time: larger ones (--size)"), "{said}");
     assert!(names(&folder).is_empty());
 }
 
@@ -169,4 +170,41 @@ fn the_last_lines_say_which_viewcells_miss_the_gap() {
     assert_eq!(report(&["--gap", "100%"]).0, 0);
     let (over, said) = report(&["--gap", "1%", "--time", "0"]);
     assert!(over > 0 && said.contains("the same command goes on"), "{said}");
+}
+
+#[test]
+fn cameras_outside_all_viewcells_are_counted() {
+    let folder = folder("bake_outside");
+    write_wall(&folder.join("wall.vscn"), WHOLE);
+    let inside = r#"{"eye": [0, -1, 1], "target": [0, 5, 1]}"#;
+    let outside = r#"{"eye": [30, -1, 1], "target": [0, 5, 1]}"#;
+    for (name, keys) in [("in.json", inside.to_owned()), ("both.json", format!("{inside}, {outside}"))] {
+        let walks = format!(
+            r#"{{"name": "w", "up_axis": "z", "near": 0.05, "cameras": [{{"name": "w", "fov_y_deg": 60,
+            "up": [0, 0, 1], "keys": [{keys}]}}]}}"#
+        );
+        fs::write(folder.join(name), walks).unwrap();
+    }
+    for (cameras, line, is_outside) in [
+        ("in.json", "1 of 1 cameras are inside viewcells\n", false),
+        ("both.json", "1 of 2 cameras are inside viewcells; the others see everything", true),
+    ] {
+        let baked = bake_wall(&folder, "wall.set", &["--cameras", cameras, "--json", "report.json"]);
+        assert!(text(&baked.stdout).contains(line), "{}{}", text(&baked.stdout), text(&baked.stderr));
+        let report = fs::read_to_string(folder.join("report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["cameras_inside"].as_u64(), Some(1));
+        let arguments = ["wall.vscn", "--cameras", cameras, "--size", "64x36", "--cullers", "baked:wall.set"];
+        let walk = run(env!("CARGO_BIN_EXE_walkthrough"), &folder, &arguments);
+        assert!(walk.status.success());
+        let said = text(&walk.stderr).contains("wall.set: 1 of 2 cameras are outside all viewcells");
+        assert_eq!(said, is_outside, "{}", text(&walk.stderr));
+    }
+    // Without a word on places, one still camera makes few viewcells.
+    let still = |cells: &[&str]| {
+        let arguments = ["wall.vscn", "--cameras", "in.json", "--gap", "100%", "--out", "still.set"];
+        let baked = bake(&folder, &[&arguments[..], cells].concat());
+        (text(&baked.stdout) + &text(&baked.stderr)).contains("--cells free adds all that can be reached")
+    };
+    assert!(still(&[]) && !still(&["--cells", "walks"]));
 }

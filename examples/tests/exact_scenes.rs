@@ -19,7 +19,7 @@ fn clearance(world: &World, line: &SightLine) -> f64 {
     let ids = (0..world.source.objects.len()).filter_map(|index| world.scene.id_at(index));
     let occluders = ids.filter(|&id| id != line.id && world.scene.object(id).unwrap().occluder);
     let triangles = occluders.flat_map(|id| &world.source.objects[id.index()].triangles);
-    triangles.map(|t| distance(line.eye, line.point, t)).fold(f64::INFINITY, f64::min)
+    triangles.map(|t| distance(line.eye, line.point, &t)).fold(f64::INFINITY, f64::min)
 }
 
 #[test]

@@ -138,7 +138,7 @@ fn rectangle([a, b]: [f32; 2], [c, d]: [f32; 2], z: f32) -> Vec<[f32; 3]> {
 
 /// Returns the points of a scene's first object.
 fn points(scene: &SceneSource) -> Vec<[f32; 3]> {
-    scene.objects[0].triangles.as_flattened().iter().map(Vec3::to_array).collect()
+    scene.objects[0].triangles.iter().flatten().map(|p| p.to_array()).collect()
 }
 
 /// Returns the indices of the objects that a culler reports from `eye` looking at `target`.
@@ -342,7 +342,7 @@ fn instances_are_placed_one_by_one() {
     let names: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
     assert_eq!(names, ["it[0]", "it[1]"]);
     let is = |at: usize, expected: [[f32; 3]; 3]| {
-        for (p, expected) in scene.objects[at].triangles[0].iter().zip(expected) {
+        for (p, expected) in scene.objects[at].triangles.view().get(0).unwrap().iter().zip(expected) {
             assert!(p.distance(Vec3::from_array(expected)) < 1e-6, "{at}: {p}");
         }
     };
@@ -660,7 +660,7 @@ fn far_from_the_origin_coordinates_are_relative_to_a_point_near_the_content() {
     );
     assert!(far.notes[0].contains("relative to [38999"), "{:?}", far.notes);
     for (a, b) in here.objects.iter().zip(&far.objects) {
-        for (a, b) in a.triangles.as_flattened().iter().zip(b.triangles.as_flattened()) {
+        for (a, b) in a.triangles.iter().flatten().zip(b.triangles.iter().flatten()) {
             let b = b.as_dvec3() + far.origin - DVec3::new(3_900_000.0, 0.0, 0.0);
             assert!(a.as_dvec3().distance(b) < 1e-5, "{a} {b}");
         }
@@ -672,7 +672,8 @@ fn far_from_the_origin_coordinates_are_relative_to_a_point_near_the_content() {
     assert!(far.clone().with_walks().walks[0].keys[0].eye.distance(there) < 1000.0);
     // Coordinates in the text are more exact than f32: 0.4 m apart at 3,900 km.
     let apart = edge(3_900_000.4).scene();
-    let [a, b] = [&far, &apart].map(|scene| scene.objects[0].triangles[0][0].as_dvec3() + scene.origin);
+    let [a, b] = [&far, &apart]
+        .map(|scene| scene.objects[0].triangles.view().get(0).unwrap()[0].as_dvec3() + scene.origin);
     assert!((b - a - DVec3::new(0.4, 0.0, 0.0)).length() < 1e-5, "{a} {b}");
     // A scene around its origin keeps it, however large.
     let mut wide = edge(0.0);
@@ -721,4 +722,33 @@ fn unit_and_axis_up_are_as_told_or_hinted_at() {
     assert!(hint([1200.0, 600.0, 900.0]).ends_with("if it is in cm, say --unit cm"));
     assert!(hint([500.0, 300.0, 20.0]).ends_with("if z is up, say --up z"));
     assert_eq!(hint([12.0, 6.0, 9.0]) + &hint([500.0, 20.0, 300.0]) + &hint([1.7, 1.8, 0.3]), "");
+}
+
+#[test]
+fn a_house_on_its_side_gets_a_hint() {
+    let notes = |size: f32, floors: usize, is_y_up: bool| {
+        let mut file = File::new();
+        for floor in 0..floors {
+            let level = rectangle([0.0, size], [0.0, size], floor as f32);
+            let turned = level.iter().map(|&[x, y, z]| if is_y_up { [x, z, -y] } else { [x, y, z] });
+            let mesh = file.mesh(&turned.collect::<Vec<_>>());
+            file.node(json!({"mesh": mesh}));
+        }
+        file.scene().notes.join("\n")
+    };
+    assert_eq!(notes(8.0, 10, false), "its largest faces are level along z: if z is up, say --up z");
+    // A house that stands, and a thing of few parts.
+    assert_eq!(notes(8.0, 10, true) + &notes(8.0, 7, false), "");
+}
+
+#[test]
+fn a_scene_without_nodes_is_empty() {
+    let mut file = File::new();
+    let mesh = file.mesh(&rectangle([0.0, 1.0], [0.0, 1.0], 0.0));
+    file.node(json!({"mesh": mesh}));
+    let scenes = file.root["scenes"].as_array_mut().expect("a list");
+    scenes.push(json!({"name": "empty"}));
+    assert_eq!(file.scene().triangle_count(), 2);
+    file.root["scene"] = json!(1);
+    assert_eq!(file.scene().triangle_count(), 0);
 }

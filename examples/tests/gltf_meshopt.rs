@@ -1,7 +1,6 @@
 //! Tests of glTF buffer views that are compressed by meshopt: encoders of these tests' own, and codes made by
 //! hand.
 
-use glam::Vec3;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -62,7 +61,7 @@ fn read(
 
 /// Returns the points of a scene's triangles.
 fn points(scene: &SceneSource) -> Vec<[f32; 3]> {
-    scene.objects[0].triangles.as_flattened().iter().map(Vec3::to_array).collect()
+    scene.objects[0].triangles.iter().flatten().map(|p| p.to_array()).collect()
 }
 
 /// Encodes elements as version 0 or 1 of the format has them. Of the widths and controls that hold a group's

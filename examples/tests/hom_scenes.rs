@@ -22,7 +22,13 @@ fn trial(name: &str, world: &World, map: impl OcclusionMap + Send + Sync + 'stat
         ids
     });
     let reported = reported.collect();
-    Trial { name: name.to_owned(), accuracy: pipeline.accuracy(), reported, micros: Vec::new() }
+    Trial {
+        name: name.to_owned(),
+        accuracy: pipeline.accuracy(),
+        reported,
+        micros: Vec::new(),
+        frame_micros: Vec::new(),
+    }
 }
 
 /// Culls a scene in `frames` frames with maps of several sizes and depth estimates. Fails if a visible object

@@ -45,7 +45,8 @@ fn the_cost_over_the_ideal_counts_culling_and_what_is_drawn() {
 fn walkthrough_says_limit_and_cost_over_the_ideal() {
     let folder = folder("limit_walkthrough");
     write_scene(&folder);
-    let arguments = ["wall.vscn", "--size", "64x36", "--cullers", "frustum", "--json", "out.json"];
+    let arguments =
+        ["wall.vscn", "--size", "64x36", "--cullers", "frustum", "--rays", "1000", "--json", "out.json"];
     let output = run(env!("CARGO_BIN_EXE_walkthrough"), &folder, &arguments);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let said = text(&output.stdout);
@@ -53,6 +54,8 @@ fn walkthrough_says_limit_and_cost_over_the_ideal() {
         said.contains("1.0 objects visible by 2 triangles; box limit 1.0 objects; ideal 1.0 us"),
         "{said}"
     );
+    // The time of the frustum over 4 times itself.
+    assert!(said.contains(" 0.25 ") && said.contains(" frustum: 0 objects were met and hidden\n"), "{said}");
     let line: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.join("out.json")).unwrap()).unwrap();
     assert_eq!((line["mean_visible"].as_f64(), line["mean_box_limit"].as_f64()), (Some(2.0), Some(1.0)));

@@ -83,7 +83,7 @@ fn what_is_no_door_closes_a_room() {
         let mut closed = house(name);
         if name == "door mat" {
             // By its shape it is no door.
-            closed.objects[10].triangles = cuboid([-0.5, 1.9, 0.0], [0.5, 3.1, 2.1]);
+            closed.objects[10].triangles = cuboid([-0.5, 1.9, 0.0], [0.5, 3.1, 2.1]).into();
         }
         let (closed, names) = made(closed);
         assert_eq!(names, ["indoors", "indoors"], "{name}");
@@ -155,11 +155,10 @@ fn walks_are_the_same_every_time_and_turn_and_move_with_the_scene() {
     turned.up = Vec3::Y;
     turned.origin = DVec3::new(1e7, 2e7, 3e7);
     let turn = |p: Vec3| Vec3::new(p.y, p.z, p.x);
-    turned
-        .objects
-        .iter_mut()
-        .flat_map(|object| object.triangles.as_flattened_mut())
-        .for_each(|p| *p = turn(*p));
+    for object in &mut turned.objects {
+        object
+            .edit_triangles(|triangles| triangles.as_flattened_mut().iter_mut().for_each(|p| *p = turn(*p)));
+    }
     let turned = turned.with_walks();
     for (a, b) in plain.walks.iter().zip(&turned.walks) {
         assert_eq!(a.keys.len(), b.keys.len());

@@ -13,6 +13,7 @@ mod exact_scenes;
 mod extremes;
 mod gltf_contents;
 mod gltf_files;
+mod gltf_instances;
 mod gltf_meshopt;
 mod hom_scenes;
 mod hzb_scenes;

@@ -72,7 +72,7 @@ fn positions_are_pinned() {
     ];
     for (name, object, triangle, expected) in pinned {
         let scene = built_in(name).expect(name);
-        let found = scene.objects[object].triangles[triangle][1];
+        let found = scene.objects[object].triangles.view().get(triangle).expect(name)[1];
         let error = (found - Vec3::from_array(expected)).abs().max_element();
         assert!(error < 1e-4, "{name}, object {object}: {found}");
     }
@@ -92,7 +92,7 @@ fn the_sums_of_all_coordinates_are_pinned() {
     for (name, expected) in sums {
         let scene = built_in(name).expect(name);
         let vertices = scene.objects.iter().flat_map(|o| o.triangles.iter().flatten());
-        let coordinates = vertices.flat_map(Vec3::to_array);
+        let coordinates = vertices.flat_map(|p| p.to_array());
         let sum: f64 =
             coordinates.zip((1..=7).cycle()).map(|(c, weight)| f64::from(c) * f64::from(weight)).sum();
         assert!((sum - expected).abs() < 1.0, "{name}: {sum}");

@@ -34,7 +34,7 @@ fn objects_one_by_one_are_those_of_the_whole_and_take_little_memory() {
             let other = expected.next().expect(name);
             assert_eq!((&object.name, object.opaque, object.door), (&other.name, other.opaque, other.door));
             let bits = |object: &SourceObject| {
-                let points = object.triangles.as_flattened().iter();
+                let points = object.triangles.iter().flatten();
                 points.fold(0u64, |hash, p| {
                     p.to_array().iter().fold(hash, |hash, x| hash.wrapping_mul(31) + u64::from(x.to_bits()))
                 })

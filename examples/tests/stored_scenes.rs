@@ -67,10 +67,10 @@ fn five_cars_stand_in_a_row() {
     // The middle car is not moved, and the last car is rotated clockwise as seen from above.
     let one = load(&path).expect("one car");
     assert_eq!(cars.objects[2 * 433].triangles, one.objects[0].triangles);
-    let from = one.objects[0].triangles[0][0];
+    let from = one.objects[0].triangles.view().get(0).expect("a triangle")[0];
     let (sin, cos) = (-25_f32).to_radians().sin_cos();
     let expected = Vec3::new(cos * from.x + sin * from.z + 6.4, from.y, cos * from.z - sin * from.x);
-    assert!(cars.objects[4 * 433].triangles[0][0].distance(expected) < 1e-5);
+    assert!(cars.objects[4 * 433].triangles.view().get(0).expect("a triangle")[0].distance(expected) < 1e-5);
 }
 
 #[test]

@@ -226,7 +226,7 @@ fn cells_are_not_walled_by_backs() {
         let mut source = read(json!({}), false);
         source.objects.remove(0);
         if is_inside_out {
-            source.objects[0].triangles.iter_mut().for_each(|triangle| triangle.swap(0, 1));
+            source.objects[0].edit_triangles(|triangles| triangles.iter_mut().for_each(|t| t.swap(0, 1)));
         }
         for origin in [pvs::built::Origin::Polygons, pvs::built::Origin::Walls] {
             let cells = pvs::built::cells(&source, origin);

@@ -22,7 +22,7 @@ use std::sync::{
     Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError,
 };
 use visibility_core::glam::{Affine3A, Vec3};
-use visibility_core::scene::Triangle;
+use visibility_core::scene::{Triangle, Triangles};
 use visibility_core::{Object, OccluderMesh};
 
 /// Number of words before the transform, or before the triangles of an object without a mesh.
@@ -93,7 +93,7 @@ impl ContentWriter {
     /// Appends the content of an object.
     pub(crate) fn push(
         &mut self,
-        triangles: &[Triangle],
+        triangles: Triangles<'_>,
         mesh: Option<(&OccluderMesh, &Affine3A)>,
     ) -> Result<(), LevelError> {
         self.bytes.clear();
@@ -102,7 +102,8 @@ impl ContentWriter {
         let two_sided = mesh.is_some_and(|(mesh, _)| mesh.is_two_sided());
         let head = [triangles.len() as u32, positions.len() as u32, faces.len() as u32, two_sided.into()];
         let transform = mesh.map(|(_, transform)| transform.to_cols_array());
-        let points = triangles.as_flattened().iter().chain(positions).flat_map(|p| p.to_array());
+        let corners = triangles.iter().flatten();
+        let points = corners.chain(positions.iter().copied()).flat_map(|p| p.to_array());
         let words = head.into_iter();
         let words = words.chain(transform.into_iter().flatten().chain(points).map(f32::to_bits));
         let words = words.chain(faces.as_flattened().iter().copied());
@@ -358,7 +359,7 @@ impl LevelFile {
         }
         let content = parse(&bytes).ok_or_else(damaged)?;
         let mesh = content.mesh.as_ref().map(|(mesh, transform)| (mesh, transform));
-        let found = ObjectFacts::new(facts.index, &facts.object(), &content.triangles, mesh);
+        let found = ObjectFacts::new(facts.index, &facts.object(), content.triangles[..].into(), mesh);
         if found.hash == facts.hash { Ok(content) } else { Err(damaged()) }
     }
 }
@@ -406,7 +407,7 @@ fn parse(bytes: &[u8]) -> Option<Content> {
 pub(crate) fn facts(
     index: usize,
     object: &Object,
-    triangles: &[Triangle],
+    triangles: Triangles<'_>,
     mesh: Option<(&OccluderMesh, &Affine3A)>,
 ) -> Result<ObjectFacts, LevelError> {
     let index = u32::try_from(index).ok().filter(|&index| index < u32::MAX).ok_or(LevelError::TooMany)?;
@@ -430,10 +431,10 @@ mod tests {
         let known = |at: usize| {
             let low = Vec3::new((at * 37 % 200) as f32, (at * 53 % 190) as f32, 0.0);
             let object = Object::new(Aabb::new(low, low + 1.0));
-            facts(at, &object, &triangles(at), None).unwrap()
+            facts(at, &object, triangles(at)[..].into(), None).unwrap()
         };
         let objects: Vec<ObjectFacts> = (0..600).map(known).collect();
-        (0..600).for_each(|at| writer.push(&triangles(at), None).unwrap());
+        (0..600).for_each(|at| writer.push(triangles(at)[..].into(), None).unwrap());
         let tree = TileTree::with_leaves(&objects, 0, 100);
         let fixed = OBJECT_BYTES * 600;
         let file = writer.finish(&objects, &tree, fixed + 300 * BYTES_PER_WEIGHT, 0).unwrap();

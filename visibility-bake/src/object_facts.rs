@@ -3,7 +3,7 @@
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::level_version::object_hash;
-use visibility_core::scene::Triangle;
+use visibility_core::scene::Triangles;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
 /// An object without its triangles and its occluder mesh.
@@ -27,7 +27,7 @@ impl ObjectFacts {
     pub(crate) fn new(
         index: u32,
         object: &Object,
-        triangles: &[Triangle],
+        triangles: Triangles<'_>,
         mesh: Option<(&OccluderMesh, &Affine3A)>,
     ) -> Self {
         let Object { bounds, layers, cost, never_cull, occluder, one_sided, .. } = *object;

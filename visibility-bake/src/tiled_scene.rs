@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::level_version::version_of;
 use visibility_core::pvs::Viewcell;
-use visibility_core::scene::{MeshId, Triangle};
+use visibility_core::scene::{MeshId, Triangles};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
@@ -153,9 +153,8 @@ impl<'a> TiledScene<'a> {
         match &self.store {
             Store::Scene(scene) => {
                 for (id, new) in self.ids_in(scene, numbers).zip(ids) {
-                    let triangles = id.and_then(|id| scene.triangles(id).ok()).unwrap_or_default();
-                    if !triangles.is_empty() {
-                        let _ = part.set_triangles(new, triangles);
+                    if let Some(triangles) = id.and_then(|id| scene.shared_triangles(id)) {
+                        let _ = part.set_triangles(new, triangles.clone());
                     }
                 }
             }
@@ -313,12 +312,13 @@ impl TiledSceneWriter {
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`].
-    pub fn push(
+    pub fn push<'a>(
         &mut self,
         object: &Object,
-        triangles: &[Triangle],
+        triangles: impl Into<Triangles<'a>>,
         mesh: Option<(&OccluderMesh, &Affine3A)>,
     ) -> Result<(), LevelError> {
+        let triangles = triangles.into();
         let mesh = mesh.filter(|_| object.occluder);
         let facts = facts(self.objects.len(), object, triangles, mesh)?;
         self.content.push(triangles, mesh)?;
@@ -369,8 +369,8 @@ mod tests {
             assert_eq!(part.origin(), scene.origin());
             for (id, new) in [ids[7], ids[3], ids[4]].into_iter().zip(part.ids()) {
                 assert_eq!(part.object(new), scene.object(id));
-                let (has_triangles, no_triangles) = (part.len() == 3, [].as_slice());
-                let triangles = if has_triangles { scene.triangles(id).unwrap() } else { no_triangles };
+                let has_triangles = part.len() == 3;
+                let triangles = scene.triangles(id).ok().filter(|_| has_triangles).unwrap_or_default();
                 assert_eq!(part.triangles(new).unwrap(), triangles);
                 assert_eq!(part.occluder(new), scene.occluder(id).filter(|_| !has_triangles));
             }

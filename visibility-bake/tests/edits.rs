@@ -106,7 +106,7 @@ fn an_edited_level_has_the_bytes_of_a_whole_bake() {
         if (2..7).contains(&(round % 8)) {
             // A hole in a house, within the same bounds.
             let id = scene.id_at(9).unwrap();
-            let rest = scene.triangles(id).unwrap()[4..].to_vec();
+            let rest = scene.triangles(id).unwrap().to_vec().split_off(4);
             scene.set_triangles(id, rest).unwrap();
             scene.prepare_occluders(&Default::default());
         }

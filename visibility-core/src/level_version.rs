@@ -2,7 +2,7 @@
 //! occluders, is told from what was made from another level or before an edit.
 
 use crate::binary_format::Fingerprint;
-use crate::scene::Triangle;
+use crate::scene::Triangles;
 use crate::{Object, ObjectId, OccluderMesh, Scene};
 use glam::{Affine3A, DVec3};
 
@@ -37,12 +37,17 @@ pub fn version_of(origin: DVec3, objects: impl IntoIterator<Item = (u32, u64)>) 
 
 /// Returns a hash of an object: bounds, layers, cost, flags, triangles and occluder mesh, but not the index,
 /// and not whether the object is see-through: an occluder is not.
-pub fn object_hash(object: &Object, triangles: &[Triangle], mesh: Option<(&OccluderMesh, &Affine3A)>) -> u64 {
+pub fn object_hash<'a>(
+    object: &Object,
+    triangles: impl Into<Triangles<'a>>,
+    mesh: Option<(&OccluderMesh, &Affine3A)>,
+) -> u64 {
+    let triangles = triangles.into();
     let flags =
         u32::from(object.never_cull) | u32::from(object.occluder) << 1 | u32::from(object.one_sided) << 2;
     let hash = Fingerprint::new().with_vec3(object.bounds.min).with_vec3(object.bounds.max);
     let hash = hash.with(object.layers).with(object.cost).with(flags).with(triangles.len() as u32);
-    let mut hash = triangles.as_flattened().iter().fold(hash, |hash, &p| hash.with_vec3(p));
+    let mut hash = triangles.iter().flatten().fold(hash, |hash, p| hash.with_vec3(p));
     if let Some((mesh, transform)) = mesh {
         hash = hash.with(u32::from(mesh.is_two_sided())).with(mesh.positions().len() as u32);
         hash = mesh.positions().iter().fold(hash, |hash, &p| hash.with_vec3(p));

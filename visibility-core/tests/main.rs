@@ -20,6 +20,7 @@ mod pvs_object_by_object;
 mod results;
 mod same_answers;
 mod scene_model;
+mod shared_triangles;
 mod sight_start;
 mod skinned_bounds;
 mod swapped_sources;

@@ -99,7 +99,7 @@ fn triangles_outside_the_bounds_are_refused() {
     let error = scene.set_triangles(ids[0], triangles(Vec3::ZERO)).unwrap_err();
     assert_eq!(error, SceneError::TrianglesOutsideBounds(ids[0]));
     assert!(scene.occluder(ids[0]).is_some(), "a failed call changes nothing");
-    assert_eq!(scene.triangles(ids[0]).unwrap(), triangles(HOUSE.min));
+    assert_eq!(scene.triangles(ids[0]).unwrap(), triangles(HOUSE.min)[..].into());
     // Rounding on each side, of the box and of the corners, is no fault; 16 times as much is.
     for axis in Vec3::AXES {
         for (sign, side) in [(-1.0f32, HOUSE.min), (1.0, HOUSE.max)] {

@@ -134,7 +134,7 @@ impl SceneTriangles {
         let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { return };
         let usable = |p: Vec3| p.is_finite() && p.abs().max_element() <= LIMIT as f32;
         let bounds = object.bounds;
-        let is_open = triangles.iter().flatten().any(|&p| !usable(p))
+        let is_open = triangles.iter().flatten().any(|p| !usable(p))
             || (triangles.is_empty() && !(bounds.is_proper() && usable(bounds.min) && usable(bounds.max)));
         let first = self.corners.len() as u32;
         let (mut min, mut max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());

@@ -472,7 +472,7 @@ impl OcclusionMap for Hzb {
         self.clip_planes = view.clip_planes_from(origin);
         self.pyramid.clear();
         if work > 0.0 && !self.levels.is_empty() {
-            let sides = sides(&self.projection, [0, self.tiles.rows]);
+            let sides = sides(&self.projection, [0, self.tiles.columns]);
             let frames = self.levels.iter().map(|level| {
                 let is_in_view = level.is_in_view(&sides, origin);
                 is_in_view.then(|| LevelFrame::new(view, level, self.size, padded, self.coverage)).flatten()

@@ -360,35 +360,41 @@ fn the_near_plane_cuts_faces_of_polygons_that_are_not_flat() {
     assert!(covered > 100_000, "{covered} pixels are covered");
 }
 
-/// A terrace with a ramp down from its far edge, as one polygon that hides from its front alone. The eye is
-/// above the terrace and behind the ramp: what is seen past the near edge, under the terrace, is not hidden
-/// by the ramp's back.
+/// The back of a ramp that is one polygon with the level ground beside it, which hides from its front alone,
+/// hides nothing from an eye above all of the ground. The ramp leads up to a terrace, and is seen past the
+/// terrace's near edge; or it rises towards the eye, wider than the ground behind it.
 #[test]
 fn the_back_of_a_ramp_hides_nothing() {
     let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
-    let terrace =
-        [corner(7.0, -5.0, 1.0), corner(12.0, -5.0, 1.0), corner(12.0, 5.0, 1.0), corner(7.0, 5.0, 1.0)];
-    let ramp = [corner(5.0, -5.0, 0.0), terrace[0], terrace[3], corner(5.0, 5.0, 0.0)];
-    let triangles: Vec<LevelTriangle> = [quad(terrace), quad(ramp)]
-        .concat()
-        .into_iter()
-        .map(|corners| LevelTriangle { corners, two_sided: false })
-        .collect();
-    let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
-    assert_eq!(level.polygons().len(), 1);
-    let mut hzb = Hzb::new(200, 120).unwrap().with_level(level, DVec3::ZERO);
+    let terrace = [[7.0, -5.0], [12.0, -5.0], [12.0, 5.0], [7.0, 5.0]].map(|[x, y]| corner(x, y, 1.0));
+    let to_terrace = [corner(5.0, -5.0, 0.0), terrace[0], terrace[3], corner(5.0, 5.0, 0.0)];
+    let floor = [[0.0, -5.0], [10.0, -5.0], [10.0, 5.0], [0.0, 5.0]].map(|[x, y]| corner(x, y, 0.0));
+    let wide = [corner(0.0, 3.0, 0.0), floor[3], corner(-2.0, 9.0, 1.0), corner(-2.0, 3.0, 1.0)];
     let mut random = Random(39);
-    let mut covered = 0;
-    for height in [1.3, 2.2, 3.0, 4.0, 9.0, 14.0] {
-        for x in [14.0, 30.0, 40.0, 60.0] {
-            let pose = Pose::look_at(DVec3::new(x, 0.5, height), DVec3::new(8.0, 0.0, 0.6), DVec3::Z);
-            let view = View::perspective(pose, 6.0 / x, 1.6, 0.01, f64::INFINITY).unwrap();
-            hzb.begin(&view, DVec3::ZERO);
-            hzb.flush();
-            covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "a ramp")[1];
+    for (ground, ramp, y, distances) in [
+        (terrace, to_terrace, 0.5, [14.0, 30.0, 40.0, 60.0]),
+        (floor, wide, 6.5, [-8.0, -14.0, -20.0, -26.0]),
+    ] {
+        let triangles: Vec<LevelTriangle> = [quad(ground), quad(ramp)]
+            .concat()
+            .into_iter()
+            .map(|corners| LevelTriangle { corners, two_sided: false })
+            .collect();
+        let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
+        assert_eq!(level.polygons().len(), 1);
+        let mut hzb = Hzb::new(200, 120).unwrap().with_level(level, DVec3::ZERO);
+        let mut covered = 0;
+        for height in [1.3, 2.2, 3.0, 4.0, 9.0, 14.0] {
+            for x in distances {
+                let pose = Pose::look_at(DVec3::new(x, y, height), DVec3::new(8.0, 0.0, 0.6), DVec3::Z);
+                let view = View::perspective(pose, 6.0 / x.abs(), 1.6, 0.01, f64::INFINITY).unwrap();
+                hzb.begin(&view, DVec3::ZERO);
+                hzb.flush();
+                covered += check(&as_faces(&triangles), &view, &hzb, &mut random, "a ramp")[1];
+            }
         }
+        assert!(covered > 1_000, "{covered} pixels are covered");
     }
-    assert!(covered > 1_000, "{covered} pixels are covered");
 }
 
 /// The peak of a low pyramid that is one polygon reaches through the near plane. All of the outline is beyond
@@ -408,12 +414,14 @@ fn a_peak_through_the_near_plane_leaves_a_hole() {
         let level = level(&triangles, LevelSettings::default().with_bulge(0.5));
         assert_eq!(level.polygons().len(), 1);
         let mut hzb = Hzb::new(64, 64).unwrap().with_level(level, DVec3::ZERO);
-        // The near plane above the peak, then through it.
-        for (height, near, is_whole) in [(3.0, 0.2, true), (0.35, 0.15, false)] {
+        // The near plane above the peak, then through it, with an outline beyond the guard band and within.
+        for (height, near, angle, is_whole) in
+            [(3.0, 0.2, 0.8, true), (0.35, 0.15, 0.8, false), (0.35, 0.15, 2.0, false)]
+        {
             let pose = Pose::look_at(DVec3::Z * height, DVec3::ZERO, DVec3::X);
             let before = height - if is_whole { 0.6 } else { 0.15 };
             for view in [
-                View::perspective(pose, 0.8, 1.0, near, f64::INFINITY).unwrap(),
+                View::perspective(pose, angle, 1.0, near, f64::INFINITY).unwrap(),
                 View::orthographic(pose, window, before, 60.0).unwrap(),
             ] {
                 hzb.begin(&view, DVec3::ZERO);

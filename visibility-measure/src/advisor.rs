@@ -167,7 +167,7 @@ impl<'a> Advisor<'a> {
     /// [`MeasureError::TooMany`] if the scene has too many triangles to number; [`MeasureError::Size`] if
     /// memory for the images cannot be allocated.
     pub fn new(scene: &'a Scene, views: &'a [View], draw: DrawCost) -> Result<Self, MeasureError> {
-        let triangles = |id| scene.triangles(id).unwrap_or(&[]);
+        let triangles = |id| scene.triangles(id).unwrap_or_default();
         let mut facts = SceneFacts {
             objects: scene.len(),
             triangles: scene.ids().map(|id| triangles(id).len()).sum(),

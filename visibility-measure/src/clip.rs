@@ -9,9 +9,10 @@
 //! an oracle shares no projection, clipping or raster code with the code that it judges, so that a mistake in
 //! that code cannot hide itself.
 
-use crate::raster::{Corner, DEPTH_TIE, Image};
+use crate::raster::{Corner, DEPTH_TIE, EDGE_TIE, Image, first_center};
 use smallvec::SmallVec;
 use visibility_core::glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
+use visibility_core::scene::Triangles;
 use visibility_core::view::{Depth, Eye};
 use visibility_core::{View, geometry::Plane};
 
@@ -44,6 +45,9 @@ pub(crate) struct ImageProjection {
     pub(crate) half_size: DVec2,
     /// Eye of the view, relative to the origin of the triangles.
     eye: Eye,
+    /// Greatest distance in metres from the origin of the triangles to a plane on which
+    /// a clip coordinate is 0.
+    reach: f64,
     /// Clip planes of the view, in metres relative to the origin of the triangles. The side that a plane's
     /// normal points to is drawn.
     pub(crate) clip_planes: SmallVec<[Plane; 1]>,
@@ -76,7 +80,11 @@ impl ImageProjection {
         let moved = |p: &Plane| Plane::new(p.normal, p.normal.dot(shift) + p.offset);
         let clip_planes = view.clip_planes().iter().map(moved).collect();
         let eye = view.eye(origin);
-        Self { clip_from_local, near, far, depth_key, parallel, half_size, eye, clip_planes }
+        let distances =
+            [0, 1, 2, 3].map(|i| clip_from_local.row(i)).map(|row| row.w / row.truncate().length());
+        // A coordinate that is the same for all points has no such plane.
+        let reach = distances.iter().map(|d| d.abs()).filter(|d| d.is_finite()).fold(0.0, f64::max);
+        Self { clip_from_local, near, far, depth_key, parallel, half_size, eye, reach, clip_planes }
     }
 
     /// Returns the absolute difference of two depth keys up to which they count as equal. 1e-10 for parallel
@@ -95,6 +103,37 @@ impl ImageProjection {
             Eye::Point(eye) => normal.dot(eye - a) > 0.0,
             Eye::Direction(forward) => normal.dot(forward) < 0.0,
         }
+    }
+
+    /// Returns whether triangles may cover a pixel's centre or come within [`EDGE_TIE`] of one. False only
+    /// where the box around them is known and outside of a plane of the view, or clear of all centres.
+    ///
+    /// Each clip coordinate of a point is a sum of four products, off by less than 2^-50 of their magnitudes.
+    /// Divided by the length of the row of the matrix, these are at most three times the point's greatest
+    /// coordinate and [`reach`](Self::reach). The box is enlarged by 2^-40 of that.
+    pub(crate) fn may_show(&self, triangles: Triangles<'_>, image: &Image) -> bool {
+        let Some(bounds) = triangles.known_bounds().filter(|bounds| bounds.is_finite()) else { return true };
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let margin = (min.abs().max(max.abs()).max_element() + self.reach) / (1u64 << 40) as f64;
+        let clip: [DVec4; 8] = core::array::from_fn(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 0 { min[axis] - margin } else { max[axis] + margin };
+            self.clip_from_local * DVec4::new(pick(0), pick(1), pick(2), 1.0)
+        });
+        if clip.iter().fold(u32::MAX, |all, &v| all & self.outside(v)) != 0 {
+            return false;
+        }
+        if !clip.iter().all(|&v| self.is_drawable(v)) {
+            return true;
+        }
+        let corners = clip.map(|v| self.corner(v));
+        let meets = |of: fn(&Corner) -> f64, limit: usize| {
+            let (low, high) = corners
+                .iter()
+                .map(of)
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+            first_center(low - EDGE_TIE, limit) < first_center(high + EDGE_TIE, limit)
+        };
+        meets(|corner| corner.x, image.width) && meets(|corner| corner.y, image.height)
     }
 
     /// Draws the part of a triangle that lies in the view, as triangle number `item`. The triangle is

@@ -5,7 +5,8 @@ use crate::error::MeasureError;
 use crate::raster::{Image, NONE};
 use crate::sampled_visibility::SampledVisibility;
 use alloc::vec::Vec;
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::DVec3;
+use visibility_core::scene::{Triangle, Triangles};
 use visibility_core::{ObjectId, Scene, View};
 
 /// Maximum number of columns and of rows of an item buffer: 16,384.
@@ -26,16 +27,22 @@ pub struct DrawnObject<'a> {
     /// Key by which the caller identifies the object.
     pub key: u32,
     /// Triangles in metres relative to the origin of the call, counter-clockwise as seen from their front.
-    pub triangles: &'a [[Vec3; 3]],
+    pub triangles: Triangles<'a>,
     /// Whether what is behind the object shows through it: the object is seen, and covers nothing.
     pub see_through: bool,
     /// Whether triangles are drawn from their front alone. From behind they are not seen, and cover nothing.
     pub one_sided: bool,
 }
 
-impl<'a> From<(u32, &'a [[Vec3; 3]])> for DrawnObject<'a> {
-    fn from((key, triangles): (u32, &'a [[Vec3; 3]])) -> Self {
+impl<'a> From<(u32, Triangles<'a>)> for DrawnObject<'a> {
+    fn from((key, triangles): (u32, Triangles<'a>)) -> Self {
         Self { key, triangles, see_through: false, one_sided: false }
+    }
+}
+
+impl<'a> From<(u32, &'a [Triangle])> for DrawnObject<'a> {
+    fn from((key, triangles): (u32, &'a [Triangle])) -> Self {
+        Self::from((key, Triangles::from(triangles)))
     }
 }
 
@@ -51,10 +58,11 @@ impl<'a> DrawnObject<'a> {
 
 /// Image that holds, for each pixel, the number of the triangle seen through the pixel's centre.
 ///
-/// Memory: 12 bytes per pixel, 4 bytes per triangle drawn, about 40 bytes per pixel for each further object
-/// that the pixel shows in a tie, and 24 bytes per pixel once a see-through object was drawn. All memory is
-/// reused from frame to frame. Drawing costs 10 to 20 ns per triangle and about 1 ns for each pixel of each
-/// triangle, hidden or not.
+/// Memory: 12 bytes per pixel, 24 bytes per object, 8 bytes per triangle that shows, about 40 bytes per pixel
+/// for each further object that the pixel shows in a tie, and 24 bytes per pixel once a see-through object
+/// was drawn. All memory is reused from frame to frame. Drawing costs 10 to 20 ns per triangle and about 1 ns
+/// for each pixel of each triangle, hidden or not. Objects whose [bounds are known](Triangles::known_bounds)
+/// and meet no pixel's centre cost some 50 ns in all.
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, Pose, View};
@@ -118,7 +126,8 @@ impl ItemBuffer {
         self.clear();
         let projection = ImageProjection::new(view, origin, &self.image);
         self.image.least_difference = projection.least_difference();
-        let is_drawn = |of: &DrawnObject<'_>, triangle| !of.one_sided || projection.sees_front(triangle);
+        let is_drawn =
+            |of: &DrawnObject<'_>, triangle: &Triangle| !of.one_sided || projection.sees_front(triangle);
         let mut see_through = Vec::new();
         for (object, drawn) in objects.into_iter().enumerate() {
             let drawn = drawn.into();
@@ -131,9 +140,12 @@ impl ItemBuffer {
                 continue;
             }
             self.image.object_start = first;
+            if !projection.may_show(drawn.triangles, &self.image) {
+                continue;
+            }
             for (item, triangle) in (first..).zip(drawn.triangles) {
-                if is_drawn(&drawn, triangle) {
-                    projection.draw(triangle, item, &mut self.image);
+                if is_drawn(&drawn, &triangle) {
+                    projection.draw(&triangle, item, &mut self.image);
                 }
             }
         }
@@ -145,16 +157,19 @@ impl ItemBuffer {
         }
         for (object, first, drawn) in see_through {
             self.image.next_see_through(object as u32);
+            if !projection.may_show(drawn.triangles, &self.image) {
+                continue;
+            }
             for (item, triangle) in (first..).zip(drawn.triangles) {
-                if is_drawn(&drawn, triangle) {
-                    projection.draw(triangle, item, &mut self.image);
-                    self.sampled.set_triangle_pixels(item, self.image.take_triangle_pixels());
+                if is_drawn(&drawn, &triangle) {
+                    projection.draw(&triangle, item, &mut self.image);
+                    self.sampled.add_triangle_pixels(object, item, self.image.take_triangle_pixels());
                 }
             }
             let found = self.image.next_see_through(u32::MAX);
             self.sampled.add_see_through(object, found);
         }
-        self.sampled.set_layers(self.image.layers);
+        self.sampled.end_see_through(self.image.layers);
         Ok(&self.sampled)
     }
 

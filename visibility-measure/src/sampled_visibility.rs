@@ -62,8 +62,11 @@ impl ObjectPixels {
 pub struct SampledVisibility {
     /// Counts of each object, in the order drawn.
     objects: Vec<ObjectPixels>,
-    /// Number of pixels of the image that show each triangle, indexed by triangle number.
-    triangle_pixels: Vec<u32>,
+    /// Numbers of the triangles that a pixel of the image shows, ascending, each with the number of these
+    /// pixels.
+    triangle_pixels: Vec<(u32, u32)>,
+    /// Number of triangles of all objects.
+    triangles: u32,
     /// Objects of the tied pixels, sorted by pixel. Objects tie for a pixel if rounding alone decides which
     /// of them the image shows. Within a pixel, the object that the image shows comes first.
     ties: Vec<Tie>,
@@ -97,9 +100,9 @@ impl SampledVisibility {
         &self.objects
     }
 
-    /// Returns the number of pixels of the image that show each triangle, indexed by triangle number. A tied
-    /// pixel counts for the one triangle that the image shows.
-    pub fn triangle_pixels(&self) -> &[u32] {
+    /// Returns the number of each triangle that a pixel of the image shows, and the number of these pixels,
+    /// by ascending triangle number. A tied pixel counts for the one triangle that the image shows.
+    pub fn triangle_pixels(&self) -> &[(u32, u32)] {
         &self.triangle_pixels
     }
 
@@ -139,7 +142,7 @@ impl SampledVisibility {
     /// Returns the object to which a triangle number belongs, as an index into [`objects`](Self::objects).
     /// `None` for an unknown triangle, such as [`NONE`](crate::NONE). O(log n) in the number of objects.
     pub fn object_of(&self, triangle: u32) -> Option<usize> {
-        if triangle as usize >= self.triangle_pixels.len() {
+        if triangle >= self.triangles {
             return None;
         }
         // Objects without triangles begin where the next object begins; the last object that begins here has
@@ -152,18 +155,18 @@ impl SampledVisibility {
         self.objects.clear();
         self.triangle_pixels.clear();
         self.ties.clear();
-        (self.visible_objects, self.visible_triangles) = (0, 0);
+        (self.triangles, self.visible_objects, self.visible_triangles) = (0, 0, 0);
         (self.covered_pixels, self.tied_pixels, self.layers) = (0, 0, 0);
     }
 
     /// Appends an object with the given key and number of triangles. Returns the number of its first
     /// triangle. `None`, with nothing changed, if the triangles or objects no longer fit into 32-bit numbers.
     pub(crate) fn push(&mut self, key: u32, triangles: usize) -> Option<u32> {
-        let first_triangle = self.triangle_pixels.len() as u32;
+        let first_triangle = self.triangles;
         let end = end_of_numbers(first_triangle, triangles)?;
         // Objects are numbered by u32 as well, and may have no triangles.
         u32::try_from(self.objects.len()).ok()?;
-        self.triangle_pixels.resize(end as usize, 0);
+        self.triangles = end;
         let triangles = end - first_triangle;
         self.objects.push(ObjectPixels {
             key,
@@ -180,16 +183,20 @@ impl SampledVisibility {
     /// been called.
     pub(crate) fn count(&mut self, image: &Image) {
         self.layers = image.layers;
-        for &item in &image.items {
-            if let Some(pixels) = self.triangle_pixels.get_mut(item as usize) {
-                *pixels += 1;
-            }
-        }
+        let runs = image.items.chunk_by(|a, b| a == b).filter(|run| run[0] != NONE);
+        self.triangle_pixels.extend(runs.map(|run| (run[0], run.len() as u32)));
+        self.triangle_pixels.sort_unstable();
+        self.triangle_pixels.dedup_by(|next, kept| {
+            let is_same = next.0 == kept.0;
+            kept.1 += if is_same { next.1 } else { 0 };
+            is_same
+        });
+        let mut shown = self.triangle_pixels.iter().peekable();
         for object in &mut self.objects {
-            let range = object.triangle_range();
-            for &pixels in &self.triangle_pixels[range.start as usize..range.end as usize] {
+            let end = object.triangle_range().end;
+            while let Some((_, pixels)) = shown.next_if(|(triangle, _)| *triangle < end) {
                 object.pixels += pixels;
-                object.visible_triangles += u32::from(pixels > 0);
+                object.visible_triangles += 1;
             }
             self.visible_triangles += object.visible_triangles;
             self.covered_pixels += object.pixels;
@@ -199,26 +206,28 @@ impl SampledVisibility {
     }
 
     /// Adds what the see-through object with an index shows, after [`count`](Self::count) and
-    /// [`set_triangle_pixels`](Self::set_triangle_pixels) of its triangles.
+    /// [`add_triangle_pixels`](Self::add_triangle_pixels) of its triangles.
     pub(crate) fn add_see_through(&mut self, object: usize, found: VeilPixels) {
         let entry = &mut self.objects[object];
-        let range = entry.triangle_range();
-        let of_triangles = &self.triangle_pixels[range.start as usize..range.end as usize];
-        entry.visible_triangles = of_triangles.iter().map(|&pixels| u32::from(pixels > 0)).sum();
         (entry.pixels, entry.tied_pixels) = (found.pixels, found.tied);
         self.visible_triangles += entry.visible_triangles;
         self.covered_pixels += found.newly_covered;
         self.visible_objects += u32::from(entry.is_visible());
     }
 
-    /// Sets the sum over all pixels of the number of triangles that cover the pixel.
-    pub(crate) fn set_layers(&mut self, layers: u64) {
+    /// Ends the see-through objects. `layers` is the sum over all pixels of the number of triangles that
+    /// cover the pixel.
+    pub(crate) fn end_see_through(&mut self, layers: u64) {
         self.layers = layers;
+        self.triangle_pixels.sort_unstable();
     }
 
-    /// Sets the number of pixels that show a see-through triangle.
-    pub(crate) fn set_triangle_pixels(&mut self, triangle: u32, pixels: u32) {
-        self.triangle_pixels[triangle as usize] = pixels;
+    /// Adds a triangle of the see-through object with an index, and the number of pixels that show it.
+    pub(crate) fn add_triangle_pixels(&mut self, object: usize, triangle: u32, pixels: u32) {
+        if pixels > 0 {
+            self.objects[object].visible_triangles += 1;
+            self.triangle_pixels.push((triangle, pixels));
+        }
     }
 
     /// Derives `ties` from the image's claims (triangles that tie for a pixel). A tied pixel is removed from
@@ -278,7 +287,7 @@ mod tests {
         let mut image = Image::new(6, 1).unwrap();
         image.items = [1, 1, NONE, 2, 4, 4].into();
         sampled.count(&image);
-        assert_eq!(sampled.triangle_pixels(), [0, 2, 1, 0, 2]);
+        assert_eq!(sampled.triangle_pixels(), [(1, 2), (2, 1), (4, 2)]);
         let seen: Vec<_> = sampled.objects().iter().map(|o| (o.key, o.visible_triangles, o.pixels)).collect();
         assert_eq!(seen, [(9, 1, 2), (8, 0, 0), (7, 2, 3)]);
         assert_eq!(

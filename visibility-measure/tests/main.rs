@@ -4,6 +4,7 @@
 mod box_limit;
 mod clip_planes;
 mod common;
+mod instances;
 mod pictures;
 mod rays;
 mod surfaces;

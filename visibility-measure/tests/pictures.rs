@@ -58,11 +58,11 @@ fn a_triangle_covers_the_centers_below_its_diagonal() {
     // belong to the triangle.
     let triangle = [flat([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
     let sampled = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
-    assert_eq!(sampled.triangle_pixels(), [45]);
+    assert_eq!(sampled.triangle_pixels(), [(0, 45)]);
     // The mirrored triangle has its diagonal on the left and covers the centres on it.
     let triangle = [flat([[10.0, 10.0], [10.0, 0.0], [0.0, 10.0]], 0.5)];
     let sampled = buffer.draw(&view, DVec3::ZERO, [(0, &triangle[..])]).unwrap();
-    assert_eq!(sampled.triangle_pixels(), [55]);
+    assert_eq!(sampled.triangle_pixels(), [(0, 55)]);
 }
 
 #[test]

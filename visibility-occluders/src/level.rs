@@ -249,7 +249,7 @@ impl LevelOccluders {
         let mut objects = Vec::new();
         for (id, two_sided) in objects_of(scene, stands_still) {
             let own = scene.triangles(id).unwrap_or_default();
-            triangles.extend(own.iter().map(|&corners| LevelTriangle { corners, two_sided }));
+            triangles.extend(own.iter().map(|corners| LevelTriangle { corners, two_sided }));
             objects.push(id);
         }
         Ok(Self { objects, ..Self::new(&triangles, settings)?.with_version(level_version(scene)) })

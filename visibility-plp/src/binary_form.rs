@@ -28,7 +28,7 @@ fn fingerprint(scene: &Scene) -> u64 {
             let numbers = [bounds.min, bounds.max];
             hash = numbers.iter().flat_map(|p| p.to_array()).map(f32::to_bits).fold(hash, Fingerprint::with);
         }
-        let triangles = scene.triangles(id).unwrap_or(&[]);
+        let triangles = scene.triangles(id).unwrap_or_default();
         let numbers = triangles.iter().flatten().flat_map(|p| p.to_array()).map(f32::to_bits);
         hash = numbers.fold(hash.with(triangles.len() as u32), Fingerprint::with);
     }

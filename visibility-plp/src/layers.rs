@@ -265,8 +265,12 @@ mod tests {
                     }
                     behind += 1;
                     for object in layers.by_ref().flatten() {
-                        let [a, b, c] =
-                            scene.triangles(ids[object as usize]).unwrap()[0].map(|p| p.as_dvec3());
+                        let [a, b, c] = scene
+                            .triangles(ids[object as usize])
+                            .unwrap()
+                            .get(0)
+                            .unwrap()
+                            .map(|p| p.as_dvec3());
                         let distance: f64 = (b - a).cross(c - a).dot(eye - a);
                         assert!(distance < 0.0, "{a} {b} {c} from {eye}");
                     }

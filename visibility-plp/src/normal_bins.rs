@@ -89,7 +89,7 @@ impl NormalBins {
     /// number of objects.
     pub(crate) fn new(scene: &Scene) -> Self {
         let single = |id| match scene.triangles(id) {
-            Ok([triangle]) => unit_normal(triangle),
+            Ok(triangles) if triangles.len() == 1 => unit_normal(&triangles.first()?),
             _ => None,
         };
         let mut marks = alloc::vec![[NO_BIN, 0, 0]; scene.index_limit()];
@@ -301,7 +301,7 @@ mod tests {
             let toward = BoxFromEye::new(Eye::Point(DVec3::from_array(eye)), &cell);
             bins.eye_offsets(Eye::Point(DVec3::from_array(eye)), &all, &mut offsets);
             for id in scene.ids() {
-                let [a, b, c] = scene.triangles(id).unwrap()[0].map(|p| p.as_dvec3());
+                let [a, b, c] = scene.triangles(id).unwrap().get(0).unwrap().map(|p| p.as_dvec3());
                 let distance = (b - a).cross(c - a).dot(DVec3::from_array(eye) - a);
                 let side = bins.eye_side(id.index(), &toward, &offsets);
                 match side {
@@ -340,7 +340,7 @@ mod tests {
                 bins.eye_offsets(Eye::Point(eye), &cell, &mut offsets);
                 let toward = BoxFromEye::new(Eye::Point(eye), &cell);
                 for id in scene.ids() {
-                    let [a, b, c] = scene.triangles(id).unwrap()[0].map(|p| p.as_dvec3());
+                    let [a, b, c] = scene.triangles(id).unwrap().get(0).unwrap().map(|p| p.as_dvec3());
                     let distance = (b - a).cross(c - a).dot(eye - a);
                     match bins.eye_side(id.index(), &toward, &offsets) {
                         EyeSide::Front => assert!(distance > 0.0, "{id}: {distance}"),
@@ -377,7 +377,7 @@ mod tests {
             }
             let bins = NormalBins::new(&scene);
             for id in scene.ids() {
-                let triangle = scene.triangles(id).unwrap()[0];
+                let triangle = scene.triangles(id).unwrap().get(0).unwrap();
                 let (Some(m), bin) = (unit_normal(&triangle), bins.bins[bins.marks[id.index()][0] as usize])
                 else {
                     continue;

@@ -88,7 +88,7 @@ impl Shape {
 /// triangle has a NaN or infinite corner. Calls `each` for nothing if the bounds are empty, infinite or NaN,
 /// or the object is unknown. Coordinates are relative to the scene's origin.
 pub(crate) fn for_each_shape(scene: &Scene, id: ObjectId, each: &mut dyn FnMut(&Shape)) {
-    let triangles = scene.triangles(id).unwrap_or(&[]);
+    let triangles = scene.triangles(id).unwrap_or_default();
     let Ok(bounds) = scene.bounds(id) else { return };
     if !bounds.is_finite() {
         return;

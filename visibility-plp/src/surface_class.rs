@@ -65,7 +65,7 @@ impl SurfaceClass {
     /// of its bounds' six faces if it has no triangles. `openness` is 0 to 1, NaN counts as 1. Objects that
     /// do not have exactly one triangle get [`ANY_SIDE`] and [`UNKNOWN_LEAN`].
     pub(crate) fn of_object(scene: &Scene, id: ObjectId, openness: f32) -> (Self, MaxLean) {
-        let triangles = scene.triangles(id).unwrap_or(&[]);
+        let triangles = scene.triangles(id).unwrap_or_default();
         // In f64, since squared areas overflow f32 before coordinates do.
         let mut area = 0.0;
         for [a, b, c] in triangles {
@@ -78,8 +78,8 @@ impl SurfaceClass {
             let size = bounds.max - bounds.min;
             area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
         }
-        let (side, lean) = match triangles {
-            [[a, b, c]] => side_of(b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3()),
+        let (side, lean) = match (triangles.first(), triangles.len()) {
+            (Some([a, b, c]), 1) => side_of(b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3()),
             _ => (ANY_SIDE, UNKNOWN_LEAN),
         };
         let openness = FULLY_OPEN - halves_below_one(openness).min(FULLY_OPEN);

@@ -124,7 +124,7 @@ fn backs_and_what_is_out_of_view_cost_nothing() {
         let planes = view.planes(DVec3::ZERO);
         let all = run(&mut PlpCuller::new(cells.clone(), Budget::Objects(usize::MAX)), &scene, &view);
         for id in &all {
-            let bounds = Aabb::from_points(scene.triangles(*id).unwrap()[0]);
+            let bounds = Aabb::from_points(scene.triangles(*id).unwrap().get(0).unwrap());
             let outside =
                 |p: &visibility_core::view::ViewPlane| p.plane.classify_aabb(&bounds) == Containment::Outside;
             assert!(!planes.as_slice().iter().any(outside), "{id} is out of view");
@@ -132,7 +132,7 @@ fn backs_and_what_is_out_of_view_cost_nothing() {
         let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(usize::MAX)).with_one_sided(true);
         let fronts: BTreeSet<_> = run(&mut culler, &scene, &view).into_iter().collect();
         for id in all {
-            let [a, b, c] = scene.triangles(id).unwrap()[0].map(|p| p.as_dvec3());
+            let [a, b, c] = scene.triangles(id).unwrap().get(0).unwrap().map(|p| p.as_dvec3());
             let toward = match view.eye(DVec3::ZERO) {
                 visibility_core::view::Eye::Point(eye) => eye - a,
                 visibility_core::view::Eye::Direction(along) => -along,

@@ -120,7 +120,7 @@ fn change(scene: &mut Scene, random: &mut Random) {
         1 => scene.insert(Aabb::from_points(triangle)),
         2 => {
             // Keeps the bounds and reverses the triangles.
-            let turned: Vec<_> = scene.triangles(id).unwrap().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+            let turned: Vec<_> = scene.triangles(id).unwrap().iter().map(|[a, b, c]| [a, c, b]).collect();
             scene.set_triangles(id, turned).unwrap();
             return;
         }

@@ -178,8 +178,7 @@ fn change(scene: &mut Scene, rng: &mut Random) {
             }
             1 => {
                 // Same bounds, triangles reversed.
-                let turned: Vec<_> =
-                    scene.triangles(id).unwrap().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+                let turned: Vec<_> = scene.triangles(id).unwrap().iter().map(|[a, b, c]| [a, c, b]).collect();
                 scene.set_triangles(id, turned).unwrap();
             }
             2 => scene.set_layers(id, rng.pick(&[0, 1, u32::MAX])).unwrap(),

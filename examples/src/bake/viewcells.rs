@@ -149,7 +149,7 @@ impl Solids<'_> {
             Self::Scene(scene) => seek(scene),
             Self::Level(level) => level.with_scene_around(min, max, seek)?,
         };
-        found.map_err(|error| error.to_string().into())
+        found.map_err(|error| explain(&error).into())
     }
 }
 
@@ -168,7 +168,7 @@ pub fn make(
     solids: &Solids<'_>,
     stop: fn() -> bool,
 ) -> Result<Vec<Viewcell>, Failure> {
-    let text = |error: GridError| error.to_string();
+    let text = |error: GridError| explain(&error);
     let double = |point: Vec3| point.as_dvec3();
     let (low, high) = bounds
         .map_or((DVec3::ZERO, DVec3::ZERO), |(a, b)| (double(a) + source.origin, double(b) + source.origin));
@@ -248,7 +248,7 @@ pub fn make(
             .to_vec(),
         Placement::Above(file) => {
             let walkable = load_as(&file, reading).map_err(|error| error.to_string())?;
-            let triangles = walkable.objects.iter().flat_map(|object| &object.triangles);
+            let triangles = walkable.objects.iter().flat_map(|object| object.triangles.view());
             let triangles: Vec<[DVec3; 3]> =
                 triangles.map(|corners| corners.map(|p| double(p) + walkable.origin)).collect();
             grid.above(&triangles, &camera).map_err(text)?
@@ -259,6 +259,16 @@ pub fn make(
         return Err(message.to_owned().into());
     }
     Ok(found)
+}
+
+/// Returns an error for a person, with what to do where there was no time.
+fn explain(error: &GridError) -> String {
+    match error {
+        GridError::Stopped => {
+            format!("{error}: larger ones (--size), or fewer places (--over, --cells walks), take less")
+        }
+        _ => error.to_string(),
+    }
 }
 
 /// Returns the ends of the line on which an eye can be above a floor, given with the free height above it.

@@ -77,8 +77,8 @@ struct Arguments {
     plot: Option<PathBuf>,
 
     /// Most seconds of the clock for each viewcell and method. What is not decided by then is open, and
-    /// reported. For `exact` and `share`, whose time grows with the triangles of objects that several
-    /// occluders hide together; the other methods end soon. By default as long as it takes.
+    /// reported. For `exact` and `share`, whose time grows with the number of objects that no ray finds: up
+    /// to a second for each. The other methods end soon. By default as long as it takes.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time: Option<f64>,
 
@@ -109,7 +109,10 @@ fn stop_after(most: Option<f64>, what: String) -> Box<dyn Fn() -> bool + Send + 
         let seconds = start.elapsed().as_secs_f64();
         let tens = seconds as u64 / 10;
         if said.swap(tens, Relaxed) < tens {
-            eprintln!("{what}: {}0 s; what takes long is hidden by several occluders together", tens);
+            eprintln!(
+                "{what}: {tens}0 s; each object that no ray finds may take a second: --time ends it, and \
+                 `sweep` finds most of what is hidden at once"
+            );
         }
         most.is_some_and(|most| seconds > most)
     })

@@ -14,7 +14,8 @@ use visibility_examples::walkthrough::bake_advice::{BakeEstimate, quoted};
 use visibility_examples::walkthrough::canvas::Canvas;
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
-    Trial, World, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture, output, run,
+    Trial, World, aimed_rays, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture,
+    output, run,
 };
 use visibility_examples::{Cameras, Hint, Reading, load_as, open_as};
 use visibility_examples::{eprintln, print, println};
@@ -69,6 +70,11 @@ struct Arguments {
     /// exact answer.
     #[arg(long, default_value = "640x360", value_name = "WxH", value_parser = parse_size::<u32>)]
     size: [u32; 2],
+
+    /// Number of rays to aim beside edges and corners, as a second judge of what cullers hide. By default
+    /// none. A million take some seconds.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    rays: u64,
 
     /// File to write a line of JSON to for each culler. By default none.
     #[arg(long, value_name = "FILE")]
@@ -169,6 +175,9 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
     println!("{}", output::truth(&judgement));
     println!("{}\n{}", output::table(&world, &trials, &judgement), output::LEGEND);
+    if arguments.rays > 0 {
+        print!("{}", output::aimed_rays(&trials, &aimed_rays::cast(&world, &trials, arguments.rays)));
+    }
     if let Some(path) = &arguments.json {
         write_with(path, |out| output::json(out, &world, &trials, &judgement))?;
     }

@@ -248,12 +248,17 @@ fn objects<'a>(
     list_mut(value, key).iter_mut().filter_map(Value::as_object_mut)
 }
 
-/// Removes all of a document that places no triangle, and notes the nodes that pointers of animations move.
+/// Removes all of a document that places no triangle, gives each scene its list of nodes, and notes the nodes
+/// that pointers of animations move.
 fn strip(root: &mut Value, is_pointed_at: &mut [bool], unread: &mut Unread) {
     if let Some(members) = root.as_object_mut() {
         for key in ["images", "textures", "samplers", "cameras", "extensionsRequired", "extensions"] {
             members.remove(key);
         }
+    }
+    // A scene without nodes is valid, and empty.
+    for scene in objects(root, "scenes") {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
     }
     objects(root, "materials").for_each(strip_textures);
     for node in objects(root, "nodes") {

@@ -23,23 +23,28 @@ use crate::source::{Hint, SceneSource, SourceObject};
 use crate::{frame_hints, walk};
 use buffers::Buffers;
 use document::Document;
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DAffine3, DMat4, DVec3, Vec3};
 use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
-use instances::instances;
+use instances::{Instances, instance_count};
 use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, union};
 use nodes::Nodes;
 use serde_json::Value;
 use shape::Shape;
 use std::collections::HashMap;
 use std::path::Path;
-use visibility_core::Aabb;
+use std::rc::Rc;
+use visibility_core::{Aabb, scene::SharedTriangles};
 
 /// Maximum number of objects of a scene, which may have few triangles or none.
 const MOST_OBJECTS: usize = 1 << 22;
-/// Maximum number of triangles of a scene. Nodes can instance one mesh any number of times, so the size of
-/// the file does not bound the number of triangles.
+/// Maximum number of triangles that are kept: those of each mesh once, and of skinned, morphed and moving
+/// meshes for each node.
 const MOST_TRIANGLES: usize = 1 << 25;
+/// Maximum number of triangles of all objects, of which the item buffer must be able to number each. Nodes
+/// can instance one mesh any number of times, so neither the size of the file nor [`MOST_TRIANGLES`] bounds
+/// it.
+const MOST_PLACED: usize = u32::MAX as usize - 1;
 
 /// Reads a glTF or GLB document from its bytes, in metres and with y up. `path` is the document's path:
 /// further files are searched below its folder, and error messages show it.
@@ -80,9 +85,16 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         moved: Vec::new(),
         at_rest: Vec::new(),
         without_triangles: 0,
-        triangles: 0,
+        kept: 0,
+        placed: 0,
+        users: users_of_meshes(&document, &nodes),
+        meshes: HashMap::new(),
     };
     collector.origin = collector.origin_near_content()?;
+    let shown = placed(&document, &nodes)
+        .filter_map(|node| node.mesh().zip(Some(instance_count(&node, &document.gltf))));
+    let objects = shown.map(|(mesh, copies)| mesh.primitives().len().saturating_mul(copies));
+    collector.objects.reserve_exact(objects.fold(0, usize::saturating_add).min(MOST_OBJECTS));
     for node in placed(&document, &nodes) {
         collector.add(&node)?;
     }
@@ -138,16 +150,36 @@ struct Collector<'a> {
     objects: Vec<SourceObject>,
     /// Boxes of the objects that move.
     moved: Vec<MovedBox>,
-    /// Boxes of all objects at rest, in world space; empty for objects that do not move.
-    at_rest: Vec<Box64>,
+    /// Boxes of the objects that move, at rest, in world space, each with the index of its object.
+    at_rest: Vec<(usize, Box64)>,
     /// Number of primitives of points or lines, or without positions.
     without_triangles: usize,
-    triangles: usize,
+    /// Number of triangles that are kept.
+    kept: usize,
+    /// Number of triangles of all objects.
+    placed: usize,
+    /// Number of times that the scene shows a mesh, by its index.
+    users: Vec<usize>,
+    /// Primitives of meshes that several objects share, by the mesh's index.
+    meshes: HashMap<usize, Rc<[Primitive]>>,
+}
+
+/// Returns the number of times that the scene shows a mesh, by the index of the mesh.
+fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<usize> {
+    let mut users = vec![0; document.gltf.meshes().len()];
+    for node in placed(document, nodes) {
+        if let Some(mesh) = node.mesh() {
+            users[mesh.index()] += instance_count(&node, &document.gltf);
+        }
+    }
+    users
 }
 
 /// Triangles of a primitive before they are placed.
 struct Primitive {
     shape: Shape,
+    /// Triangles in the coordinates of the mesh, if several objects share them.
+    shared: Option<SharedTriangles>,
     /// Vertices of the corners.
     order: Vec<u32>,
     corners: Corners,
@@ -179,13 +211,12 @@ impl Collector<'_> {
                 known.insert(accessor.index(), of_accessor);
                 bounds = union(bounds, of_accessor);
             }
-            let copies = instances(&node, &self.document.gltf, self.buffers, self.path)?;
+            let copies = Instances::read(&node, &self.document.gltf, self.buffers, self.path)?;
             let joint = node.skin().and_then(|skin| skin.joints().next());
             let world = self.nodes.worlds[joint.map_or(node.index(), |joint| joint.index())];
             // A thousand copies say well enough where all are.
-            let copies = copies.unwrap_or_else(|| vec![DMat4::IDENTITY]);
-            for copy in copies.iter().step_by(copies.len() / 1000 + 1) {
-                let world = world * *copy;
+            for copy in (0..copies.count).step_by(copies.count / 1000 + 1) {
+                let world = world * copies.matrix(copy);
                 boxes.push(around(box_corners(bounds).map(|corner| world.transform_point3(corner))));
             }
         }
@@ -215,16 +246,13 @@ impl Collector<'_> {
             node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_owned);
         let hint = self.hint(node)?;
         let several = mesh.primitives().len() > 1;
-        let primitives: Vec<Primitive> = mesh
-            .primitives()
-            .map(|primitive| {
-                let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
-                self.primitive(node, &primitive, &place)
-            })
-            .collect::<Result<_, _>>()?;
-        let copies = instances(node, &self.document.gltf, self.buffers, self.path)?;
-        let is_copied = copies.is_some();
-        for (copy, instance) in copies.unwrap_or_else(|| vec![DMat4::IDENTITY]).iter().enumerate() {
+        let primitives = self.primitives(node, &mesh)?;
+        let copies = Instances::read(node, &self.document.gltf, self.buffers, self.path)?;
+        let is_copied = node.extension_value("EXT_mesh_gpu_instancing").is_some();
+        let triangles = primitives.iter().map(|primitive| primitive.corners.len()).sum();
+        self.check_placed(copies.count, triangles, node)?;
+        for copy in 0..copies.count {
+            let instance = &copies.matrix(copy);
             for (index, primitive) in primitives.iter().enumerate() {
                 let mut name = name.clone();
                 if is_copied {
@@ -260,24 +288,24 @@ impl Collector<'_> {
         instance: &DMat4,
         object: &mut SourceObject,
     ) {
-        let object_index = self.objects.len();
         let is_pointed_at = &self.nodes.is_pointed_at;
         let is_moved =
             primitive.shape.is_soft() || self.motion.moves(node.index()) || is_pointed_at[node.index()];
-        self.at_rest.push(EMPTY);
         if !is_moved || primitive.corners.len() == 0 {
             return;
         }
         object.opaque = false;
         object.motion = Some((Vec3::ZERO, Vec3::ZERO));
+        let (mover, mut all) = (self.at_rest.len(), EMPTY);
         for (node, to_node, bounds) in primitive.shape.boxes(node.index(), instance, &primitive.order) {
             // Where a pointer moves a node to is not read.
             object.never_cull |= is_pointed_at[node];
             let world = self.nodes.worlds[node] * to_node;
             let at_rest = around(box_corners(bounds).map(|corner| world.transform_point3(corner)));
-            self.at_rest[object_index] = union(self.at_rest[object_index], at_rest);
-            self.moved.push(MovedBox { object: object_index, node, to_node, bounds });
+            all = union(all, at_rest);
+            self.moved.push(MovedBox { mover, node, to_node, bounds });
         }
+        self.at_rest.push((self.objects.len(), all));
     }
 
     /// Gives all objects that move their bounds over all clips. One whose bounds are not known is never
@@ -285,10 +313,8 @@ impl Collector<'_> {
     fn bound_movers(&mut self) {
         let known =
             self.motion.enclose(&self.document.transforms, self.nodes, &self.moved, &mut self.at_rest);
-        for (object, &(low, high)) in self.objects.iter_mut().zip(&self.at_rest) {
-            if object.motion.is_none() {
-                continue;
-            }
+        for &(object, (low, high)) in &self.at_rest {
+            let object = &mut self.objects[object];
             let bounds = Aabb::from_world(low, high, self.origin);
             object.never_cull |= !known || !low.is_finite() || !high.is_finite() || !bounds.is_finite();
             object.motion = Some((bounds.min, bounds.max));
@@ -308,6 +334,69 @@ impl Collector<'_> {
             .transpose()
     }
 
+    /// Returns the primitives of a node's mesh. Those of a mesh that several nodes show are read once, unless
+    /// the node deforms them by a skin or the mesh has morph targets.
+    fn primitives(
+        &mut self,
+        node: &gltf::Node<'_>,
+        mesh: &gltf::Mesh<'_>,
+    ) -> Result<Rc<[Primitive]>, SourceError> {
+        let is_soft = node.skin().is_some()
+            || mesh.primitives().any(|primitive| primitive.morph_targets().next().is_some());
+        let is_shared = !is_soft && self.users[mesh.index()] > 1;
+        if is_shared && let Some(known) = self.meshes.get(&mesh.index()) {
+            return Ok(known.clone());
+        }
+        let mut read = Vec::with_capacity(mesh.primitives().len());
+        for primitive in mesh.primitives() {
+            let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
+            let mut primitive = self.primitive(node, &primitive, &place)?;
+            if is_shared {
+                self.keep(primitive.corners.len(), node)?;
+                self.check_placed(self.users[mesh.index()], primitive.corners.len(), node)?;
+                let Primitive { shape, order, corners, .. } = &primitive;
+                let corner = |i: usize| shape.positions[order[i] as usize];
+                let triangles = (0..corners.len()).map(|t| corners.of(t).map(corner));
+                primitive.shared = Some(triangles.collect::<Vec<_>>().into());
+            }
+            read.push(primitive);
+        }
+        let read: Rc<[Primitive]> = read.into();
+        if is_shared {
+            self.meshes.insert(mesh.index(), read.clone());
+        }
+        Ok(read)
+    }
+
+    /// Returns an error if `copies` of `triangles` triangles, beside those of the objects so far, are too
+    /// many to be placed.
+    fn check_placed(
+        &self,
+        copies: usize,
+        triangles: usize,
+        node: &gltf::Node<'_>,
+    ) -> Result<(), SourceError> {
+        let placed = copies.saturating_mul(triangles).saturating_add(self.placed);
+        if placed <= MOST_PLACED && copies.saturating_add(self.objects.len()) <= MOST_OBJECTS {
+            return Ok(());
+        }
+        let most = format!("{MOST_OBJECTS} objects, or {MOST_PLACED} triangles of all instances");
+        Err(self.wrong(node, format!("with it, the scene has more than {most}")))
+    }
+
+    /// Counts triangles that are kept. Returns an error when they are too many.
+    fn keep(&mut self, triangles: usize, node: &gltf::Node<'_>) -> Result<(), SourceError> {
+        self.kept += triangles;
+        let problem = || {
+            format!("with it, the scene has more than {MOST_TRIANGLES} triangles, shared ones counted once")
+        };
+        if self.kept > MOST_TRIANGLES { Err(self.wrong(node, problem())) } else { Ok(()) }
+    }
+
+    fn wrong(&self, node: &gltf::Node<'_>, problem: String) -> SourceError {
+        SourceError::content(self.path, format!("node {}", node.index()), problem)
+    }
+
     /// Reads the triangles of one primitive, which are none for points and lines. `place` names the primitive
     /// in error messages. Returns an error for invalid accessors or indices, and when more would be read than
     /// may be.
@@ -324,6 +413,7 @@ impl Collector<'_> {
             self.without_triangles += 1;
             return Ok(Primitive {
                 shape: Shape::default(),
+                shared: None,
                 order: Vec::new(),
                 corners: corners(Mode::Points, 0),
                 see_through: false,
@@ -354,7 +444,7 @@ impl Collector<'_> {
         let shape = Shape::read(node, primitive, positions, self.motion, self.buffers, (self.path, place))?;
         let material = primitive.material();
         let (see_through, one_sided) = (is_see_through(&material), !material.double_sided());
-        Ok(Primitive { shape, order, corners, see_through, one_sided })
+        Ok(Primitive { shape, shared: None, order, corners, see_through, one_sided })
     }
 
     /// Returns the triangles of a primitive, relative to the origin. `instance` maps the mesh's space to the
@@ -364,15 +454,16 @@ impl Collector<'_> {
         node: &gltf::Node<'_>,
         primitive: &Primitive,
         instance: &DMat4,
-    ) -> Result<Vec<[Vec3; 3]>, SourceError> {
-        let Primitive { shape, order, corners, .. } = primitive;
-        self.triangles += corners.len();
-        if self.triangles > MOST_TRIANGLES || self.objects.len() >= MOST_OBJECTS {
-            let problem = format!(
-                "with it, the scene has more than {MOST_TRIANGLES} triangles or {MOST_OBJECTS} objects"
-            );
-            return Err(SourceError::content(self.path, format!("node {}", node.index()), problem));
+    ) -> Result<SharedTriangles, SourceError> {
+        let Primitive { shape, order, corners, shared, .. } = primitive;
+        self.check_placed(1, corners.len(), node)?;
+        self.placed += corners.len();
+        if let Some(shared) = shared {
+            let mut transform = DAffine3::from_mat4(self.nodes.worlds[node.index()] * *instance);
+            transform.translation -= self.origin;
+            return Ok(shared.placed(transform));
         }
+        self.keep(corners.len(), node)?;
         let placed = shape.placed(node.index(), instance, self.nodes);
         let placed: Vec<Vec3> = placed.into_iter().map(|p| (p - self.origin).as_vec3()).collect();
         // A mirroring transform turns triangles inside out; swapping two vertices restores the front that the
@@ -382,7 +473,7 @@ impl Collector<'_> {
             let [a, b, c] = corners.of(t).map(|i| placed[order[i] as usize]);
             if mirrored { [a, c, b] } else { [a, b, c] }
         };
-        Ok((0..corners.len()).map(triangle).collect())
+        Ok((0..corners.len()).map(triangle).collect::<Vec<_>>().into())
     }
 }
 

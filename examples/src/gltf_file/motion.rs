@@ -86,8 +86,8 @@ struct Key {
 
 /// Box that a node moves, of an object.
 pub(super) struct MovedBox {
-    /// Index of the object.
-    pub object: usize,
+    /// Number of the object among those that move.
+    pub mover: usize,
     /// Index of the node.
     pub node: usize,
     /// Matrix from the box's space to that of the node.
@@ -206,7 +206,7 @@ impl Motion {
         transforms: &[LocalTransform],
         nodes: &Nodes,
         boxes: &[MovedBox],
-        bounds: &mut [Box64],
+        bounds: &mut [(usize, Box64)],
     ) -> bool {
         let work = |clip: &Clip| {
             let steps = clip.times.len().saturating_mul(clip.steps());
@@ -231,7 +231,8 @@ impl Motion {
                 }
                 for moved in boxes.iter().filter(|moved| is_moved[moved.node]) {
                     let map = worlds[moved.node].after(&ErrorMap::exact(moved.to_node));
-                    bounds[moved.object] = union(bounds[moved.object], map.image(moved.bounds));
+                    let bounds = &mut bounds[moved.mover].1;
+                    *bounds = union(*bounds, map.image(moved.bounds));
                 }
             }
         }

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3, Vec3};
 use std::collections::HashMap;
 use visibility_core::{OcclusionMap, View};
 use visibility_hzb::Hzb;
-use visibility_measure::{ItemBuffer, MeasureError, NONE};
+use visibility_measure::{ItemBuffer, MeasureError};
 use visibility_occluders::{LevelOccluders, OccluderPolygon};
 
 /// Height of the legend below the picture, in pixels.
@@ -65,27 +65,21 @@ pub fn draw(
     buffer.draw(view, world.origin(), world.items().filter(|item| !item.see_through))?;
     hzb.begin(view, world.origin());
     hzb.flush();
-    let triangles: Vec<_> = world
-        .items()
-        .filter(|item| !item.see_through)
-        .flat_map(|item| item.triangles.iter().map(move |triangle| (item.key, triangle)))
-        .collect();
     let mut kept: HashMap<u32, bool> = HashMap::new();
     let mut canvas = Canvas::new(width, height + LEGEND, SKY);
     let mut pixels = Pixels::default();
     for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
         let item = buffer.items()[row as usize * width as usize + column as usize];
-        if item == NONE {
+        let Some((object, triangle)) = world.drawn_triangle(buffer.visible(), item) else {
             pixels.empty += 1;
             continue;
-        }
-        let (object, triangle) = triangles[item as usize];
+        };
         let source = &world.source.objects[object as usize];
         let own = |at: u32, of: u32, size: usize| at as usize * size / of as usize;
         let key = hzb.depth_key(own(column, width, hzb.width()), own(row, height, hzb.height()));
         let (count, color) = if !source.opaque || source.door || source.motion.is_some() {
             (&mut pixels.no_occluder, HIDDEN)
-        } else if !*kept.entry(item).or_insert_with(|| is_kept(level, triangle)) {
+        } else if !*kept.entry(item).or_insert_with(|| is_kept(level, &triangle)) {
             (&mut pixels.left_out, REPORTED)
         } else if key == f32::NEG_INFINITY {
             (&mut pixels.bare, BARE)
@@ -93,7 +87,7 @@ pub fn draw(
             (&mut pixels.covered, VISIBLE)
         };
         *count += 1;
-        let color = shade(color.map(|level| f32::from(level) / 255.0), triangle);
+        let color = shade(color.map(|level| f32::from(level) / 255.0), &triangle);
         canvas.set(column.into(), row.into(), color);
     }
     canvas.rectangle(0, height.into(), width.into(), LEGEND.into(), PAPER);

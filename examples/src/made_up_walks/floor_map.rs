@@ -104,7 +104,8 @@ impl FloorMap {
         if object.motion.is_some() || is_door(&self.axes, object) {
             return;
         }
-        for triangle in object.triangles.iter().filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
+        let triangles = object.triangles.iter();
+        for triangle in triangles.filter(|triangle| triangle.iter().all(|p| p.is_finite())) {
             self.add_triangle(triangle.map(|p| self.axes.flat(p.as_dvec3())), object.one_sided);
         }
     }
@@ -134,15 +135,25 @@ impl FloorMap {
             is_within.then(|| [low.floor().clamp(0.0, last) as usize, high.floor().clamp(0.0, last) as usize])
         };
         let Some([first_row, last_row]) = columns(1, &corners) else { return };
+        let height = |polygon: &[DVec3]| {
+            let heights = polygon.iter().map(|p| p.z as f32);
+            heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)))
+        };
+        if first_row == last_row
+            && let Some([first, last]) = columns(0, &corners)
+            && first == last
+        {
+            // Most triangles of a fine mesh: nothing is clipped.
+            let (low, high) = height(&corners);
+            return self.insert(first_row * self.counts[0] + first, Span { low, high, is_floor, is_back });
+        }
         let mut found = Vec::new();
         for row in first_row..=last_row {
             let strip = if first_row == last_row { corners.to_vec() } else { self.clipped(&corners, 1, row) };
             let Some([first, last]) = columns(0, &strip) else { continue };
             for column in first..=last {
                 let part = if first == last { strip.clone() } else { self.clipped(&strip, 0, column) };
-                let heights = part.iter().map(|p| p.z as f32);
-                let (low, high) =
-                    heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)));
+                let (low, high) = height(&part);
                 if low <= high {
                     found.push((row * self.counts[0] + column, Span { low, high, is_floor, is_back }));
                 }

@@ -37,7 +37,7 @@ impl TriangleWorld {
     /// Makes every triangle of a world an object of its own, with its bounds in world space.
     pub fn new(world: &World) -> Self {
         let triangles: Vec<Triangle> =
-            world.source.objects.iter().flat_map(|object| object.triangles.iter().copied()).collect();
+            world.source.objects.iter().flat_map(|object| object.triangles.view()).collect();
         let objects = world.source.objects.iter();
         let see_through =
             objects.flat_map(|object| object.triangles.iter().map(|_| object.see_through)).collect();
@@ -71,8 +71,8 @@ impl TriangleWorld {
         let seen = buffer.draw(view, DVec3::ZERO, candidates.iter().map(|&i| self.item(i)))?;
         // Each object is one triangle. A pixel in which triangles tie counts for the triangle that the
         // picture shows.
-        let pixels = candidates.iter().copied().zip(seen.triangle_pixels().iter().copied());
-        let visible = pixels.filter(|&(_, pixels)| pixels > 0).collect();
+        let pixels = seen.triangle_pixels().iter();
+        let visible = pixels.map(|&(drawn, pixels)| (candidates[drawn as usize], pixels)).collect();
         Ok(Seen { visible, pixels: buffer.width() * buffer.height(), candidates })
     }
 

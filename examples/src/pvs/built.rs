@@ -61,11 +61,12 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
 /// for each whether it is drawn from its front alone.
 pub fn polygons(source: &SceneSource) -> (Vec<ConvexPolygon>, Vec<bool>) {
     let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
-    let polygon = |triangle: &[Vec3; 3]| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok();
+    let polygon = |triangle: [Vec3; 3]| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok();
     let of = |object: &SourceObject| {
         let one_sided = object.one_sided;
         object
             .triangles
+            .view()
             .iter()
             .filter_map(polygon)
             .map(move |polygon| (polygon, one_sided))

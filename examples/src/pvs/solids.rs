@@ -13,7 +13,8 @@ const FACES: usize = 12;
 pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
     let mut found = Vec::new();
     for object in source.objects.iter().filter(|object| object.opaque && !object.door) {
-        let mut rest = object.triangles.as_slice();
+        let triangles = object.triangles.view().to_vec();
+        let mut rest = triangles.as_slice();
         while let Some(run) = rest.get(..FACES) {
             let solid = as_box(run).filter(|ends| !object.one_sided || faces_outwards(run, ends));
             rest = &rest[if solid.is_some() { FACES } else { 1 }..];
@@ -88,7 +89,7 @@ mod tests {
         assert!(has([-0.1, 1.0, 2.1], [0.1, 2.0, 3.2]));
         assert!(boxes.len() * FACES < source.triangle_count());
         // A face with the same half twice is incomplete, so the triangles are no box.
-        let mut slab = source.objects[0].triangles.clone();
+        let mut slab = source.objects[0].triangles.view().to_vec();
         assert!(as_box(&slab).is_some());
         slab[1] = slab[0];
         assert!(as_box(&slab).is_none());
@@ -96,7 +97,7 @@ mod tests {
         let mut source = SceneSource { objects: vec![source.objects[0].clone()], ..source };
         source.objects[0].one_sided = true;
         assert_eq!(super::boxes(&source).len(), 1);
-        source.objects[0].triangles.iter_mut().for_each(|triangle| triangle.swap(0, 1));
+        source.objects[0].edit_triangles(|triangles| triangles.iter_mut().for_each(|t| t.swap(0, 1)));
         assert!(super::boxes(&source).is_empty());
     }
 }

@@ -118,7 +118,8 @@ impl Mesh {
     /// Returns an opaque object of this name, with each coordinate rounded to the nearest f32.
     pub(crate) fn named(self, name: String) -> SourceObject {
         // The memory of the mesh is not reused, as it is twice as large.
-        let triangles = self.triangles.iter().map(|triangle| triangle.map(|p| p.as_vec3())).collect();
+        let triangles =
+            self.triangles.iter().map(|triangle| triangle.map(|p| p.as_vec3())).collect::<Vec<_>>();
         SourceObject::new(name, triangles)
     }
 }

@@ -128,7 +128,7 @@ fn is_free(world: &World, min: DVec3, max: DVec3, found: &mut Vec<ObjectId>) -> 
     SceneQuery::new(&world.scene).in_box(&Aabb::from_world(min, max, origin), found);
     let (center, half) = ((min + max) * 0.5 - origin, (max - min) * 0.5);
     found.iter().map(|id| &world.source.objects[id.index()]).all(|object| {
-        !object.opaque || object.door || object.triangles.iter().all(|t| !touches(t, center, half))
+        !object.opaque || object.door || object.triangles.iter().all(|t| !touches(&t, center, half))
     })
 }
 

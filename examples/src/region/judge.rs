@@ -217,7 +217,7 @@ fn has_line_of_sight(world: &World, object: u32, [from, through]: [DVec3; 2], ke
         return true;
     }
     let direction = through - from;
-    let hits = target.triangles.iter().filter_map(|t| hit(from, direction, t));
+    let hits = target.triangles.iter().filter_map(|t| hit(from, direction, &t));
     let to = from + direction * (hits.fold(f64::INFINITY, f64::min) * (1.0 - 1e-6));
     // Exact arithmetic takes coordinates of 24 bits: the ends of the segment are rounded to these first.
     let [from, to] = [from, to].map(|end| end.as_vec3().as_dvec3());
@@ -233,7 +233,7 @@ fn has_line_of_sight(world: &World, object: u32, [from, through]: [DVec3; 2], ke
                 let (min, max) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
                 is_near(min.min(corners[2]), max.max(corners[2]))
                     && !(of.one_sided && orientation_sign(corners[0], corners[1], corners[2], from) <= 0)
-                    && if keep > 0.0 { distance(from, to, t) <= keep } else { touches(from, to, corners) }
+                    && if keep > 0.0 { distance(from, to, &t) <= keep } else { touches(from, to, corners) }
             })
     };
     !world.source.objects.iter().enumerate().any(|(index, of)| {

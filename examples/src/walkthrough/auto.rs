@@ -210,4 +210,32 @@ mod tests {
         assert!(has(&world, "pvs:objects") && !has(&outdoors, "pvs:objects") && !has(&outdoors, "pvs+"));
         assert!(has(&outdoors, "region-pvs") && has(&outdoors, "portals+hzb"));
     }
+
+    #[test]
+    fn preparations_are_timed_on_few_triangles_and_what_is_left_out_is_said() {
+        let world = World::new(built_in("london:6,6").unwrap(), (64, 36), Some(1)).unwrap();
+        let (all, sample) = (world.source.triangle_count(), Sample::new(&world));
+        let triangles = sample.world.source.triangle_count();
+        assert!(all > SAMPLE && (1..=SAMPLE).contains(&triangles), "{triangles} of {all}");
+        // A preparation takes more than its share of the time for more triangles.
+        assert!(sample.factor > all as f64 / triangles as f64);
+
+        let facts = Advisor::new(&world.scene, &world.views, DrawCost::default()).unwrap().facts().to_owned();
+        let untried = ["pvs:objects", "pvs:walls+hzb", "occlusion-tree:8"].map(str::to_owned).to_vec();
+        let advice = Advice {
+            entry: "hzb".to_owned(),
+            facts,
+            chosen: CullerTrial::default(),
+            frustum: CullerTrial::default(),
+            least_us: 1.0,
+            tried: 2,
+            untried,
+            cells: false,
+            bake: Err("not tried".to_owned()),
+        };
+        let line = "no time for 3 settings of pvs, occlusion-tree: --thorough tries them\n";
+        assert!(advice.to_string().contains(line), "{advice}");
+        let silent = Advice { untried: Vec::new(), ..advice };
+        assert!(!silent.to_string().contains("no time"), "{silent}");
+    }
 }

@@ -106,7 +106,7 @@ impl fmt::Display for BakeEstimate {
             advised.total_us,
             advised.objects,
         )?;
-        write!(
+        writeln!(
             f,
             "by {baked} of the {viewcells} viewcells along the walks, baked in {seconds:.1} s{}, {least_objects:.0} at least",
             if *complete {
@@ -114,6 +114,12 @@ impl fmt::Display for BakeEstimate {
             } else {
                 ", not finished; with more time a bake leaves fewer"
             },
+        )?;
+        // A line of sight keeps six times the clearance from what is on either side.
+        let gap = 12e3 * Settings::default().clearance;
+        write!(
+            f,
+            "it may hide what is seen only through gaps narrower than {gap:.1} mm: --clearance 0 does not"
         )
     }
 }
@@ -246,6 +252,7 @@ mod tests {
         assert!(by_frustum.trial.objects < by_frustum.advised.objects && by_frustum.trial.is_sound());
         assert!(by_frustum.least_objects <= by_frustum.trial.objects && by_frustum.least_objects > 0.0);
         assert!((1..=by_frustum.viewcells).contains(&by_frustum.baked));
+        assert!(by_frustum.to_string().contains("narrower than 1.2 mm: --clearance 0"));
         // What a set saves, if anything, is time in all.
         let costs = |total_us, false_hidden| CullerTrial { total_us, false_hidden, ..by_frustum.trial };
         let is_worth_it = |trial, advised| BakeEstimate { trial, advised, ..by_frustum }.is_worth_it();

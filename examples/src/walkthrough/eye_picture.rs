@@ -28,17 +28,16 @@ pub fn draw(world: &World, view: &View, shown: Shown<'_>) -> Result<Canvas, Meas
     let (width, height) = world.size;
     let mut buffer = ItemBuffer::new(width, height)?;
     let is_shown = |object: &u32| shown.only.is_none_or(|only| only.binary_search(object).is_ok());
-    let items = || world.items().filter(|item| is_shown(&item.key));
-    buffer.draw(view, world.origin(), items())?;
-    let triangles: Vec<_> =
-        items().flat_map(|item| item.triangles.iter().map(move |t| (item.key, t))).collect();
+    buffer.draw(view, world.origin(), world.items().filter(|item| is_shown(&item.key)))?;
     let mut canvas = Canvas::new(width, height, SKY);
     for row in 0..height {
         for column in 0..width {
             let color_of = |item: u32| {
-                let (object, triangle) = triangles[item as usize];
+                let Some((object, triangle)) = world.drawn_triangle(buffer.visible(), item) else {
+                    return SKY;
+                };
                 let color = if shown.marked == Some(object) { MARK } else { own_color(object as usize) };
-                shade(color, triangle)
+                shade(color, &triangle)
             };
             let item = buffer.items()[row as usize * width as usize + column as usize];
             let mut color = if item == NONE { SKY } else { color_of(item) };

@@ -6,17 +6,21 @@ use super::judge::Judgement;
 use super::palette::{HIDDEN, INK, LOST, PAPER, REPORTED, VIEW, VISIBLE};
 use super::{Trial, World};
 use glam::{DVec3, Vec3};
-use visibility_core::{Pose, View, view::Window};
+use visibility_core::{OccluderMesh, Pose, View, scene::SharedTriangles, view::Window};
 use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
 const WALK: Color = [120, 120, 200];
 
 /// Longer side of the map, in pixels.
 const SIDE: f64 = 1200.0;
+/// Least width of the map in pixels: that of the captions below it.
+const CAPTION: u32 = 960;
 /// Margin around the map as a fraction of the longer side, so that walks outside the scene are shown.
 const MARGIN: f64 = 0.04;
 /// Fraction of the map's area above which an object counts as ground and is drawn pale.
 const GROUND: f64 = 0.05;
+/// Number of triangles above which instances of meshes are drawn as their boxes: a map copies what it draws.
+const MOST_TRIANGLES: usize = 1 << 20;
 /// Height of the legend below the map, in pixels.
 const LEGEND: u32 = 64;
 
@@ -156,7 +160,7 @@ impl Map {
             ahead,
             up,
             pixels_per_metre,
-            width: pixels(across),
+            width: pixels(across).max(CAPTION),
             height: pixels(along),
             extent: (across * across + along * along).sqrt(),
         }
@@ -196,7 +200,8 @@ impl Map {
         let whole = f64::from(self.width) * f64::from(self.height) / self.pixels_per_metre.powi(2);
         order.retain(|&(area, object)| shown(object, area / whole));
         let areas: Vec<f64> = order.iter().map(|&(area, _)| area).collect();
-        let flat: Vec<(u32, Vec<[Vec3; 3]>)> = (1..)
+        let all: usize = order.iter().map(|&(_, object)| objects[object as usize].triangles.len()).sum();
+        let flat: Vec<(u32, SharedTriangles)> = (1..)
             .zip(&order)
             .map(|(rank, &(_, object))| {
                 let height = self.up * f64::from(rank);
@@ -205,7 +210,13 @@ impl Map {
                     (self.right * offset.dot(self.right) + self.ahead * offset.dot(self.ahead) + height)
                         .as_vec3()
                 };
-                (object, objects[object as usize].triangles.iter().map(|t| t.map(flatten)).collect())
+                let triangles = &objects[object as usize].triangles;
+                if all > MOST_TRIANGLES && triangles.view().mesh().1.is_some() {
+                    let corners = triangles.bounds().corners().map(flatten);
+                    return (object, OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize])).into());
+                }
+                let flat = triangles.iter().map(|triangle| triangle.map(flatten));
+                (object, flat.collect::<Vec<_>>().into())
             })
             .collect();
         let top = self.up * (objects.len() as f64 + 2.0);
@@ -219,7 +230,7 @@ impl Map {
         buffer.draw(
             &view,
             DVec3::ZERO,
-            flat.iter().map(|(object, triangles)| (*object, triangles.as_slice())),
+            flat.iter().map(|(object, triangles)| (*object, triangles.view())),
         )?;
         // A dark rim where two objects meet separates neighbours of one color.
         let object_at = |x: u32, y: u32| {

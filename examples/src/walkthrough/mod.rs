@@ -5,6 +5,7 @@
 //! with the exact answer, [`output`] prints the results, and [`eye_picture`], [`map_picture`] and
 //! [`cells_picture`] draw them.
 
+pub mod aimed_rays;
 pub mod auto;
 pub mod bake_advice;
 pub mod canvas;

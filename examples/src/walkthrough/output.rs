@@ -1,5 +1,6 @@
 //! Output of results as a table for people, and as JSON lines and lists of reported objects for programs.
 
+use super::aimed_rays::AimedRays;
 use super::judge::{Judgement, Verdict, over_ideal};
 use super::{Trial, World};
 use crate::{Reading, SourceObject};
@@ -21,9 +22,13 @@ pub fn header(world: &World, reading: &Reading) -> String {
     let count = |is: fn(&SourceObject) -> bool| source.objects.iter().filter(|&object| is(object)).count();
     let moving = |object: &SourceObject| object.motion.is_some() || object.never_cull;
     let (occluders, up) = (scene.occluder_count(), source.up_axis());
+    let shared = match source.instances() {
+        [0, _] => String::new(),
+        [objects, meshes] => format!(", {objects} objects share {meshes} meshes"),
+    };
     format!(
-        "{}: {} objects: {} opaque, {} see-through, {} moving; {occluders} occluders; {} triangles ({}); \
-         unit {} m, {up} up, origin {}",
+        "{}: {} objects: {} opaque, {} see-through, {} moving; {occluders} occluders; {} triangles \
+         ({}){shared}; unit {} m, {up} up, origin {}",
         source.name,
         source.objects.len(),
         count(|object| !object.see_through),
@@ -50,6 +55,11 @@ pub fn truth(judgement: &Judgement) -> String {
 /// Formats the results as a table with a row per culler, in the order of the trials.
 pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
     let frames = world.views.len() as f64;
+    let frustum = trials.iter().find(|trial| trial.name == "frustum");
+    let over_gain = |trial: &Trial| match frustum {
+        Some(frustum) => format!("{:.2}", trial.worst_over_gain(frustum)),
+        None => "-".to_owned(),
+    };
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
         "culler",
@@ -58,6 +68,7 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
         "/ limit",
         "us a frame",
         "p99",
+        "/ gain",
         "/ ideal",
         "false hidden",
         "ties",
@@ -72,6 +83,7 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
             format!("{:.2}", trial.mean_visible() / judgement.mean_limit().max(1.0)),
             format!("{:.2}", trial.quantile(0.5)),
             format!("{:.2}", trial.quantile(0.99)),
+            over_gain(trial),
             format!("{:.1}", cost_over_ideal(trial, verdict, judgement)),
             verdict.false_hidden.to_string(),
             verdict.tied_hidden.to_string(),
@@ -85,12 +97,27 @@ pub fn table(world: &World, trials: &[Trial], judgement: &Judgement) -> Table {
     table
 }
 
+/// Returns a line on what aimed rays found, and a line for each culler with the number of objects that rays
+/// met and the culler hid, all frames together, and the first of these.
+pub fn aimed_rays(trials: &[Trial], found: &AimedRays) -> String {
+    let mut text = format!("aimed rays: {} cast, {} met an object\n", found.rays, found.met);
+    for (trial, hidden) in trials.iter().zip(&found.hidden) {
+        text += &format!(" {}: {} objects were met and hidden", trial.name, hidden.len());
+        if let Some((frame, object)) = hidden.first() {
+            text += &format!(", first in frame {frame} object {object}");
+        }
+        text += "\n";
+    }
+    text
+}
+
 /// Explanation of the columns of [`table`], to be printed below it.
 pub const LEGEND: &str = "\
 reported: objects a frame by the culler; visible: in truth (an item buffer: opaque triangles, and see-through ones before them)
 box limit: objects a frame that a culler must report which tests only boxes: before opaque triangles, a pixel is free for their box
 / limit: reported objects for each one of the box limit; 1 is the best that boxes allow
 us a frame, p99: median and 99th percentile of the time to cull one frame, one thread
+/ gain: of the worst frame, the time to cull over 4 times the time of `frustum` and 1 us for each object that it reports more
 / ideal: time to cull and to draw what is reported, over the ideal: to draw visible triangles alone, without any time to cull
 (1 us for each object and 1 us for a thousand triangles)
 false hidden: visible objects that the culler hid, all frames together: what a user sees vanish

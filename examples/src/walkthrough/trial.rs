@@ -14,6 +14,8 @@ pub struct Trial {
     pub reported: Vec<Vec<u32>>,
     /// Time of each frame of each timed pass, in microseconds, ascending.
     pub micros: Vec<f64>,
+    /// Median time of each frame over the timed passes, in microseconds, in the order of the frames.
+    pub frame_micros: Vec<f64>,
 }
 
 impl Trial {
@@ -22,6 +24,20 @@ impl Trial {
     pub fn quantile(&self, share: f64) -> f64 {
         let last = self.micros.len().saturating_sub(1) as f64;
         self.micros.get((share * last).round() as usize).copied().unwrap_or(0.0)
+    }
+
+    /// Returns the greatest ratio, over all frames, of the time to cull a frame to what culling may cost: 4
+    /// times the time of `frustum`, and 1 us, the price of an object, for each object that this trial hides
+    /// and `frustum` reports. At most 1 if culling never costs much more than it saves. 0 without frames.
+    pub fn worst_over_gain(&self, frustum: &Self) -> f64 {
+        let gained = frustum.reported.iter().zip(&self.reported);
+        let may_cost = frustum
+            .frame_micros
+            .iter()
+            .zip(gained)
+            .map(|(&micros, (all, left))| 4.0 * micros + all.len().saturating_sub(left.len()) as f64);
+        let ratios = self.frame_micros.iter().zip(may_cost).map(|(&micros, may_cost)| micros / may_cost);
+        ratios.fold(0.0, f64::max)
     }
 
     /// Returns the mean number of reported objects per frame; 0 without frames.
@@ -65,19 +81,45 @@ pub fn run_for(
         ids.sort_unstable();
         reported.push(ids);
     }
-    let mut micros = Vec::new();
+    let mut of_frames = vec![Vec::new(); world.views.len()];
     let start = Instant::now();
     for pass in 0..PASSES {
         if pass > 0 && start.elapsed() > measure {
             break;
         }
         pipeline.reset();
-        for view in &world.views {
+        for (view, own) in world.views.iter().zip(&mut of_frames) {
             let begin = Instant::now();
             pipeline.cull(&world.scene, view, &mut visible);
-            micros.push(begin.elapsed().as_secs_f64() * 1e6);
+            own.push(begin.elapsed().as_secs_f64() * 1e6);
         }
     }
+    let median = |own: &mut Vec<f64>| {
+        own.sort_by(f64::total_cmp);
+        own.get(own.len() / 2).copied().unwrap_or(0.0)
+    };
+    let frame_micros = of_frames.iter_mut().map(median).collect();
+    let mut micros = of_frames.concat();
     micros.sort_by(f64::total_cmp);
-    Some(Trial { name, accuracy: pipeline.accuracy(), reported, micros })
+    Some(Trial { name, accuracy: pipeline.accuracy(), reported, micros, frame_micros })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_frame_is_held_against_frustum_and_hidden_objects() {
+        let trial = |counts: [u32; 2], frame_micros: [f64; 2]| Trial {
+            name: String::new(),
+            accuracy: Accuracy::Conservative,
+            reported: counts.map(|count| (0..count).collect()).to_vec(),
+            micros: Vec::new(),
+            frame_micros: frame_micros.to_vec(),
+        };
+        let frustum = trial([10, 10], [1.0, 2.0]);
+        // The first frame may cost 4 us and 10 objects, the second 8 us and 4 objects.
+        assert_eq!(trial([0, 6], [7.0, 24.0]).worst_over_gain(&frustum), 2.0);
+        assert_eq!(frustum.worst_over_gain(&frustum), 0.25);
+    }
 }

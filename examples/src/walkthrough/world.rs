@@ -5,13 +5,13 @@ use crate::eprintln;
 use crate::pvs::built;
 use crate::source::{SourceCells, SourceObject};
 use crate::{SceneSource, SourceError, frames};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::sync::OnceLock;
 use std::time::Instant;
 use visibility_core::{
     ObjectId, Pose, Scene, View, cells::CellId, occlusion::Preparation, pvs::Viewcells, view::ViewError,
 };
-use visibility_measure::DrawnObject;
+use visibility_measure::{DrawnObject, SampledVisibility};
 
 /// Scene and views that cullers work on, with the source that they came from.
 pub struct World {
@@ -101,8 +101,33 @@ impl World {
         (0..).zip(&self.source.objects).map(|(key, object)| DrawnObject {
             see_through: object.see_through,
             one_sided: object.one_sided,
-            ..DrawnObject::from((key, object.triangles.as_slice()))
+            ..DrawnObject::from((key, object.triangles.view()))
         })
+    }
+
+    /// Returns an error if there are too many triangles for a method that copies those of each instance.
+    ///
+    /// # Errors
+    ///
+    /// Returns a message with the number of triangles, if it is more than 2^25.
+    pub fn check_copies(&self) -> Result<(), String> {
+        const MOST: usize = 1 << 25;
+        let all = self.source.triangle_count();
+        let refused = || {
+            format!(
+                "it copies the triangles of each instance of a mesh, {all} in all, and takes at most {MOST}, \
+                 unlike frustum, contribution, hzb, view-cdt and the judge"
+            )
+        };
+        if all > MOST { Err(refused()) } else { Ok(()) }
+    }
+
+    /// Returns the index of the object of a triangle that an item buffer drew from [`items`](Self::items), or
+    /// some of them, and the triangle. `None` for an unknown number.
+    pub fn drawn_triangle(&self, drawn: &SampledVisibility, item: u32) -> Option<(u32, [Vec3; 3])> {
+        let object = drawn.objects()[drawn.object_of(item)?];
+        let triangles = self.source.objects.get(object.key as usize)?.triangles.view();
+        Some((object.key, triangles.get((item - object.first_triangle) as usize)?))
     }
 
     /// Returns the cells and portals of the scene, with the objects in each cell: those that the scene
@@ -127,6 +152,7 @@ impl World {
     /// before and a line after on standard error, and a word if most cameras of the walks stand in the
     /// open.
     fn make_cells(&self) -> Result<SourceCells, String> {
+        self.check_copies()?;
         if self.origin() != DVec3::ZERO {
             return Err("cells are made of triangles only where the world's origin is zero".to_owned());
         }

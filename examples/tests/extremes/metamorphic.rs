@@ -60,8 +60,12 @@ fn changed(old: &World, change: &Change, rng: &mut Random) -> (World, Vec<usize>
         (1..order.len()).rev().for_each(|i| order.swap(i, rng.below(i + 1)));
     }
     let mut objects: Vec<_> = order.iter().map(|&index| old.source.objects[index].clone()).collect();
-    for point in objects.iter_mut().flat_map(|object| &mut object.triangles).flatten() {
-        *point = (change.map * point.as_dvec3()).as_vec3();
+    for object in &mut objects {
+        object.edit_triangles(|triangles| {
+            for point in triangles.as_flattened_mut() {
+                *point = (change.map * point.as_dvec3()).as_vec3();
+            }
+        });
     }
     let back = DMat4::from_mat3(change.map.inverse());
     let views = old.views.iter().map(|view| {

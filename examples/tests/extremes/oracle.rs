@@ -33,7 +33,7 @@ pub(crate) fn seen_point(
     }
     for _ in 0..POINTS {
         let which = rng.below(triangles.len());
-        let [a, b, c] = triangles[which].map(|p| p.as_dvec3());
+        let [a, b, c] = triangles.view().get(which).unwrap().map(|p| p.as_dvec3());
         let (mut u, mut v) = (rng.unit(), rng.unit());
         if u + v > 1.0 {
             (u, v) = (1.0 - u, 1.0 - v);
@@ -50,7 +50,7 @@ pub(crate) fn seen_point(
                 }
                 source.objects.iter().enumerate().any(|(index, other)| {
                     (other.triangles.iter().enumerate()).any(|(number, triangle)| {
-                        (index, number) != (object, which) && from.may_meet(triangle)
+                        (index, number) != (object, which) && from.may_meet(&triangle)
                     })
                 })
             })
@@ -97,7 +97,7 @@ pub(crate) fn sight_from_cell(
             plane.signed_distance(eye) > ROUNDING * size || plane.normalized().is_none()
         });
         let which = rng.below(triangles.len());
-        let corners = triangles[which].map(|p| p.as_dvec3());
+        let corners = triangles.view().get(which).unwrap().map(|p| p.as_dvec3());
         let (u, v) = (rng.unit(), rng.unit());
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         let segment = Segment {
@@ -111,7 +111,7 @@ pub(crate) fn sight_from_cell(
         let is_blocked = source.objects.iter().enumerate().any(|(index, other)| {
             let all = other.triangles.iter().enumerate();
             all.into_iter()
-                .any(|(number, triangle)| (index, number) != (object, which) && segment.may_meet(triangle))
+                .any(|(number, triangle)| (index, number) != (object, which) && segment.may_meet(&triangle))
         });
         (!is_blocked).then_some([segment.from, segment.to])
     })

@@ -55,11 +55,13 @@ fn loose(rng: &mut Random, kind: usize) -> Case {
         what += ", each object at its own scale";
         for object in &mut objects {
             let own = power(rng).powf(0.5);
-            place(object.triangles.as_flattened_mut(), DVec3::splat(own), DVec3::ZERO);
+            object.edit_triangles(|all| place(all.as_flattened_mut(), DVec3::splat(own), DVec3::ZERO));
         }
     }
     let (scale, far) = stretch(rng, &mut what);
-    objects.iter_mut().for_each(|object| place(object.triangles.as_flattened_mut(), scale, far));
+    for object in &mut objects {
+        object.edit_triangles(|all| place(all.as_flattened_mut(), scale, far));
+    }
     spoil(rng, &mut objects, &mut what);
     let origin = origin(rng, &mut what);
     let views = (0..4).map(|_| view(rng, &objects, 6.0, scale, origin)).collect();
@@ -71,7 +73,9 @@ pub(crate) fn rooms(rng: &mut Random) -> Case {
     let mut maze = Maze::random(rng);
     let mut what = format!("{} rooms, {} holes", maze.rooms.len(), maze.holes.len());
     let (scale, far) = stretch(rng, &mut what);
-    maze.objects.iter_mut().for_each(|object| place(object.triangles.as_flattened_mut(), scale, far));
+    for object in &mut maze.objects {
+        object.edit_triangles(|all| place(all.as_flattened_mut(), scale, far));
+    }
     maze.rooms.iter_mut().for_each(|corners| place(corners, scale, far));
     maze.holes.iter_mut().for_each(|(corners, _)| place(corners, scale, far));
     spoil(rng, &mut maze.objects[maze.walls..], &mut what);
@@ -249,9 +253,10 @@ fn spoil(rng: &mut Random, objects: &mut [SourceObject], what: &mut String) {
     ];
     for _ in 0..1 + rng.below(6) {
         let object = rng.below(objects.len());
-        let triangles = &mut objects[object].triangles;
-        let triangle = rng.below(triangles.len());
-        triangles[triangle][rng.below(3)][rng.below(3)] = rng.pick(&bad);
+        objects[object].edit_triangles(|triangles| {
+            let triangle = rng.below(triangles.len());
+            triangles[triangle][rng.below(3)][rng.below(3)] = rng.pick(&bad);
+        });
     }
 }
 
@@ -260,7 +265,7 @@ fn spoil(rng: &mut Random, objects: &mut [SourceObject], what: &mut String) {
 fn view(rng: &mut Random, objects: &[SourceObject], reach: f64, scale: DVec3, origin: DVec3) -> View {
     let mut corners = || {
         let object = &objects[rng.below(objects.len())];
-        object.triangles[rng.below(object.triangles.len())].map(|p| p.as_dvec3())
+        object.triangles.view().get(rng.below(object.triangles.len())).unwrap().map(|p| p.as_dvec3())
     };
     let (near_one, other) = (corners(), corners());
     let [a, b, c] = near_one;

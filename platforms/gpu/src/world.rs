@@ -27,10 +27,10 @@ impl World {
         let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
             cost: object.triangles.len() as u32,
             occluder: object.opaque,
-            ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
+            ..Object::new(Aabb::from_points(object.triangles.iter().flatten()))
         }));
         for (id, object) in ids.into_iter().zip(&source.objects) {
-            scene.set_triangles(id, object.triangles.as_slice())?;
+            scene.set_triangles(id, object.triangles.clone())?;
         }
         scene.prepare_occluders(&Preparation::default());
         Ok(Self { scene, source })

@@ -70,10 +70,15 @@ pub(crate) struct Triangulation {
     pub(crate) labels: Vec<u32>,
     /// Labels that some triangle has lost, with repetitions.
     pub(crate) erased: Vec<u32>,
+    /// Least and greatest coordinates of the triangles that have lost their labels.
+    pub(crate) erased_bounds: [Point; 2],
     /// Half-edge at which the next location begins.
     last: u32,
     stack: Vec<u32>,
 }
+
+/// Bounds of no point.
+pub(crate) const NOWHERE: [Point; 2] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
 
 impl Triangulation {
     /// Makes the two triangles of a rectangle, given by its least and greatest corner.
@@ -97,6 +102,7 @@ impl Triangulation {
         self.out.extend([0, 1, 2, 5]);
         self.labels.extend([NONE; 2]);
         self.last = 0;
+        self.erased_bounds = NOWHERE;
     }
 
     /// Erases the labels of triangles whose points are about to be divided anew, unless all are equal.
@@ -109,6 +115,12 @@ impl Triangulation {
             let label = core::mem::replace(&mut self.labels[t as usize], NONE);
             if label != NONE {
                 self.erased.push(label);
+                for corner in [0, 1, 2].map(|k| self.start(3 * t + k)) {
+                    for axis in 0..2 {
+                        let [low, high] = &mut self.erased_bounds;
+                        (low[axis], high[axis]) = (low[axis].min(corner[axis]), high[axis].max(corner[axis]));
+                    }
+                }
             }
         }
     }

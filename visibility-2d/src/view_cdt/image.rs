@@ -8,7 +8,7 @@
 use super::screen::{GRID, ProjectedBox, REACH, RIM};
 use super::shape::{Shape, Shapes, at};
 use crate::cdt::constrain::Constrainer;
-use crate::cdt::triangulation::{NONE, Place, Triangulation};
+use crate::cdt::triangulation::{NONE, NOWHERE, Place, Triangulation};
 use alloc::vec::Vec;
 
 /// Greatest number of triangles: those beyond are never filled.
@@ -16,6 +16,9 @@ pub(crate) const MOST_TRIANGLES: usize = 1 << 13;
 
 /// Number of the list that marks every edge of an outline. What is in the list is of no use here.
 const OUTLINE: u32 = 0;
+
+/// Bounds of the plane.
+const EVERYWHERE: [[f64; 2]; 2] = [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]];
 
 /// Triangles of a search, in memory of fixed size, so that a test of a borrowed image needs no other.
 struct Search {
@@ -148,7 +151,7 @@ impl Image {
     pub(crate) fn add(&mut self, shapes: &Shapes, number: u32, split: bool) {
         let shape = &shapes.list[number as usize];
         let outline = &shapes.outlines[shape.outline.clone()];
-        self.collect(outline);
+        self.collect(outline, EVERYWHERE);
         let labels = &self.triangulation.labels;
         let filled = self.found.iter().filter(|&&t| labels[t as usize] != NONE).count();
         if filled == self.found.len() || filled > 0 && !split {
@@ -165,20 +168,21 @@ impl Image {
             // The only error is that there are too many vertices: then the outline is open.
             let _ = self.constrainer.insert_list(of, from, to, OUTLINE);
         }
-        self.fill(shapes, number);
+        self.fill(shapes, number, EVERYWHERE);
         // Crossings may have divided triangles of other shapes anew.
+        let bounds = core::mem::replace(&mut self.triangulation.erased_bounds, NOWHERE);
         while let Some(label) = self.triangulation.erased.pop() {
             if label != number {
-                self.fill(shapes, label);
+                self.fill(shapes, label, bounds);
                 self.triangulation.erased.retain(|&other| other != label);
             }
         }
     }
 
-    /// Labels the triangles that a shape certainly fills, unless a nearer shape fills them.
-    fn fill(&mut self, shapes: &Shapes, number: u32) {
+    /// Labels the triangles within bounds that a shape certainly fills, unless a nearer shape fills them.
+    fn fill(&mut self, shapes: &Shapes, number: u32, bounds: [[f64; 2]; 2]) {
         let shape = &shapes.list[number as usize];
-        self.collect(&shapes.outlines[shape.outline.clone()]);
+        self.collect(&shapes.outlines[shape.outline.clone()], bounds);
         for &t in &self.found {
             let corners = self.corners(t);
             let lines = &shapes.lines[shape.lines.clone()];
@@ -194,8 +198,8 @@ impl Image {
         }
     }
 
-    /// Lists the triangles that a polygon on the grid meets, and some beside it.
-    fn collect(&mut self, polygon: &[[f64; 2]]) {
+    /// Lists the triangles that a polygon on the grid meets within some bounds, and some beside them.
+    fn collect(&mut self, polygon: &[[f64; 2]], bounds: [[f64; 2]; 2]) {
         let mut found = core::mem::take(&mut self.found);
         found.clear();
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -203,6 +207,9 @@ impl Image {
             for axis in 0..2 {
                 (low[axis], high[axis]) = (low[axis].min(p[axis]), high[axis].max(p[axis]));
             }
+        }
+        for axis in 0..2 {
+            (low[axis], high[axis]) = (low[axis].max(bounds[0][axis]), high[axis].min(bounds[1][axis]));
         }
         self.visit(Region { low, high, hull: polygon }, |t, _| {
             found.push(t);

@@ -86,7 +86,7 @@ impl<'a> SolidTriangles<'a> {
                     if entries > MOST_ENTRIES { Err(GridError::TooMany) } else { Ok(()) }
                 })?;
                 if entries > before {
-                    triangles.push(SolidTriangle { corners, is_floor: is_floor(triangle, up) });
+                    triangles.push(SolidTriangle { corners, is_floor: is_floor(&triangle, up) });
                 }
             }
         }

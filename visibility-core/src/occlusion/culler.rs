@@ -6,7 +6,7 @@
 //! hierarchy on the scene").
 
 use super::budget::{Budget, Experience, LeafSampling};
-use super::selection::{LEAST_BEHIND, OccluderSearch, Queue};
+use super::selection::{LEAST_BEHIND, OccluderSearch, Queue, objects_of};
 use super::{Occlusion64, OcclusionMap};
 use crate::culler::Lack;
 use crate::jobs::Jobs;
@@ -147,46 +147,91 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         }
         self.scene = SceneCursor::at(scene);
         let (objects, origin) = (visible.count(scene), scene.origin());
-        let mut walk = Walk::new(scene, &self.hierarchy, visible);
         let mut budget = Budget::new(self.price, self.work_limit);
         // A map that answers later must be asked in every frame.
-        let learns = self.price > 0 && self.map.answers_at_once();
+        let at_once = self.map.answers_at_once();
+        let learns = self.price > 0 && at_once;
         if learns && self.experience.leaves_out(objects) {
             self.map.begin_within(view, origin, 0.0, jobs);
-            Sweep { map: &mut self.map, budget, sampling: None, tests: false }.keep_unhidden(&mut walk, None);
-            return walk.finish();
+            return self.sweep(None, scene, visible, &mut budget, SweepKind::Count);
         }
         let most = budget.for_own_occluders(LEAST_BEHIND.max(objects as f32));
-        budget.spend_outside_search(self.map.begin_within(view, origin, most, jobs));
-        let search = OccluderSearch::new(&mut self.map, &mut self.queue, view, origin, budget);
-        let (mut budget, is_all_tested) = search.run(&mut walk);
-        // A map that answers later must be asked about every leaf, or it would never learn of some.
-        let is_sampled = budget.is_spent_in_vain() && self.map.answers_at_once();
-        let stats = if let Some(jobs) = jobs
-            && H::IS_OF_SCENE
-            // Sampling and a limit on work make each test depend on those before it.
-            && !is_sampled
-            && !is_all_tested
-            && budget.can_test(objects)
-            && let Some(map) = self.map.shared()
-        {
-            let mut stats = walk.stats;
-            let before = stats.tests;
-            stats += retain_on(jobs, scene, visible, &HiddenTest { map }, UNDECIDED);
-            budget.spend_tests((stats.tests - before) as u32);
-            stats
+        let own = self.map.begin_within(view, origin, most, jobs);
+        budget.spend_outside_search(own);
+        let mut stats = CullStats::default();
+        // What the map's own occluders hide needs no search.
+        let is_tested = own > 0.0 && at_once && H::IS_OF_SCENE;
+        if is_tested {
+            self.map.flush();
+            stats = self.sweep(jobs, scene, visible, &mut budget, SweepKind::First);
+        }
+        let mut walk = Walk::new(scene, &self.hierarchy, visible);
+        let search = OccluderSearch::new(&mut self.map, &mut self.queue, view, origin, budget, is_tested);
+        let is_all_tested;
+        (budget, is_all_tested) = search.run(&mut walk);
+        if is_tested && is_all_tested {
+            let searched = walk.finish();
+            stats += CullStats { visible: stats.visible, ..searched };
         } else {
-            let sampling = is_sampled.then(LeafSampling::default);
-            let mut sweep = Sweep { map: &mut self.map, budget, sampling, tests: !is_all_tested };
-            sweep.keep_unhidden(&mut walk, None);
-            budget = sweep.budget;
-            walk.finish()
-        };
+            let kind = match (is_all_tested, budget.is_spent_in_vain() && at_once) {
+                (true, _) => SweepKind::Count,
+                (false, true) => SweepKind::Sampled,
+                // A map that answers later must be asked about every leaf, or it would never learn of some.
+                (false, false) => SweepKind::All,
+            };
+            stats += walk.stats;
+            stats += self.sweep(jobs, scene, visible, &mut budget, kind);
+        }
         if learns {
             self.experience.record(&budget, objects.saturating_sub(stats.visible as usize));
         }
         stats
     }
+
+    /// Drops the objects that the map hides, as far as the budget allows, on the threads of a job system if
+    /// there is one. Returns the work counters.
+    fn sweep(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        visible: &mut VisibleSet,
+        budget: &mut Budget,
+        kind: SweepKind,
+    ) -> CullStats {
+        let objects = visible.count(scene);
+        if let Some(jobs) = jobs
+            && H::IS_OF_SCENE
+            // Sampling and a limit on work make each test depend on those before it.
+            && matches!(kind, SweepKind::First | SweepKind::All)
+            && budget.can_test(objects)
+            && let Some(map) = self.map.shared()
+        {
+            let stats = retain_on(jobs, scene, visible, &HiddenTest { map }, UNDECIDED);
+            budget.spend_tests(stats.tests as u32);
+            if kind == SweepKind::First {
+                budget.earn(objects.saturating_sub(stats.visible as usize) as f32);
+            }
+            return stats;
+        }
+        let mut walk = Walk::new(scene, &self.hierarchy, visible);
+        let mut sweep = Sweep { map: &mut self.map, budget, kind, sampling: LeafSampling::default() };
+        sweep.keep_unhidden(&mut walk, None);
+        walk.finish()
+    }
+}
+
+/// What a walk that drops hidden objects tests.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum SweepKind {
+    /// All objects, before the search for occluders, which gets the credit for those that are hidden. Once
+    /// the credit is spent in vain, only a choice of the leaves.
+    First,
+    /// All that is left after the search.
+    All,
+    /// As `All`, but only a choice of the leaves.
+    Sampled,
+    /// Nothing: the walk counts what is left.
+    Count,
 }
 
 impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
@@ -224,17 +269,25 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 }
 
-/// The walk after the search, which tests all that is left against the map, as far as the budget allows.
+/// A walk that tests objects against the map, as far as the budget allows.
 struct Sweep<'a, M> {
     map: &'a mut M,
-    budget: Budget,
-    /// Choice of the leaves that are tested. `None`: all.
-    sampling: Option<LeafSampling>,
-    /// Whether boxes are tested. If not, the walk only counts what is left.
-    tests: bool,
+    budget: &'a mut Budget,
+    kind: SweepKind,
+    /// Choice of the leaves that are tested, where not all are.
+    sampling: LeafSampling,
 }
 
 impl<M: OcclusionMap> Sweep<'_, M> {
+    /// Returns whether only a choice of the leaves is tested.
+    fn samples(&self) -> bool {
+        match self.kind {
+            SweepKind::First => self.budget.is_spent_in_vain(),
+            SweepKind::Sampled => true,
+            SweepKind::All | SweepKind::Count => false,
+        }
+    }
+
     /// Drops the objects below a node (`None`: all objects) that the map hides, but for leaves that are left
     /// out. Returns whether any object is left below the node; always true in another hierarchy than the
     /// scene's own.
@@ -242,18 +295,23 @@ impl<M: OcclusionMap> Sweep<'_, M> {
         walk.visit(node, |walk, block, candidates| {
             let objects = block.objects(candidates);
             let is_leaf = objects == candidates;
-            if is_leaf && self.sampling.as_mut().is_some_and(|sampling| !sampling.tests_next()) {
+            let is_sampled = is_leaf && self.samples();
+            if is_sampled && !self.sampling.tests_next() {
                 return candidates;
             }
-            let answer = if self.tests {
+            let answer = if self.kind != SweepKind::Count {
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.budget.spend_tests(candidates.count_ones());
                 self.map.test_64_mut(block.boxes(), candidates)
             } else {
                 Occlusion64::default()
             };
-            if is_leaf && let Some(sampling) = &mut self.sampling {
-                sampling.record(answer.hidden != 0);
+            if is_sampled {
+                self.sampling.record(answer.hidden != 0);
+            }
+            if self.kind == SweepKind::First {
+                let hidden = lanes(answer.hidden).map(|lane| objects_of(walk, block.child(lane)));
+                self.budget.earn(hidden.sum());
             }
             let mut mask = candidates & !answer.hidden;
             for lane in lanes(mask & !objects) {

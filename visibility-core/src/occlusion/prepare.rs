@@ -1,8 +1,11 @@
 //! Making occluders from the triangles of opaque objects.
 
 use super::OccluderMesh;
-use crate::{Scene, scene::Triangle};
+use crate::scene::{MeshId, SharedTriangles, Triangle};
+use crate::{Aabb, Scene};
 use alloc::vec::Vec;
+use glam::Affine3A;
+use hashbrown::HashMap;
 
 /// Settings of [`prepare`]: which triangles are dropped from an occluder because they cost more than they
 /// occlude, and whether the occluder is two-sided.
@@ -57,25 +60,74 @@ pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<Occl
 
 impl Scene {
     /// Makes an occluder mesh for every object that is flagged as an occluder, has triangles and has no mesh
-    /// yet. Returns the number of meshes made.
+    /// yet. Returns the number of objects that got one.
     ///
-    /// Meant for loading time. The meshes are in scene coordinates, as the triangles are: moving an object,
-    /// or replacing its [triangles](Scene::set_triangles), removes its mesh. The next call makes a mesh from
+    /// Meant for loading time. Meshes are in scene coordinates, as the triangles are: moving an object, or
+    /// replacing its [triangles](Scene::set_triangles), removes its mesh. The next call makes a mesh from
     /// triangles set since.
+    ///
+    /// Objects without [local bounds](Scene::set_local_bounds) whose triangles are
+    /// [placed](crate::scene::SharedTriangles::placed) share one mesh, and have the transform of the
+    /// triangles, rounded to `f32`. Each gets a mesh of its own where that rounding could move a vertex more
+    /// than rounding its coordinates does, or where the object's bounds do not contain the mesh so placed.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
+        let mut shared: HashMap<(usize, bool), Option<MeshId>> = HashMap::new();
         let mut made = 0;
         for id in ids {
             let Some(object) = self.object(id).ok().filter(|object| object.occluder) else { continue };
-            if self.has_mesh(id) {
+            let (false, Some(triangles)) = (self.has_mesh(id), self.shared_triangles(id).cloned()) else {
                 continue;
-            }
+            };
             let sides = Preparation { two_sided: preparation.two_sided && !object.one_sided, ..*preparation };
-            let mesh = self.triangles(id).ok().and_then(|triangles| prepare(triangles, &sides));
-            if let Some(mesh) = mesh {
-                made += usize::from(self.set_prepared_mesh(id, mesh).is_ok());
+            let placed = if self.local_bounds(id).is_some() { None } else { rounded(&triangles) };
+            if let Some(transform) = placed {
+                let key = (triangles.mesh_address(), sides.two_sided);
+                let known = shared.get(&key).copied();
+                let mesh = known.unwrap_or_else(|| {
+                    let mesh = prepare(triangles.view().mesh().0, &sides);
+                    mesh.map(|mesh| self.add_mesh(mesh))
+                });
+                shared.insert(key, mesh);
+                let Some(mesh) = mesh else { continue };
+                if self.is_mesh_inside(id, mesh, &transform) {
+                    self.set_prepared_mesh(id, mesh, Some(transform));
+                    made += 1;
+                    continue;
+                }
             }
+            let own = match triangles.view().mesh() {
+                (triangles, None) => prepare(triangles, &sides),
+                _ => prepare(&triangles.view().to_vec(), &sides),
+            };
+            if let Some(mesh) = own {
+                let mesh = self.add_mesh(mesh);
+                self.set_prepared_mesh(id, mesh, None);
+                let _ = self.remove_mesh(mesh);
+                made += 1;
+            }
+        }
+        // A mesh goes with the last of the objects that have it.
+        for mesh in shared.into_values().flatten() {
+            let _ = self.remove_mesh(mesh);
         }
         made
     }
+}
+
+/// Returns the transform of placed triangles, rounded to `f32`. `None` for triangles in scene coordinates,
+/// for a transform that is not finite, and where products and sums are so much larger than the coordinates
+/// that they yield that rounding would move vertices: more than 4 times.
+fn rounded(triangles: &SharedTriangles) -> Option<Affine3A> {
+    let transform = triangles.view().mesh().1?;
+    let reach = |bounds: &Aabb| bounds.min.abs().max(bounds.max.abs()).as_dvec3();
+    let (of_mesh, coordinates) = (reach(triangles.mesh_bounds()), reach(&triangles.bounds()));
+    let [x, y, z] = [0, 1, 2].map(|axis| transform.matrix3.col(axis).abs());
+    let size = transform.translation.abs() + x * of_mesh.x + y * of_mesh.y + z * of_mesh.z;
+    let rounded = Affine3A {
+        matrix3: transform.matrix3.as_mat3().into(),
+        translation: transform.translation.as_vec3a(),
+    };
+    let is_near = size.max_element() <= 4.0 * coordinates.max_element();
+    (is_near && rounded.is_finite()).then_some(rounded)
 }

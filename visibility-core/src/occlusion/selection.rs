@@ -107,6 +107,8 @@ pub(super) struct OccluderSearch<'a, M> {
     /// Share of the view that one square metre covers, facing the eye at a distance of one metre; in a
     /// parallel view at any distance. May be NaN or infinite for a degenerate view.
     share_per_area: f32,
+    /// Whether all objects left had been tested before the first occluder was added.
+    is_tested: bool,
     /// Objects not found hidden so far, as far as none of them is known to lie in front of the occluders to
     /// come. Unopened leaves count as [`OBJECTS_PER_LEAF`].
     undecided: f32,
@@ -118,13 +120,15 @@ pub(super) struct OccluderSearch<'a, M> {
 
 impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     /// Prepares a search for a map on which [`OcclusionMap::begin`] has been called with the same `view` and
-    /// `origin`. Without credit in the budget the search adds no occluder.
+    /// `origin`. Without credit in the budget the search adds no occluder. `is_tested` tells whether all
+    /// objects left have been tested against what the map holds.
     pub(super) fn new(
         map: &'a mut M,
         queue: &'a mut Queue,
         view: &View,
         origin: DVec3,
         budget: Budget,
+        is_tested: bool,
     ) -> Self {
         let eye = view.eye(origin);
         Self {
@@ -135,6 +139,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             budget,
             share_per_area: share_per_area(view, &eye, origin),
             eye,
+            is_tested,
             undecided: 0.0,
             flushes: 0,
             unflushed: 0,
@@ -166,12 +171,9 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             }
         }
         self.map.flush();
-        let is_all_tested = begins
-            && H::IS_OF_SCENE
-            && walk.is_current()
-            && self.map.answers_at_once()
-            && self.queue.is_empty()
-            && walk.stats.occluders == 0;
+        let tests_all = H::IS_OF_SCENE && walk.is_current() && self.map.answers_at_once();
+        let is_all_tested =
+            walk.stats.occluders == 0 && (self.is_tested || begins && tests_all && self.queue.is_empty());
         // The walk that follows counts what is left.
         walk.stats.visible = 0;
         (self.budget, is_all_tested)
@@ -194,7 +196,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             self.flush();
         }
         walk.visit(node, |walk, block, candidates| {
-            let hidden = if self.map.answers_at_once() {
+            let hidden = if self.map.answers_at_once() && !self.is_tested {
                 self.budget.spend_tests(candidates.count_ones());
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.map.test_64_mut(block.boxes(), candidates).hidden
@@ -354,7 +356,7 @@ fn solid_angle_by_triangles(mesh: &OccluderMesh, transform: &Affine3A, eye: &Eye
 }
 
 /// Returns the number of objects that a child which the walk has not visited stands for, an estimate.
-fn objects_of<H: BoxHierarchy>(walk: &Walk<H>, child: Child) -> f32 {
+pub(super) fn objects_of<H: BoxHierarchy>(walk: &Walk<H>, child: Child) -> f32 {
     match child {
         Child::Node(node) => (walk.leaves_below(node) * OBJECTS_PER_LEAF) as f32,
         Child::Object(_) => 1.0,

@@ -18,6 +18,7 @@ mod queue;
 mod skinned_bounds;
 mod transforms;
 mod tree;
+mod triangles;
 
 pub use affine::ToAffine;
 pub use boxes64::{Boxes64, lanes};
@@ -30,10 +31,11 @@ pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub use skinned_bounds::{SkinError, SkinnedBounds};
 pub use tree::DetailBounds;
 pub(crate) use tree::{NONE, Slot, Token, Tree};
+pub use triangles::{SharedTriangles, TriangleIter, Triangles};
 
 use crate::serial::{next_generation, next_range};
 use crate::{Aabb, stamp::Stamp};
-use alloc::{boxed::Box, vec::Vec};
+use alloc::vec::Vec;
 use build::Entry;
 use changes::ChangeLog;
 use glam::DVec3;
@@ -82,9 +84,9 @@ pub struct Scene {
     see_through: IndexBits,
     /// Objects whose triangles are drawn from their front alone, by index.
     one_sided: IndexBits,
-    /// Triangles of each object, in scene coordinates, indexed by object index. Shorter than the index
-    /// range, and empty until an object first gets triangles.
-    triangles: Vec<Box<[Triangle]>>,
+    /// Triangles of each object, indexed by object index. Shorter than the index range, and empty until an
+    /// object first gets triangles.
+    triangles: Vec<Option<SharedTriangles>>,
     meshes: Meshes,
     placements: Placements,
     /// Number of objects that are flagged as occluders.
@@ -359,7 +361,7 @@ impl Scene {
         self.generations[id.index()] = id.generation.wrapping_add(1);
         self.free.push(id.index);
         if let Some(triangles) = self.triangles.get_mut(id.index()) {
-            *triangles = Box::default();
+            *triangles = None;
         }
         self.remove_placement(id.index);
         self.log.push(id, self.generations.len());

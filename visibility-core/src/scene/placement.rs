@@ -23,8 +23,10 @@ pub(super) struct Placement {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlacedMesh {
     pub(super) id: MeshId,
-    /// Whether the mesh was made from the object's triangles, and so is in scene coordinates already.
+    /// Whether the mesh was made from the object's triangles, and is dropped with them.
     pub(super) is_prepared: bool,
+    /// Whether the mesh is in scene coordinates, so that the object's transform does not place it.
+    pub(super) in_scene: bool,
     /// Whether the mesh lies within the object's bounds. It hides nothing otherwise.
     pub(super) is_inside: bool,
 }

@@ -10,9 +10,8 @@
 use super::boxes64::lanes;
 use super::mesh_bounds::{is_any_outside, is_within};
 use super::placement::PlacedMesh;
-use super::{MeshId, ObjectId, Scene, SceneError, Scratch, Slot, ToAffine, Triangle};
+use super::{MeshId, ObjectId, Scene, SceneError, Scratch, SharedTriangles, Slot, ToAffine, Triangles};
 use crate::{Aabb, OccluderMesh};
-use alloc::boxed::Box;
 use glam::Affine3A;
 
 impl Scene {
@@ -40,6 +39,11 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_local_bounds(&mut self, id: ObjectId, local: Aabb) -> Result<(), SceneError> {
         self.slot(id)?;
+        let mesh = self.placements.get(id.index).and_then(|placement| placement.mesh);
+        if mesh.is_some_and(|mesh| mesh.is_prepared && !mesh.in_scene) {
+            // Its transform is that of triangles, not the object's.
+            self.drop_prepared_mesh(id.index);
+        }
         let placement = self.placements.get_or_insert(id.index);
         let bounds = local.transformed(&placement.transform);
         let former = placement.local.replace(local);
@@ -150,7 +154,7 @@ impl Scene {
     /// its local box.
     pub(super) fn forget_place(&mut self, id: ObjectId, bounds: &Aabb) {
         if self.placements.get(id.index).is_none()
-            && self.triangles.get(id.index()).is_none_or(|triangles| triangles.is_empty())
+            && self.triangles.get(id.index()).is_none_or(Option::is_none)
         {
             return;
         }
@@ -172,15 +176,18 @@ impl Scene {
     /// Removes the triangles of an object, and its mesh if that was made from them.
     fn drop_triangles(&mut self, index: u32) {
         if let Some(triangles) = self.triangles.get_mut(index as usize) {
-            *triangles = Box::default();
+            *triangles = None;
         }
-        if self
-            .placements
-            .get(index)
-            .and_then(|placement| placement.mesh)
-            .is_some_and(|mesh| mesh.is_prepared)
-        {
-            self.replace_mesh(index, None);
+        self.drop_prepared_mesh(index);
+    }
+
+    /// Takes away a mesh that was made from the object's triangles, and the transform that it came with.
+    fn drop_prepared_mesh(&mut self, index: u32) {
+        let mesh = self.placements.get(index).and_then(|placement| placement.mesh);
+        let Some(mesh) = mesh.filter(|mesh| mesh.is_prepared) else { return };
+        self.replace_mesh(index, None);
+        if let Some(placement) = self.placements.get_mut(index).filter(|_| !mesh.in_scene) {
+            placement.transform = Affine3A::IDENTITY;
         }
     }
 
@@ -201,6 +208,12 @@ impl Scene {
         self.count_occluder(index, true);
     }
 
+    /// Returns whether a stored mesh, placed in scene coordinates, lies within the bounds of an object.
+    pub(crate) fn is_mesh_inside(&self, id: ObjectId, mesh: MeshId, transform: &Affine3A) -> bool {
+        let (Some(mesh), Ok(bounds)) = (self.meshes.of_object(mesh), self.bounds(id)) else { return false };
+        is_within(mesh, transform, &bounds)
+    }
+
     /// Finds out anew whether the mesh of an object lies within the object's bounds: in local coordinates if
     /// the object has a local box, which moves together with the mesh, otherwise in scene coordinates. Does
     /// nothing for an object without a mesh.
@@ -211,8 +224,8 @@ impl Scene {
         let slot = self.tree.slots[index as usize];
         let bounds = self.tree.bounds[slot.node()].get(slot.lane());
         let (transform, bounds) = match placement.local {
-            Some(local) if !mesh.is_prepared => (Affine3A::IDENTITY, local),
-            _ => (if mesh.is_prepared { Affine3A::IDENTITY } else { placement.transform }, bounds),
+            Some(local) if !mesh.in_scene => (Affine3A::IDENTITY, local),
+            _ => (if mesh.in_scene { Affine3A::IDENTITY } else { placement.transform }, bounds),
         };
         let is_inside =
             self.meshes.of_object(mesh.id).is_some_and(|mesh| is_within(mesh, &transform, &bounds));
@@ -244,6 +257,22 @@ impl Scene {
     /// must contain the triangles, up to rounding. A change of the bounds removes the triangles, so set the
     /// bounds first. An occluder mesh prepared from the former triangles is removed.
     ///
+    /// Objects with the same mesh in several places are given [`SharedTriangles`], each placed by its own
+    /// transform: the mesh is then kept once.
+    ///
+    /// ```
+    /// use visibility_core::glam::{DAffine3, DVec3, Vec3};
+    /// use visibility_core::{scene::SharedTriangles, Scene};
+    /// let tree = SharedTriangles::from([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+    /// let mut scene = Scene::new();
+    /// for x in 0..1000 {
+    ///     let tree = tree.placed(DAffine3::from_translation(DVec3::X * f64::from(x)));
+    ///     let id = scene.insert(tree.bounds());
+    ///     scene.set_triangles(id, tree)?;
+    /// }
+    /// # Ok::<(), visibility_core::scene::SceneError>(())
+    /// ```
+    ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::TrianglesOutsideBounds`] if a
     /// corner lies outside of the bounds; NaN corners do not, and improper bounds contain everything, since
@@ -251,17 +280,17 @@ impl Scene {
     pub fn set_triangles(
         &mut self,
         id: ObjectId,
-        triangles: impl Into<Box<[Triangle]>>,
+        triangles: impl Into<SharedTriangles>,
     ) -> Result<(), SceneError> {
         let (slot, triangles) = (self.slot(id)?, triangles.into());
-        if is_any_outside(&triangles, &self.tree.bounds[slot.node()].get(slot.lane())) {
+        if is_any_outside(triangles.view(), &self.tree.bounds[slot.node()].get(slot.lane())) {
             return Err(SceneError::TrianglesOutsideBounds(id));
         }
         self.drop_triangles(id.index);
         if self.triangles.len() <= id.index() {
-            self.triangles.resize_with(self.generations.len(), Box::default);
+            self.triangles.resize(self.generations.len(), None);
         }
-        self.triangles[id.index()] = triangles;
+        self.triangles[id.index()] = (!triangles.is_empty()).then_some(triangles);
         self.log.push(id, self.generations.len());
         Ok(())
     }
@@ -271,9 +300,15 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
-    pub fn triangles(&self, id: ObjectId) -> Result<&[Triangle], SceneError> {
+    pub fn triangles(&self, id: ObjectId) -> Result<Triangles<'_>, SceneError> {
         self.slot(id)?;
-        Ok(self.triangles.get(id.index()).map_or(&[], |triangles| triangles))
+        Ok(self.shared_triangles(id).map_or_else(Triangles::default, SharedTriangles::view))
+    }
+
+    /// Returns the triangles of an object, to be shared with other objects or scenes. `None` if the object
+    /// has none or is unknown.
+    pub fn shared_triangles(&self, id: ObjectId) -> Option<&SharedTriangles> {
+        self.slot(id).ok().and_then(|_| self.triangles.get(id.index())?.as_ref())
     }
 
     /// Stores an occluder mesh, in coordinates of its own, and returns its id. Any number of objects can
@@ -345,7 +380,8 @@ impl Scene {
         if !transform.is_finite() {
             return Err(SceneError::NonFiniteTransform(id));
         }
-        self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: false, is_inside: false }));
+        let placed = PlacedMesh { id: mesh, is_prepared: false, in_scene: false, is_inside: false };
+        self.replace_mesh(id.index, Some(placed));
         if self.local_bounds(id).is_some() {
             self.check_mesh(id.index);
             return self.set_transform(id, transform);
@@ -356,16 +392,18 @@ impl Scene {
         Ok(())
     }
 
-    /// Gives an object an occluder mesh made from its triangles, in scene coordinates. The mesh is the
-    /// object's own, and is dropped when its triangles change.
-    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: OccluderMesh) -> Result<(), SceneError> {
-        self.slot(id)?;
-        let mesh = self.add_mesh(mesh);
-        self.replace_mesh(id.index, Some(PlacedMesh { id: mesh, is_prepared: true, is_inside: false }));
-        self.meshes.remove(mesh);
+    /// Gives an object an occluder mesh made from its triangles, which is dropped when these change.
+    /// `transform` maps the mesh to scene coordinates, for an object without local bounds; `None` for a mesh
+    /// in scene coordinates.
+    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Option<Affine3A>) {
+        let in_scene = transform.is_none();
+        let placed = PlacedMesh { id: mesh, is_prepared: true, in_scene, is_inside: false };
+        self.replace_mesh(id.index, Some(placed));
+        if let Some(transform) = transform {
+            self.placements.get_or_insert(id.index).transform = transform;
+        }
         self.check_mesh(id.index);
         self.log.push(id, self.generations.len());
-        Ok(())
     }
 
     /// Returns whether an object has an occluder mesh, flagged as an occluder or not. False for an unknown
@@ -390,7 +428,7 @@ impl Scene {
     pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
         let placement = self.placements.get(id.index)?;
         let mesh = placement.mesh.filter(|mesh| mesh.is_inside)?;
-        let transform = if mesh.is_prepared { &Affine3A::IDENTITY } else { &placement.transform };
+        let transform = if mesh.in_scene { &Affine3A::IDENTITY } else { &placement.transform };
         Some((self.meshes.of_object(mesh.id)?, transform))
     }
 

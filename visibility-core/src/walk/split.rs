@@ -1,8 +1,9 @@
 //! A walk of the scene's hierarchy on several threads.
 //!
-//! The nodes above the parents of leaves are few and are tested first, on one thread. The subtrees that are
-//! left, of at most 64 leaves each, are dealt out to a fixed number of parts. A part reads the masks of the
-//! set and keeps the masks that it finds in memory of its own. At the end they are written to the set.
+//! The root and the nodes above the parents of leaves are few and are tested first, on one thread. The
+//! subtrees that are left, of at most 64 leaves each, are dealt out to a fixed number of parts. A part reads
+//! the masks of the set and keeps the masks that it finds in memory of its own. At the end they are written
+//! to the set.
 
 use super::{Block, Child, Children};
 use crate::jobs::{Jobs, for_each_part};
@@ -14,8 +15,8 @@ use alloc::vec::Vec;
 /// Number of parts. More share the work more evenly, and take an atomic exchange each.
 const PARTS: usize = 16;
 
-/// Level of the nodes whose subtrees are dealt out: parents of leaves.
-const SUBTREE_LEVEL: u8 = 1;
+/// Greatest level of the nodes whose subtrees are dealt out: parents of leaves.
+const MAX_SUBTREE_LEVEL: u8 = 1;
 
 /// Number that says of a node that no test is needed of anything below.
 const ACCEPTED: u32 = 0;
@@ -101,6 +102,12 @@ pub(crate) fn retain_on<T: NodeTest>(
     stats
 }
 
+/// Returns the greatest level of the nodes whose subtrees are dealt out: below the root if it has nodes below.
+fn subtree_level(scene: &Scene) -> u8 {
+    let tree = scene.tree();
+    tree.levels[tree.root as usize].saturating_sub(1).min(MAX_SUBTREE_LEVEL)
+}
+
 /// The walk of the nodes above the subtrees.
 struct Top<'a, T> {
     scene: &'a Scene,
@@ -115,7 +122,7 @@ impl<T: NodeTest> Top<'_, T> {
     /// Tests the children of a node of which `known` is known, and notes the subtrees below that are kept.
     fn visit(&mut self, visible: &mut VisibleSet, node: usize, known: u32) {
         let tree = self.scene.tree();
-        if tree.levels[node] <= SUBTREE_LEVEL {
+        if tree.levels[node] <= subtree_level(self.scene) {
             return self.subtrees.push((node as u32, known));
         }
         let candidates = visible.mask_if(self.is_current, self.scene, node);
@@ -135,7 +142,7 @@ impl<T: NodeTest> Top<'_, T> {
 
     /// Notes all subtrees with candidates in and below a node.
     fn keep(&mut self, visible: &mut VisibleSet, node: usize) {
-        if self.scene.tree().levels[node] <= SUBTREE_LEVEL {
+        if self.scene.tree().levels[node] <= subtree_level(self.scene) {
             return self.subtrees.push((node as u32, ACCEPTED));
         }
         let mask = visible.mask_if(self.is_current, self.scene, node);
@@ -153,7 +160,7 @@ fn drop_empty(
     parts: &[Part],
     next: &mut usize,
 ) -> bool {
-    if scene.tree().levels[node] <= SUBTREE_LEVEL {
+    if scene.tree().levels[node] <= subtree_level(scene) {
         let left = &parts[*next % PARTS].is_any_left;
         *next += 1;
         return left.get((*next - 1) / PARTS).is_none_or(|&any| any);

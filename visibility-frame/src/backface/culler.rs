@@ -192,11 +192,11 @@ impl BackfaceCuller {
         let two_sided = self.two_sided.contains(&id);
         let has_cone = self.entry(id).is_some_and(|entry| !entry.cone.is_open());
         let (Ok(triangles), Ok(bounds)) = (scene.triangles(id), scene.bounds(id)) else { return };
-        let within = |bounds: &Aabb| triangles.iter().flatten().all(|&p| bounds.contains_point(p));
+        let within = |bounds: &Aabb| triangles.iter().flatten().all(|p| bounds.contains_point(p));
         if two_sided || has_cone || triangles.is_empty() || !within(&bounds) {
             return;
         }
-        self.write(scene, id, NormalCone::from_triangles(triangles));
+        self.write(scene, id, NormalCone::from_triangles(&triangles.to_vec()));
     }
 
     /// Replaces the cones of the objects that changed in the scene since the last call by open cones, so that

@@ -3,6 +3,6 @@
 pub(crate) mod depth_planes;
 pub(crate) mod pyramid;
 pub(crate) mod row_spans;
+mod tile_columns;
 pub(crate) mod tile_layout;
-mod tile_rows;
 pub(crate) mod tiles;

@@ -28,12 +28,12 @@ impl Rectangle {
         self.columns[1] - self.columns[0] <= 1 || self.lines[1] - self.lines[0] <= 1
     }
 
-    /// Returns the part of the rectangle in a half-open range of tile rows. `None` if it is empty.
+    /// Returns the part of the rectangle in a half-open range of tile columns. `None` if it is empty.
     #[inline(always)]
-    pub(crate) fn within_rows(&self, rows: [usize; 2]) -> Option<Self> {
-        let [first, end] = rows.map(|row| (row * SIDE) as u32);
-        let lines = [self.lines[0].max(first), self.lines[1].min(end)];
-        (lines[0] < lines[1]).then_some(Self { lines, ..*self })
+    pub(crate) fn within_columns(&self, columns: [usize; 2]) -> Option<Self> {
+        let [first, end] = columns.map(|column| (column * SIDE) as u32);
+        let columns = [self.columns[0].max(first), self.columns[1].min(end)];
+        (columns[0] < columns[1]).then_some(Self { columns, ..*self })
     }
 }
 

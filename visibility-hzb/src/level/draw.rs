@@ -5,7 +5,7 @@ use super::edges::Edges;
 use super::fill::FillScratch;
 use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame, MAX_BEND_PX, MAX_ERROR_PX};
 use super::open_tiles::{BARELY_NEARER, DepthBound, TileKeys};
-use super::prepared::{Boxes, NO_POLYGON, Polygons, PreparedEdge, PreparedLevel};
+use super::prepared::{BoxLanes, NO_POLYGON, Polygons, PreparedEdge, PreparedLevel};
 use super::union::UnionTiles;
 use super::vertices::Vertices;
 use crate::buffer::tile_layout::{Rectangle, SIDE};
@@ -81,7 +81,7 @@ pub(crate) struct LevelScratch {
     work: f32,
 }
 
-/// Draws clusters of levels into the frames' rows of `tiles`, in the order of `candidates`, until about
+/// Draws clusters of levels into the frames' columns of `tiles`, in the order of `candidates`, until about
 /// `work` is spent, in triangles. `frames` has the view for each level. Returns an upper bound on the depth
 /// keys of what was drawn, and the work spent.
 pub(crate) fn draw_candidates(
@@ -103,7 +103,7 @@ pub(crate) fn draw_candidates(
         let index = candidate.level as usize;
         let (Some(level), Some(Some(frame))) = (levels.get(index), frames.get(index)) else { continue };
         if let Some(rectangle) = &candidate.rectangle {
-            let Some(rectangle) = rectangle.within_rows(frame.rows) else { continue };
+            let Some(rectangle) = rectangle.within_columns(frame.columns) else { continue };
             if !simd.rectangle_may_be_seen(tiles, &rectangle, candidate.nearest / BARELY_NEARER) {
                 continue;
             }
@@ -166,7 +166,7 @@ pub(crate) fn find_candidates(
 
 /// Returns the mask of the clusters whose largest polygon, as near as its cluster, could cover enough pixels.
 #[inline(always)]
-fn are_large(boxes: &Boxes, largest: &[f32; WIDTH], frame: &LevelFrame) -> u32 {
+fn are_large(boxes: &BoxLanes, largest: &[f32; WIDTH], frame: &LevelFrame) -> u32 {
     let eye = frame.eye.as_vec3().to_array();
     let mut large = [0; WIDTH];
     for i in 0..WIDTH {
@@ -210,8 +210,9 @@ fn draw_cluster(
         while let Some(&at) = scratch.waiting.get(next) {
             next += 1;
             match draw_polygon(simd, level, frame, index, at as usize, scratch, tiles) {
-                Some(any) => drawn |= any,
-                None => whole = false,
+                Outcome::Covered => drawn = true,
+                Outcome::Nothing => {}
+                Outcome::LeftOut => whole = false,
             }
         }
         simd.finish_union(&mut scratch.union, whole, tiles);
@@ -258,15 +259,14 @@ pub(crate) fn begin_cluster(
 
 /// Returns whether all polygons of a cluster lie certainly within the view's clip planes.
 fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &OccluderCluster) -> bool {
-    frame.clip_planes.as_slice().iter().all(|plane| {
-        let (normal, offset) = (plane.plane.normal, plane.plane.offset);
-        let Aabb { min, max } = cluster.bounds;
-        let corner = DVec3::select(normal.cmpge(DVec3::ZERO), min.as_dvec3(), max.as_dvec3());
-        // The faces of a polygon may leave the box around its outline by the thickness of its slab.
-        let size = normal.abs().dot(corner.abs()) + offset.abs();
-        normal.dot(corner) + offset
-            > 16.0 * U * size + plane.error + level.thickness * normal.length() + f64::MIN_POSITIVE
-    })
+    if frame.clip_planes.as_slice().is_empty() {
+        return true;
+    }
+    // The faces of a polygon may leave the box around its outline by the thickness of its slab.
+    let Aabb { min, max } = cluster.bounds;
+    let sides = [min.as_dvec3() - level.thickness, max.as_dvec3() + level.thickness];
+    let side = |corner: usize, axis: usize| sides[corner >> axis & 1][axis];
+    (0..8).all(|i| frame.clip_planes.contains(DVec3::new(side(i, 0), side(i, 1), side(i, 2))))
 }
 
 /// Returns the mask of the polygons that cover enough pixels to be worth drawing, as estimated.
@@ -301,8 +301,18 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// Draws polygon `at` of the cluster with index `index`, and adds its neighbours to those that wait. Returns
-/// whether it may have covered a pixel, or `None` if it could not be drawn.
+/// What came of drawing a polygon.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Outcome {
+    /// It may have covered a pixel.
+    Covered,
+    /// It is not in the picture, or all that it covers is hidden.
+    Nothing,
+    /// Its outline is not known well enough. No union may have it.
+    LeftOut,
+}
+
+/// Draws polygon `at` of the cluster with index `index`, and adds its neighbours to those that wait.
 fn draw_polygon(
     simd: Simd,
     level: &PreparedLevel,
@@ -311,12 +321,13 @@ fn draw_polygon(
     at: usize,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
-) -> Option<bool> {
+) -> Outcome {
     let LevelScratch {
         vertices, edges, fill: fill_scratch, clip, union, far_sides, done, waiting, work, ..
     } = scratch;
-    let cluster = level.level.clusters().get(index)?;
-    let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at)?;
+    let Some(cluster) = level.level.clusters().get(index) else { return Outcome::LeftOut };
+    let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at);
+    let Some(polygon) = polygon else { return Outcome::LeftOut };
     let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
@@ -362,9 +373,9 @@ fn draw_polygon(
     simd.finish_edges(edges);
     if plain && !may_be_seen(simd, frame, tiles, edges.bounds, nearest_w) {
         if joined {
-            union.leave_out(edges.shared_bounds, frame.slack, frame.rows, tiles);
+            union.leave_out(edges.shared_bounds, frame.slack, frame.columns, tiles);
         }
-        return Some(false);
+        return Outcome::Nothing;
     }
     let thickness = polygon.extent[1] - polygon.extent[0];
     let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
@@ -373,7 +384,7 @@ fn draw_polygon(
     let exact = flattened != Some(true) && (polygon.two_sided || faces_eye(frame, polygon, middle, radius));
     let bend = if exact { 0.0 } else { 1.25 * thickness * frame.pixels_per_metre / least_w };
     if !(bend <= MAX_BEND_PX && error <= f64::from(MAX_ERROR_PX)) {
-        return None;
+        return Outcome::LeftOut;
     }
     let plane = depth_plane(frame, polygon.normal, middle, radius, far);
     // A face may be as far behind its outline as the slab is thick.
@@ -383,12 +394,16 @@ fn draw_polygon(
         f32::NEG_INFINITY
     };
     let Some(keys) = TileKeys::new(edges, frame, &DepthBound { plane, floor }, tiles) else {
-        return Some(false);
+        return Outcome::Nothing;
     };
     let mut union = joined.then_some(union);
     let open = simd.find_open_tiles(&keys, tiles, union.as_deref_mut(), &mut fill_scratch.open);
     *work += TILE_WORK * open as f32;
-    Some(open > 0 && simd.fill(edges, frame.slack, &keys, frame.coverage, fill_scratch, union, tiles))
+    if open > 0 && simd.fill(edges, frame.slack, &keys, frame.coverage, fill_scratch, union, tiles) {
+        Outcome::Covered
+    } else {
+        Outcome::Nothing
+    }
 }
 
 /// Returns whether a polygon may cover pixels that hold nothing as near: one within `bounds` (least column,
@@ -400,7 +415,7 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
         (end - first >= 1.0).then(|| [first as u32, (end as u32 + 1).min(size[axis] as u32)])
     };
     let (Some(columns), Some(lines)) = (range(0), range(1)) else { return false };
-    let Some(rectangle) = (Rectangle { columns, lines }).within_rows(frame.rows) else { return false };
+    let Some(rectangle) = (Rectangle { columns, lines }).within_columns(frame.columns) else { return false };
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
 

@@ -74,8 +74,8 @@ pub(crate) struct LevelFrame {
     pub(super) w_per_metre: f64,
     /// Rule of which pixels an outline covers.
     pub(super) coverage: Coverage,
-    /// Rows of tiles that are drawn, half-open: all rows, or those of a band.
-    pub(super) rows: [usize; 2],
+    /// Columns of tiles that are drawn, half-open: all columns, or those of a band.
+    pub(super) columns: [usize; 2],
 }
 
 impl LevelFrame {
@@ -119,10 +119,10 @@ impl LevelFrame {
             let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
             (row - along).length()
         };
-        let rows = [0, size[1] / SIDE];
+        let columns = [0, size[0] / SIDE];
         Some(Self {
-            sides: sides(&projection, rows).map(|side| side.map(|value| value as f32)),
-            rows,
+            sides: sides(&projection, columns).map(|side| side.map(|value| value as f32)),
+            columns,
             coverage,
             projection32: ScreenProjection32::new(&projection),
             object,
@@ -143,27 +143,27 @@ impl LevelFrame {
         })
     }
 
-    /// Returns the frame for drawing the half-open range `rows` of tile rows alone.
-    pub(super) fn of_rows(&self, rows: [usize; 2]) -> Self {
+    /// Returns the frame for drawing the half-open range `columns` of tile columns alone.
+    pub(super) fn of_columns(&self, columns: [usize; 2]) -> Self {
         // What ends near the border is drawn on both sides of it, so that polygons that meet there do.
-        let around = [rows[0].saturating_sub(1), (rows[1] + 1).min(self.rows[1])];
+        let around = [columns[0].saturating_sub(1), (columns[1] + 1).min(self.columns[1])];
         let sides = sides(&self.projection, around).map(|side| side.map(|value| value as f32));
-        Self { sides, rows, ..self.clone() }
+        Self { sides, columns, ..self.clone() }
     }
 }
 
-/// Returns the sides of the part of a view that a half-open range of tile rows shows: `a x + b y + c z + d +
+/// Returns the sides of the part of a view that a half-open range of tile columns shows: `a x + b y + c z + d +
 /// e r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the side. Not
 /// rounded conservatively.
-pub(crate) fn sides(projection: &ScreenProjection, rows: [usize; 2]) -> [[f64; 5]; 5] {
+pub(crate) fn sides(projection: &ScreenProjection, columns: [usize; 2]) -> [[f64; 5]; 5] {
     let row = |row: &ScreenRow| {
         let linear = DVec3::from(row.linear);
         linear.extend(row.constant - linear.dot(projection.anchor))
     };
-    let [left, top, depth] = [0, 1, 2].map(|i| row(&projection.rows[i]));
-    let [above, below] = rows.map(|row| (row * SIDE) as f64);
-    let right = projection.size[0] * depth - left;
-    let sides = [left, right, top - above * depth, below * depth - top, row(&projection.near)];
+    let [column, line, depth] = [0, 1, 2].map(|i| row(&projection.rows[i]));
+    let [left, right] = columns.map(|column| (column * SIDE) as f64);
+    let below = projection.size[1] * depth - line;
+    let sides = [column - left * depth, right * depth - column, line, below, row(&projection.near)];
     sides.map(|side| [side.x, side.y, side.z, side.w, side.truncate().length()])
 }
 

@@ -67,7 +67,7 @@ pub(crate) struct TileKeys {
 }
 
 impl TileKeys {
-    /// Returns the tiles of an outline in the frame's rows. The outline comes near what is within the slack
+    /// Returns the tiles of an outline in the frame's columns. The outline comes near what is within the slack
     /// of its edges. `None` if there are none.
     #[inline(always)]
     pub(super) fn new(
@@ -89,9 +89,10 @@ impl TileKeys {
         }
         let [_, shared_above, _, shared_below] = edges.shared_bounds;
         // All tiles that the outline may come near, so that polygons that share an edge agree on them.
-        Some(Self {
-            columns: [first_tile(left), end_tile(right, tiles.columns)],
-            rows: [first_tile(above).max(frame.rows[0]), end_tile(below, tiles.rows).min(frame.rows[1])],
+        let columns = [first_tile(left).max(frame.columns[0]), end_tile(right, frame.columns[1])];
+        (columns[0] < columns[1]).then_some(Self {
+            columns,
+            rows: [first_tile(above), end_tile(below, tiles.rows)],
             // An edge that ends just below a row of pixels is near it: a pixel more, so that the row counts.
             shared_rows: [
                 first_tile(low(shared_above - 1.0)),

@@ -9,7 +9,7 @@ use visibility_occluders::{LevelOccluders, OccluderCluster, OccluderPolygon};
 
 /// Boxes of up to [`WIDTH`] clusters, or of groups of clusters, by coordinate: least x, y, z, greatest x, y,
 /// z. Lanes without a box repeat the last box.
-pub(crate) type Boxes = [[f32; WIDTH]; 6];
+pub(crate) type BoxLanes = [[f32; WIDTH]; 6];
 
 /// Up to [`WIDTH`] polygons of one cluster, by coordinate. Lanes without a polygon have no area.
 #[derive(Clone, Copy, Debug)]
@@ -44,11 +44,11 @@ pub struct PreparedLevel {
     /// Greatest thickness of a polygon's slab in metres.
     pub(crate) thickness: f64,
     /// Boxes of clusters, [`WIDTH`] at a time.
-    pub(crate) clusters: Vec<Boxes>,
+    pub(crate) clusters: Vec<BoxLanes>,
     /// Areas of the largest polygons of clusters in square metres, [`WIDTH`] at a time.
     pub(crate) largest: Vec<[f32; WIDTH]>,
     /// Boxes around the clusters of [`WIDTH`] elements of `clusters`, [`WIDTH`] at a time.
-    pub(crate) groups: Vec<Boxes>,
+    pub(crate) groups: Vec<BoxLanes>,
     /// Polygons of all clusters.
     pub(crate) polygons: Vec<Polygons>,
     /// For each cluster, the index of its first element of `polygons`; one more at the end.
@@ -185,7 +185,7 @@ fn prepare_edges(level: &LevelOccluders, cluster: &OccluderCluster, edges: &mut 
 }
 
 /// Returns boxes in lanes.
-fn in_lanes(boxes: &[Aabb]) -> Vec<Boxes> {
+fn in_lanes(boxes: &[Aabb]) -> Vec<BoxLanes> {
     let lanes = |boxes: &[Aabb]| {
         let mut lanes = [[0.0; WIDTH]; 6];
         for i in 0..WIDTH {

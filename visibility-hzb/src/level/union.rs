@@ -61,19 +61,19 @@ impl UnionTiles {
         }
     }
 
-    /// Lets the union cover nothing in the tiles of `rows`, a half-open range of tile rows, that meet
+    /// Lets the union cover nothing in the tiles of `columns`, a half-open range of tile columns, that meet
     /// `bounds` (least column, least row, greatest column, greatest row), widened by `slack`: a polygon there
     /// is left out.
     #[inline(always)]
-    pub(super) fn leave_out(&mut self, bounds: [f32; 4], slack: f32, rows: [usize; 2], tiles: &Tiles) {
+    pub(super) fn leave_out(&mut self, bounds: [f32; 4], slack: f32, columns: [usize; 2], tiles: &Tiles) {
         let low = [bounds[0] - slack, bounds[1] - slack];
         let high = [bounds[2] + slack, bounds[3] + slack];
         // Casts limit numbers below 0 to 0.
         let range = |axis: usize, size: usize| {
             [(low[axis] as usize / SIDE).min(size), ((high[axis] + 1.0) as usize).div_ceil(SIDE).min(size)]
         };
-        let ([x0, x1], [y0, y1]) = (range(0, tiles.columns), range(1, rows[1]));
-        let y0 = y0.max(rows[0]);
+        let ([x0, x1], [y0, y1]) = (range(0, columns[1]), range(1, tiles.rows));
+        let x0 = x0.max(columns[0]);
         if x0 >= x1 || y0 >= y1 {
             return;
         }

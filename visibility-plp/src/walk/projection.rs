@@ -70,7 +70,7 @@ impl Walk {
                 && let Ok(triangles) = frame.scene.triangles(id)
                 && triangles.len() <= MAX_TESTED_TRIANGLES
             {
-                self.tested.extend(triangles.iter().map(|triangle| (place, *triangle)));
+                self.tested.extend(triangles.iter().map(|triangle| (place, triangle)));
             }
         }
         for of_one in self.tested.chunk_by(|a, b| a.0 == b.0) {

@@ -42,6 +42,7 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &["64", "32", "8"],
         make: |dial, world| {
             let most = number(dial, 32)?;
+            world.check_copies()?;
             let make = || Ok(ShadowFrusta::new(&world.scene, Occluders::new(&world.scene), 256, most));
             let frusta = world.prepared.get(&format!("shadow frusta of {most} occluders"), make)?;
             Ok(Box::new(ShadowFrustaCuller::new(frusta)))
@@ -61,6 +62,7 @@ pub(super) const KNOWN: &[Known] = &[
 /// Returns the BSP tree of the world's triangles, built on the first call. Returns a message as the error
 /// when the tree cannot be built.
 fn tree_of(world: &World) -> Result<Arc<SceneTree>, String> {
+    world.check_copies()?;
     let make = || SceneTree::new(&world.scene).map_err(|error| error.to_string());
     world.prepared.get("a BSP tree", make)
 }
@@ -68,6 +70,7 @@ fn tree_of(world: &World) -> Result<Arc<SceneTree>, String> {
 /// Returns the large polygons among the world's occluders, gathered on the first call. Never returns an
 /// error.
 fn occluders_of(world: &World) -> Result<Arc<Occluders>, String> {
+    world.check_copies()?;
     world.prepared.get("large occluders", || Ok(Occluders::new(&world.scene)))
 }
 

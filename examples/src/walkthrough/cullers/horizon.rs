@@ -67,6 +67,7 @@ fn up_of(world: &World) -> Result<UpAxis, String> {
 /// Returns the upright solids of the world's occluders, made on the first call.
 fn occluders_of(world: &World) -> Result<Arc<HorizonOccluders>, String> {
     let up = up_of(world)?;
+    world.check_copies()?;
     let make = || Ok(HorizonOccluders::new(&world.scene, up));
     world.prepared.get("upright solids", make)
 }

@@ -32,8 +32,9 @@ pub(super) const KNOWN: &[Known] = &[
             let hzb = map(dial.filter(|_| file.is_none()))?;
             let level = match file {
                 Some(file) => level_occluders::read(Path::new(file), world)?,
-                None => level_occluders::make(world, LevelSettings::default())
-                    .map_err(|error| error.to_string())?,
+                None => world.check_copies().and_then(|()| {
+                    level_occluders::make(world, LevelSettings::default()).map_err(|error| error.to_string())
+                })?,
             };
             Ok(Box::new(HzbCuller::new(hzb.with_level(Arc::new(level), world.origin()))))
         },

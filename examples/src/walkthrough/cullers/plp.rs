@@ -29,6 +29,7 @@ pub(super) const KNOWN: &[Known] = &[
         what: "the same by tetrahedra instead of cubes (plp-delaunay:10%)",
         dials: SHARES,
         make: |dial, world| {
+            world.check_copies()?;
             let make = || Ok(DelaunayTessellation::new(&world.scene));
             let cells = world.prepared.get("tetrahedra", make)?;
             Ok(Box::new(PlpCuller::new(cells, budget(dial, world)?)))
@@ -43,6 +44,7 @@ pub(super) const KNOWN: &[Known] = &[
             // `plp --conservative` shows both.
             let budget = budget(dial.or(Some("1%")), world)?;
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
+            world.check_copies()?;
             let fine = || Ok(OctreeTessellation::with_fineness(&world.scene, FINE));
             let cells = world.prepared.get("a fine octree", fine)?;
             Ok(Box::new(ConservativePlpCuller::new(cells, budget, map)))
@@ -61,6 +63,7 @@ pub(super) const KNOWN: &[Known] = &[
 
 /// Returns the world's octree of default fineness, built on the first call. Never returns an error.
 fn octree_of(world: &World) -> Result<Arc<OctreeTessellation>, String> {
+    world.check_copies()?;
     world.prepared.get("an octree", || Ok(OctreeTessellation::new(&world.scene)))
 }
 

@@ -5,7 +5,7 @@
 //! visible objects and the FNV-1a hash of their indices, ascending. `native times` prints microseconds a
 //! frame. Tests run the same in JavaScript: `tests/answers.js` and `tests/times.js`.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use std::sync::Arc;
 use std::time::Instant;
 use visibility_core::bake::Bake;
@@ -36,10 +36,10 @@ fn fill(source: &SceneSource) -> Result<Scene, Box<dyn std::error::Error>> {
     let ids = scene.insert_batch(source.objects.iter().map(|object| Object {
         cost: object.triangles.len() as u32,
         occluder: true,
-        ..Object::new(Aabb::from_points(object.triangles.iter().flatten().copied()))
+        ..Object::new(Aabb::from_points(object.triangles.iter().flatten()))
     }));
     for (id, object) in ids.into_iter().zip(&source.objects) {
-        scene.set_triangles(id, object.triangles.as_slice())?;
+        scene.set_triangles(id, object.triangles.clone())?;
     }
     scene.prepare_occluders(&Preparation::default());
     Ok(scene)
@@ -98,7 +98,7 @@ fn hash(numbers: impl IntoIterator<Item = u32>) -> u32 {
 fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
     let source = built_in(name)?;
     let coordinates = source.objects.iter().flat_map(|object| object.triangles.iter().flatten());
-    let bits = coordinates.flat_map(Vec3::to_array).map(f32::to_bits);
+    let bits = coordinates.flat_map(|p| p.to_array()).map(f32::to_bits);
     println!("{name} {} objects, triangles {:08x}", source.objects.len(), hash(bits));
     let (scene, views) = (fill(&source)?, views(&source)?);
     let mut judge = ItemBuffer::new(256, 144)?;
@@ -110,7 +110,7 @@ fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
             let found = hash(visible.iter(&scene).map(|id| id.index() as u32));
             print!("{name} {label} {frame} {} {found:08x}", visible.count(&scene));
             if frame % JUDGED_EVERY == 0 {
-                let drawn = (0..).zip(source.objects.iter().map(|object| object.triangles.as_slice()));
+                let drawn = (0..).zip(source.objects.iter().map(|object| object.triangles.view()));
                 let mut comparison = Comparison::default();
                 let reported =
                     |_, key: u32| scene.id_at(key as usize).is_some_and(|id| visible.contains(&scene, id));

@@ -1,0 +1,156 @@
+//! Tests of triangles that objects share: placed as copies would be, and prepared once.
+
+use visibility_core::glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Vec3};
+use visibility_core::scene::{SharedTriangles, Triangle};
+use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene, occlusion::Preparation};
+use visibility_testing::Random;
+
+/// Returns the triangles of a box.
+fn solid(bounds: Aabb) -> Vec<Triangle> {
+    OccluderMesh::CUBOID.map(|t| t.map(|i| bounds.corners()[i as usize])).to_vec()
+}
+
+const UNIT: Aabb = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+
+/// Inserts an occluder with placed triangles.
+fn place(scene: &mut Scene, mesh: &SharedTriangles, transform: DAffine3, one_sided: bool) -> ObjectId {
+    let triangles = mesh.placed(transform);
+    let id = scene.insert(Object { occluder: true, one_sided, ..Object::new(triangles.bounds()) });
+    scene.set_triangles(id, triangles).unwrap();
+    id
+}
+
+#[test]
+fn placed_triangles_are_copies_to_the_last_bit() {
+    let mut random = Random(7);
+    let mut mirrored = 0;
+    for _ in 0..200 {
+        let mut vector = |reach: f64| random.vec3(-reach, reach);
+        let mesh: Vec<Triangle> = (0..5).map(|_| [vector(3.0), vector(3.0), vector(3.0)]).collect();
+        let columns = [(); 3].map(|()| vector(2.0).as_dvec3());
+        let transform = DAffine3 {
+            matrix3: DMat3::from_cols_array_2d(&columns.map(DVec3::into)),
+            translation: vector(1e3).as_dvec3(),
+        };
+        let is_mirrored = columns[0].cross(columns[1]).dot(columns[2]) < 0.0;
+        mirrored += usize::from(is_mirrored);
+        let copies: Vec<Triangle> = mesh
+            .iter()
+            .map(|triangle| {
+                let [a, b, c] = triangle.map(|p| transform.transform_point3(p.as_dvec3()).as_vec3());
+                if is_mirrored { [a, c, b] } else { [a, b, c] }
+            })
+            .collect();
+        let shared = SharedTriangles::from(&mesh[..]);
+        let placed = shared.placed(transform);
+        assert!(placed.iter().eq(copies.iter().copied()) && placed.shares_mesh(&shared));
+        assert_eq!(placed.bounds(), Aabb::from_points(copies.iter().flatten().copied()));
+        assert_eq!((placed.len(), placed.view().get(4), placed.view().get(5)), (5, Some(copies[4]), None));
+        let mut scene = Scene::new();
+        let id = place(&mut scene, &shared, transform, false);
+        assert_eq!(scene.triangles(id).unwrap(), copies[..].into());
+    }
+    assert!((60..140).contains(&mirrored), "{mirrored}");
+}
+
+#[test]
+fn triangles_outside_of_the_bounds_are_refused_where_they_are_placed() {
+    let mesh = SharedTriangles::from(solid(UNIT));
+    let mut scene = Scene::new();
+    let id = scene.insert(UNIT);
+    scene.set_triangles(id, mesh.clone()).unwrap();
+    let moved = mesh.placed(DAffine3::from_translation(DVec3::X * 1e-3));
+    assert!(scene.set_triangles(id, moved).is_err());
+    assert_eq!(scene.triangles(id).unwrap(), mesh.view(), "a refused call changes nothing");
+}
+
+#[test]
+fn objects_with_the_same_triangles_share_one_prepared_mesh() {
+    let (mesh, other) = (SharedTriangles::from(solid(UNIT)), SharedTriangles::from(solid(UNIT)));
+    let mut scene = Scene::new();
+    let at = |i: i32| {
+        let turn = DQuat::from_rotation_z(f64::from(i) * 0.1);
+        let scale = DVec3::new(1.0, if i % 2 == 0 { 1.0 } else { -2.0 }, 1.0);
+        DAffine3::from_scale_rotation_translation(scale, turn, DVec3::X * f64::from(5 * i))
+    };
+    let mut ids: Vec<_> = (0..40).map(|i| place(&mut scene, &mesh, at(i), false)).collect();
+    assert_eq!((scene.prepare_occluders(&Preparation::default()), scene.mesh_count()), (40, 1));
+    ids.extend((0..3).map(|i| place(&mut scene, &other, at(i), false)));
+    assert_eq!((scene.prepare_occluders(&Preparation::default()), scene.mesh_count()), (3, 2));
+    for (&id, i) in ids[..40].iter().zip(0..) {
+        let (prepared, transform) = scene.occluder(id).expect("within the bounds");
+        assert_eq!(prepared.bounds(), &UNIT);
+        let (expected, axes) = (at(i), transform.matrix3);
+        assert_eq!(axes.to_cols_array(), expected.matrix3.as_mat3().to_cols_array());
+        assert_eq!(Vec3::from(transform.translation), expected.translation.as_vec3());
+    }
+    // Of two-sided meshes, one-sided objects do without the backs.
+    let mut scene = Scene::new();
+    for i in 0..10 {
+        place(&mut scene, &mesh, at(i), i % 2 == 0);
+    }
+    scene.prepare_occluders(&Preparation { two_sided: true, ..Preparation::default() });
+    assert_eq!(scene.mesh_count(), 2);
+    for id in scene.ids() {
+        let is_two_sided = scene.occluder(id).expect("a mesh").0.is_two_sided();
+        assert_eq!(is_two_sided, !scene.object(id).unwrap().one_sided);
+    }
+    let ids: Vec<_> = scene.ids().collect();
+    scene.remove_batch(&ids).unwrap();
+    assert_eq!(scene.mesh_count(), 0, "the meshes go with the last object");
+}
+
+/// A mesh far from its own origin, which a transform brings near, would be placed by rounded products that
+/// are much larger than the coordinates: off by centimetres.
+#[test]
+fn rounding_never_moves_an_occluder() {
+    for (far, shares) in [(0.0, true), (2.0, true), (1e5, false), (1e6, false)] {
+        let mesh = solid(Aabb::new(Vec3::splat(far), Vec3::splat(far + 1.0)));
+        let mut scene = Scene::new();
+        let back = DAffine3::from_scale_rotation_translation(
+            DVec3::splat(1.5),
+            DQuat::from_rotation_z(0.3),
+            DQuat::from_rotation_z(0.3) * DVec3::splat(-1.5 * f64::from(far)) + DVec3::new(9.0, 1.0, 2.0),
+        );
+        let id = place(&mut scene, &mesh.into(), back, false);
+        assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
+        let (prepared, transform) = scene.occluder(id).expect("a mesh");
+        assert_eq!(*transform != Affine3A::IDENTITY, shares, "{far}");
+        let drawn = scene.triangles(id).unwrap();
+        for corner in prepared.positions() {
+            let at = transform.transform_point3(*corner);
+            let nearest = drawn.iter().flatten().map(|p| p.distance(at)).fold(f32::INFINITY, f32::min);
+            assert!(nearest < 1e-5, "{far}: {nearest} m off");
+        }
+    }
+}
+
+#[test]
+fn a_shared_mesh_goes_with_the_triangles() {
+    let mesh = SharedTriangles::from(solid(UNIT));
+    let moved = DAffine3::from_translation(DVec3::X * 4.0);
+    let bounds = mesh.placed(moved).bounds();
+    let prepared = || {
+        let mut scene = Scene::new();
+        let id = place(&mut scene, &mesh, moved, false);
+        scene.prepare_occluders(&Preparation::default());
+        assert!(scene.has_mesh(id));
+        (scene, id)
+    };
+    let (mut scene, id) = prepared();
+    scene.set_triangles(id, []).unwrap();
+    assert!(
+        !scene.has_mesh(id) && scene.mesh_count() == 0 && scene.transform(id) == Some(Affine3A::IDENTITY)
+    );
+    let (mut scene, id) = prepared();
+    scene.set_bounds(id, UNIT).unwrap();
+    assert!(!scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty());
+    // The transform of the triangles is not taken for that of the object.
+    let (mut scene, id) = prepared();
+    scene.set_local_bounds(id, bounds).unwrap();
+    assert_eq!((scene.bounds(id), scene.has_mesh(id)), (Ok(bounds), false));
+    scene.prepare_occluders(&Preparation::default());
+    assert_eq!(scene.occluder(id).map(|(_, transform)| *transform), Some(Affine3A::IDENTITY));
+    scene.set_transform(id, Affine3A::from_translation(Vec3::Y)).unwrap();
+    assert!(!scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty());
+}
