@@ -32,6 +32,7 @@ impl Boxes64 {
     };
 
     /// Returns the box in lane `lane % 64`; [`Aabb::EMPTY`] for a free lane.
+    #[inline]
     pub fn get(&self, lane: usize) -> Aabb {
         let (c, lane) = (&self.coordinates, lane % 64);
         Aabb::from_arrays([c[0][lane], c[1][lane], c[2][lane]], [c[3][lane], c[4][lane], c[5][lane]])

@@ -63,6 +63,21 @@ impl Scene {
         Some((self.tree.ids[above.node()][above.lane()], bounds))
     }
 
+    /// Returns, for the object in a lane of a leaf: its id, bounds and draw range, and leaf and lane of the
+    /// object that [stands in](Self::stand_in) for it. `None` beyond the last leaf or lane. For cullers that
+    /// walk the hierarchy, which know the place of an object.
+    #[inline]
+    pub fn detail_at(
+        &self,
+        leaf: usize,
+        lane: usize,
+    ) -> Option<(ObjectId, Aabb, DrawRange, Option<(usize, usize)>)> {
+        let id = *self.tree.ids.get(leaf)?.get(lane)?;
+        let above =
+            self.tree.substitute(Slot::new(leaf as u32, lane)).map(|above| (above.node(), above.lane()));
+        Some((id, self.tree.bounds.get(leaf)?.get(lane), self.tree.detail(id.index()).range, above))
+    }
+
     /// Returns a mask of the lanes of a leaf whose objects have a draw range, an HLOD parent or children; bit
     /// i stands for lane i. `leaf` is the number of a [leaf](crate::walk::Block::leaf); the mask is 0 if it
     /// is not less than [`leaf_limit`](Self::leaf_limit).

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::scene::{DetailBounds, DrawRange, SceneCursor, lanes};
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
-use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, simd::Simd};
+use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet, simd::Simd};
 
 /// Share of a distance by which the eye must come back before what it has switched switches back.
 const HYSTERESIS: f64 = 0.05;
@@ -109,14 +109,14 @@ impl ContributionCuller {
             let scene = walk.scene();
             let mut mask = candidates;
             walk.stats.tests += u64::from(candidates.count_ones());
-            if let Some((leaf, ids)) = block.leaf() {
+            if let Some((leaf, _)) = block.leaf() {
                 if let Some(size) = &frame.size
                     && candidates != 0
                 {
                     mask &= !self.simd.small_boxes(block.boxes(), size);
                 }
                 for lane in lanes(mask & scene.detailed_lanes(leaf)) {
-                    let is_drawn = self.is_drawn(scene, ids[lane], &block.boxes().get(lane), frame);
+                    let is_drawn = self.is_drawn(scene, leaf, lane, frame);
                     mask &= !(u64::from(!is_drawn) << lane);
                 }
                 return mask;
@@ -131,31 +131,33 @@ impl ContributionCuller {
         })
     }
 
-    /// Tests whether an object with the given bounds is in its draw range and not stood in for.
-    fn is_drawn(&mut self, scene: &Scene, id: ObjectId, bounds: &Aabb, frame: &Frame) -> bool {
-        let (index, range) = (id.index(), scene.draw_range(id).unwrap_or_default());
-        let mut stand_in = scene.stand_in(id);
+    /// Tests whether the object in a lane of a leaf is in its draw range and not stood in for.
+    fn is_drawn(&mut self, scene: &Scene, leaf: usize, lane: usize, frame: &Frame) -> bool {
+        let Some((id, bounds, range, mut above)) = scene.detail_at(leaf, lane) else { return true };
+        let index = id.index();
         let end = f64::from(range.end);
         if end.is_finite() {
             let end = if get(&self.near, index) { end * (1.0 + HYSTERESIS) } else { end };
             // The end and the begin of the level that follows are measured alike: between boxes of different
             // sizes would be distances at which neither is drawn.
-            let around = stand_in.map_or(*bounds, |(_, around)| around);
+            let around = above.and_then(|(leaf, lane)| scene.detail_at(leaf, lane));
+            let around = around.map_or(bounds, |(_, around, ..)| around);
             let is_beyond = frame.eye.is_beyond(&around, end);
             set(&mut self.near, index, !is_beyond);
             if is_beyond {
                 return false;
             }
         }
-        if self.is_before(index, range, bounds, frame) {
+        if self.is_before(index, range, &bounds, frame) {
             return false;
         }
         // One of the objects that stand in for one another is drawn: the last that is not too near, or this.
-        while let Some((above, bounds)) = stand_in {
-            if !self.is_before(above.index(), scene.draw_range(above).unwrap_or_default(), &bounds, frame) {
+        while let Some((id, bounds, range, next)) = above.and_then(|(leaf, lane)| scene.detail_at(leaf, lane))
+        {
+            if !self.is_before(id.index(), range, &bounds, frame) {
                 return false;
             }
-            stand_in = scene.stand_in(above);
+            above = next;
         }
         true
     }

@@ -10,6 +10,7 @@ use crate::scene::draw_range::Detail;
 
 impl Tree {
     /// Returns the data of an object that has draw range, parent or children; of any other, the default.
+    #[inline]
     pub(crate) fn detail(&self, index: usize) -> Detail {
         self.details.get(index).copied().unwrap_or(Detail::NONE)
     }
@@ -17,6 +18,7 @@ impl Tree {
     /// Returns the slot of the HLOD parent that stands in for the object in a slot from the parent's range
     /// on. `None` if there is none, or if the parent cannot stand in: it is never culled, is not on all of
     /// the object's layers, or its bounds do not contain those of the object, which has moved away.
+    #[inline]
     pub(crate) fn substitute(&self, slot: Slot) -> Option<Slot> {
         let parent = self.detail(self.ids[slot.node()][slot.lane()].index()).parent?;
         let above = *self.slots.get(parent.get() as usize - 1)?;
