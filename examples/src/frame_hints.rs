@@ -46,8 +46,8 @@ pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
     lines
 }
 
-/// Parts of the area of all triangles, each from 0 to 1, 0 without an area. Of a scene of more than four million
-/// triangles, objects are taken evenly.
+/// Parts of the area of all triangles, each from 0 to 1, 0 without an area. Of a scene of more than four
+/// million triangles, objects are taken evenly.
 struct SurfaceShares {
     /// Part that is level, to about a degree, where an axis is up.
     level: f64,

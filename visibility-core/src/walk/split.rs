@@ -102,7 +102,8 @@ pub(crate) fn retain_on<T: NodeTest>(
     stats
 }
 
-/// Returns the greatest level of the nodes whose subtrees are dealt out: below the root if it has nodes below.
+/// Returns the greatest level of the nodes whose subtrees are dealt out: below the root if it has nodes
+/// below.
 fn subtree_level(scene: &Scene) -> u8 {
     let tree = scene.tree();
     tree.levels[tree.root as usize].saturating_sub(1).min(MAX_SUBTREE_LEVEL)

@@ -1,7 +1,7 @@
 //! Surfaces of triangles that all segments of a node cross.
 
 use super::context::Check;
-use super::exact_side::{cross, difference, norm, quick_side};
+use super::exact_side::{cross, difference, is_before, norm, quick_side};
 use crate::polygon::Polygon;
 use crate::sight::Sight;
 use crate::triangles::unit_normal;
@@ -101,10 +101,8 @@ impl Check<'_> {
             Some(_) => 0.0,
             None => 2.0 * self.delta * norm(cross(difference(b, a), difference(c, a))),
         };
-        sight.p.corners().iter().all(|&x| {
-            let (value, rounding) = quick_side(x, a, b, c, 0.0);
-            value < -(rounding + slack) || axis.is_some_and(|k| x[k] == a[k])
-        })
+        let is_on_plane = |x: DVec3| axis.is_some_and(|k| x[k] == a[k]);
+        sight.p.corners().iter().all(|&x| is_before(x, [a, b, c], slack) || is_on_plane(x))
     }
 
     /// Returns whether a triangle touches Q at most at its boundary: its corners that are not the target's

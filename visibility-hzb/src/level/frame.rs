@@ -152,8 +152,8 @@ impl LevelFrame {
     }
 }
 
-/// Returns the sides of the part of a view that a half-open range of tile columns shows: `a x + b y + c z + d +
-/// e r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the side. Not
+/// Returns the sides of the part of a view that a half-open range of tile columns shows: `a x + b y + c z +
+/// d + e r` is negative for a ball of radius `r` about the point `x`, `y`, `z` that is beyond the side. Not
 /// rounded conservatively.
 pub(crate) fn sides(projection: &ScreenProjection, columns: [usize; 2]) -> [[f64; 5]; 5] {
     let row = |row: &ScreenRow| {

@@ -67,8 +67,8 @@ pub(crate) struct TileKeys {
 }
 
 impl TileKeys {
-    /// Returns the tiles of an outline in the frame's columns. The outline comes near what is within the slack
-    /// of its edges. `None` if there are none.
+    /// Returns the tiles of an outline in the frame's columns. The outline comes near what is within the
+    /// slack of its edges. `None` if there are none.
     #[inline(always)]
     pub(super) fn new(
         edges: &Edges,
