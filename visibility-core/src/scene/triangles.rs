@@ -220,6 +220,12 @@ impl<'a> From<&'a [Triangle]> for Triangles<'a> {
     }
 }
 
+impl<'a, const N: usize> From<&'a [Triangle; N]> for Triangles<'a> {
+    fn from(mesh: &'a [Triangle; N]) -> Self {
+        mesh[..].into()
+    }
+}
+
 impl<'a> From<&'a SharedTriangles> for Triangles<'a> {
     fn from(triangles: &'a SharedTriangles) -> Self {
         triangles.view()
