@@ -18,6 +18,20 @@ fn linked(link: Link) -> Option<usize> {
     link.map(|number| number.get() as usize - 1)
 }
 
+/// An object as a culler of levels of detail meets it on its walk.
+#[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
+pub struct DetailedObject {
+    /// The object.
+    pub id: ObjectId,
+    /// Its bounds, relative to the scene's origin.
+    pub bounds: Aabb,
+    /// Its draw range.
+    pub range: DrawRange,
+    /// Leaf and lane of the object that [stands in](Scene::stand_in) for it.
+    pub stand_in: Option<(usize, usize)>,
+}
+
 impl Scene {
     /// Sets the distances at which an object is drawn. Objects are drawn at every distance by default. Only a
     /// `ContributionCuller` of `visibility-frame` hides by them: a pipeline without one draws every object,
@@ -63,19 +77,14 @@ impl Scene {
         Some((self.tree.ids[above.node()][above.lane()], bounds))
     }
 
-    /// Returns, for the object in a lane of a leaf: its id, bounds and draw range, and leaf and lane of the
-    /// object that [stands in](Self::stand_in) for it. `None` beyond the last leaf or lane. For cullers that
-    /// walk the hierarchy, which know the place of an object.
+    /// Returns the object in a lane of a leaf. `None` beyond the last leaf or lane. For cullers that walk the
+    /// hierarchy, which know the place of an object.
     #[inline]
-    pub fn detail_at(
-        &self,
-        leaf: usize,
-        lane: usize,
-    ) -> Option<(ObjectId, Aabb, DrawRange, Option<(usize, usize)>)> {
+    pub fn detail_at(&self, leaf: usize, lane: usize) -> Option<DetailedObject> {
         let id = *self.tree.ids.get(leaf)?.get(lane)?;
-        let above =
-            self.tree.substitute(Slot::new(leaf as u32, lane)).map(|above| (above.node(), above.lane()));
-        Some((id, self.tree.bounds.get(leaf)?.get(lane), self.tree.detail(id.index()).range, above))
+        let (bounds, range) = (self.tree.bounds.get(leaf)?.get(lane), self.tree.detail(id.index()).range);
+        let above = self.tree.substitute(Slot::new(leaf as u32, lane));
+        Some(DetailedObject { id, bounds, range, stand_in: above.map(|above| (above.node(), above.lane())) })
     }
 
     /// Returns a mask of the lanes of a leaf whose objects have a draw range, an HLOD parent or children; bit

@@ -25,6 +25,7 @@ pub use boxes64::{Boxes64, lanes};
 pub use changes::Changes;
 pub use cursor::SceneCursor;
 pub use curve::morton_order;
+pub use detail::DetailedObject;
 pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};

@@ -47,6 +47,7 @@ impl SharedTriangles {
     ///
     /// A transform that mirrors (with a negative determinant) turns triangles inside out. Two of their
     /// corners are then exchanged, so that the front of each stays its front.
+    #[must_use]
     pub fn placed(&self, transform: DAffine3) -> Self {
         let view = Triangles { transform: Some(&transform), ..self.mesh.view() };
         let bounds = Aabb::from_points(view.iter().flatten());

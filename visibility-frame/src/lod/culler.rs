@@ -5,7 +5,7 @@ use super::{PixelScale, SizeTest};
 use crate::simd::Kernels;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
-use visibility_core::scene::{DetailBounds, DrawRange, SceneCursor, lanes};
+use visibility_core::scene::{DetailBounds, DetailedObject, SceneCursor, lanes};
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet, simd::Simd};
 
@@ -133,41 +133,41 @@ impl ContributionCuller {
 
     /// Tests whether the object in a lane of a leaf is in its draw range and not stood in for.
     fn is_drawn(&mut self, scene: &Scene, leaf: usize, lane: usize, frame: &Frame) -> bool {
-        let Some((id, bounds, range, mut above)) = scene.detail_at(leaf, lane) else { return true };
-        let index = id.index();
-        let end = f64::from(range.end);
+        let Some(object) = scene.detail_at(leaf, lane) else { return true };
+        let above =
+            |object: &DetailedObject| object.stand_in.and_then(|(leaf, lane)| scene.detail_at(leaf, lane));
+        let (index, end) = (object.id.index(), f64::from(object.range.end));
+        let mut next = above(&object);
         if end.is_finite() {
             let end = if get(&self.near, index) { end * (1.0 + HYSTERESIS) } else { end };
             // The end and the begin of the level that follows are measured alike: between boxes of different
             // sizes would be distances at which neither is drawn.
-            let around = above.and_then(|(leaf, lane)| scene.detail_at(leaf, lane));
-            let around = around.map_or(bounds, |(_, around, ..)| around);
+            let around = next.map_or(object.bounds, |above| above.bounds);
             let is_beyond = frame.eye.is_beyond(&around, end);
             set(&mut self.near, index, !is_beyond);
             if is_beyond {
                 return false;
             }
         }
-        if self.is_before(index, range, &bounds, frame) {
+        if self.is_before(&object, frame) {
             return false;
         }
         // One of the objects that stand in for one another is drawn: the last that is not too near, or this.
-        while let Some((id, bounds, range, next)) = above.and_then(|(leaf, lane)| scene.detail_at(leaf, lane))
-        {
-            if !self.is_before(id.index(), range, &bounds, frame) {
+        while let Some(stand_in) = next {
+            if !self.is_before(&stand_in, frame) {
                 return false;
             }
-            above = next;
+            next = above(&stand_in);
         }
         true
     }
 
     /// Tests whether an object is nearer than the begin of its draw range. Several calls for one object in a
     /// frame give the same answer.
-    fn is_before(&mut self, index: usize, range: DrawRange, bounds: &Aabb, frame: &Frame) -> bool {
-        let begin = f64::from(range.begin);
+    fn is_before(&mut self, object: &DetailedObject, frame: &Frame) -> bool {
+        let (index, begin) = (object.id.index(), f64::from(object.range.begin));
         let begin = if get(&self.far, index) { begin * (1.0 - HYSTERESIS) } else { begin };
-        let is_before = frame.eye.is_within(bounds, begin);
+        let is_before = frame.eye.is_within(&object.bounds, begin);
         set(&mut self.far, index, !is_before);
         is_before
     }
