@@ -1,6 +1,7 @@
 //! Tests of what the glTF loader makes of valid files: by extensions, compression, instances, skins, clips,
 //! and far from the origin. Each test makes its file, and knows the right values.
 
+use crate::gltf_files::glb;
 use glam::{DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -90,18 +91,7 @@ impl File {
     fn glb(&self) -> Vec<u8> {
         let mut root = self.root.clone();
         root["buffers"][0]["byteLength"] = json!(self.bytes.len());
-        let mut text = root.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut bytes = b"glTF".to_vec();
-        for number in [2, 28 + text.len() + self.bytes.len(), text.len()] {
-            bytes.extend((number as u32).to_le_bytes());
-        }
-        bytes.extend(b"JSON");
-        bytes.extend(text);
-        bytes.extend((self.bytes.len() as u32).to_le_bytes());
-        bytes.extend(b"BIN\0");
-        bytes.extend(&self.bytes);
-        bytes
+        glb(&root, &self.bytes)
     }
 
     fn read(&self) -> Result<SceneSource, SourceError> {

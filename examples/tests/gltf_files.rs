@@ -41,7 +41,7 @@ fn square() -> Value {
 }
 
 /// Packs a document and its binary chunk into the bytes of a GLB file.
-fn glb(document: &Value, data: &[u8]) -> Vec<u8> {
+pub(crate) fn glb(document: &Value, data: &[u8]) -> Vec<u8> {
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut data = data.to_vec();

@@ -1,6 +1,7 @@
 //! Instances of a mesh are kept as instances: a mesh that several nodes show, or one node several times, is
 //! kept once from the loader to the judge, and all is found as if each node had a mesh of its own.
 
+use crate::gltf_files::glb;
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -78,17 +79,7 @@ impl File {
     fn glb(&self) -> Vec<u8> {
         let mut root = self.root.clone();
         root["buffers"][0]["byteLength"] = json!(self.bytes.len());
-        let mut text = root.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut bytes = b"glTF".to_vec();
-        let total = 28 + text.len() + self.bytes.len();
-        bytes.extend([2, total, text.len()].iter().flat_map(|&number| (number as u32).to_le_bytes()));
-        bytes.extend(b"JSON");
-        bytes.extend(text);
-        bytes.extend((self.bytes.len() as u32).to_le_bytes());
-        bytes.extend(b"BIN\0");
-        bytes.extend(&self.bytes);
-        bytes
+        glb(&root, &self.bytes)
     }
 
     fn scene(&self) -> SceneSource {

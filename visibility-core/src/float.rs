@@ -9,20 +9,13 @@
 /// ```
 /// assert_eq!(visibility_core::geometry::tan(0.0), 0.0);
 /// ```
-#[cfg(feature = "std")]
+#[cfg(any(feature = "std", feature = "libm"))]
 pub fn tan(x: f64) -> f64 {
-    x.tan()
-}
-
-/// Returns the tangent of an angle in radians. The last bit may differ between platforms, so decisions need a
-/// margin. For crates without the standard library: from `std`, or from `libm` without it.
-///
-/// ```
-/// assert_eq!(visibility_core::geometry::tan(0.0), 0.0);
-/// ```
-#[cfg(all(not(feature = "std"), feature = "libm"))]
-pub fn tan(x: f64) -> f64 {
-    libm::tan(x)
+    #[cfg(feature = "std")]
+    let result = x.tan();
+    #[cfg(not(feature = "std"))]
+    let result = libm::tan(x);
+    result
 }
 
 /// Returns the square root, rounded to the nearest `f64` on every platform, as IEEE 754 demands; NaN for
@@ -31,18 +24,11 @@ pub fn tan(x: f64) -> f64 {
 /// ```
 /// assert_eq!(visibility_core::geometry::sqrt(2.25), 1.5);
 /// ```
-#[cfg(feature = "std")]
+#[cfg(any(feature = "std", feature = "libm"))]
 pub fn sqrt(x: f64) -> f64 {
-    x.sqrt()
-}
-
-/// Returns the square root, rounded to the nearest `f64` on every platform, as IEEE 754 demands; NaN for
-/// negative numbers. For crates without the standard library: from `std`, or from `libm` without it.
-///
-/// ```
-/// assert_eq!(visibility_core::geometry::sqrt(2.25), 1.5);
-/// ```
-#[cfg(all(not(feature = "std"), feature = "libm"))]
-pub fn sqrt(x: f64) -> f64 {
-    libm::sqrt(x)
+    #[cfg(feature = "std")]
+    let result = x.sqrt();
+    #[cfg(not(feature = "std"))]
+    let result = libm::sqrt(x);
+    result
 }

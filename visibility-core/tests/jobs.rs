@@ -15,20 +15,16 @@ use visibility_testing::job_systems::for_each_job_system;
 /// since the hierarchy was built, and some were removed, so that nodes have free lanes.
 fn scene(random: &mut Random, count: usize) -> Scene {
     let mut scene = Scene::new();
-    let bounds = |random: &mut Random| {
-        let min = random.vector(200.0).as_vec3();
-        Aabb::new(min, min + random.vector(1.0).abs().as_vec3())
-    };
     let ids: Vec<_> = (0..count)
         .map(|_| {
-            let object = Object { never_cull: random.one_in(500), ..Object::new(bounds(random)) };
+            let object = Object { never_cull: random.one_in(500), ..Object::new(random.small_box(200.0)) };
             scene.insert(Object { layers: 1 + random.below(3) as u32, ..object })
         })
         .collect();
     scene.rebuild();
     for &id in &ids {
         if random.one_in(10) {
-            scene.set_bounds(id, bounds(random)).unwrap();
+            scene.set_bounds(id, random.small_box(200.0)).unwrap();
         } else if random.one_in(10) {
             scene.remove(id).unwrap();
         }

@@ -3,26 +3,15 @@
 
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::{
-    Aabb, Accuracy, FrustumCuller, ObjectId, OccluderMesh, OcclusionCuller, OcclusionMap, Pipeline, Pose,
-    Scene, View, VisibleSet,
+    Aabb, Accuracy, FrustumCuller, ObjectId, OccluderMesh, OcclusionCuller, OcclusionMap, Pipeline, Scene,
+    View, VisibleSet,
     geometry::Plane,
     occlusion::Occlusion,
     pvs::{Prefetch, Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells},
 };
 use visibility_testing::allocations::{ALLOCATIONS, LIVE};
+use visibility_testing::cameras::circling;
 use visibility_testing::{Octree, Random};
-
-fn random_box(rng: &mut Random) -> Aabb {
-    let min = rng.vector(200.0).as_vec3();
-    Aabb::new(min, min + rng.vector(1.0).abs().as_vec3())
-}
-
-fn view(frame: usize) -> View {
-    let angle = frame as f64 * 0.07;
-    let eye = DVec3::new(angle.sin(), 0.0, 1.0) * 30.0;
-    let pose = Pose::look_at(eye, eye + DVec3::new(angle.cos(), angle.sin(), 0.1), DVec3::Z);
-    View::perspective(pose, 1.0, 1.6, 0.1, f64::INFINITY).unwrap()
-}
 
 /// A world in which a sequence of moves is repeated: objects step to and fro, some of them across the world.
 struct World {
@@ -38,7 +27,7 @@ impl World {
     fn new(count: usize, moves_per_frame: usize, teleports: bool) -> Self {
         let mut rng = Random(1);
         let mut scene = Scene::new();
-        let homes: Vec<Aabb> = (0..count).map(|_| random_box(&mut rng)).collect();
+        let homes: Vec<Aabb> = (0..count).map(|_| rng.small_box(200.0)).collect();
         let ids = scene.insert_batch(homes.iter().copied());
         let mut walk = Vec::new();
         for frame in 0..16 {
@@ -62,7 +51,7 @@ impl World {
     fn frame(&mut self, pipeline: &mut Pipeline, visible: &mut VisibleSet, sort: bool) {
         self.scene.set_bounds_batch(&self.walk[self.frames % self.walk.len()]).unwrap();
         self.scene.maintain(16);
-        pipeline.cull(&self.scene, &view(self.frames), visible);
+        pipeline.cull(&self.scene, &circling(self.frames), visible);
         if sort {
             visible.sort_by_key(&self.scene, |id| id.index() % 100);
         }
@@ -165,7 +154,7 @@ fn many_views_allocate_nothing_once_warm() {
         world.frame(&mut eyes[0].0, &mut moved, false);
         both.clear(&world.scene);
         for (number, (pipeline, set)) in eyes.iter_mut().enumerate() {
-            let eye = view(frame + number).with_clip_planes(&[clip]).unwrap();
+            let eye = circling(frame + number).with_clip_planes(&[clip]).unwrap();
             pipeline.cull(&world.scene, &eye, set);
             both.union(&world.scene, set);
         }
@@ -264,7 +253,7 @@ fn a_pvs_allocates_nothing_once_warm() {
 #[test]
 fn an_object_takes_at_most_64_bytes() {
     let mut rng = Random(2);
-    let boxes: Vec<Aabb> = (0..100_000).map(|_| random_box(&mut rng)).collect();
+    let boxes: Vec<Aabb> = (0..100_000).map(|_| rng.small_box(200.0)).collect();
     let before = LIVE.get();
     let mut scene = Scene::new();
     drop(scene.insert_batch(boxes.iter().copied()));
@@ -284,7 +273,7 @@ fn an_object_takes_at_most_64_bytes() {
 fn warm_prefetches_allocate_nothing() {
     let mut rng = Random(12);
     let mut scene = Scene::new();
-    let ids = scene.insert_batch((0..500).map(|_| random_box(&mut rng)));
+    let ids = scene.insert_batch((0..500).map(|_| rng.small_box(200.0)));
     let room = |i: u32| {
         let x = f64::from(i) * 2.0;
         Viewcell::from_box(DVec3::new(x, -5.0, -5.0), DVec3::new(x + 2.0, 5.0, 5.0))

@@ -84,7 +84,7 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
         assert_eq!(axes.to_cols_array(), expected.matrix3.as_mat3().to_cols_array());
         assert_eq!(Vec3::from(transform.translation), expected.translation.as_vec3());
     }
-    // Of two-sided meshes, one-sided objects do without the backs.
+    // One-sided and two-sided objects with the same triangles have two meshes, of which one has no backs.
     let mut scene = Scene::new();
     for i in 0..10 {
         place(&mut scene, &mesh, at(i), i % 2 == 0);

@@ -296,8 +296,7 @@ fn corners_exactly_on_segments_from_the_edges_of_the_view_are_kept() {
             let p = grid(inverse.project_point3(DVec3::new(x, y, z)));
             if p.is_nan() || p.abs().max_element() > 1e4 || !camera.sees(p) {
                 // Any other box, so that there is something to cull.
-                let min = rng.vector(30.0).as_vec3();
-                boxes.push(Aabb::new(min, min + rng.vector(1.0).abs().as_vec3()));
+                boxes.push(rng.small_box(30.0));
                 continue;
             }
             let way = if infinite { light * 64.0 } else { light - p };

@@ -5,8 +5,7 @@ use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::scene::DrawRange;
 use visibility_core::{
-    Aabb, Accuracy, FrustumCuller, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View,
-    VisibleSet,
+    Aabb, Accuracy, FrustumCuller, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Scene, View, VisibleSet,
 };
 use visibility_frame::backface::NormalCone;
 use visibility_frame::casters::{CasterCuller, Light};
@@ -15,25 +14,14 @@ use visibility_frame::draw_list::{DrawIndexedIndirect, DrawList};
 use visibility_frame::lod::{ContributionCuller, LodSelector};
 use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
-
-fn random_box(rng: &mut Random) -> Aabb {
-    let min = rng.vector(200.0).as_vec3();
-    Aabb::new(min, min + rng.vector(1.0).abs().as_vec3())
-}
-
-fn view(frame: usize) -> View {
-    let angle = frame as f64 * 0.07;
-    let eye = DVec3::new(angle.sin(), 0.0, 1.0) * 30.0;
-    let pose = Pose::look_at(eye, eye + DVec3::new(angle.cos(), angle.sin(), 0.1), DVec3::Z);
-    View::perspective(pose, 1.0, 1.6, 0.1, f64::INFINITY).unwrap()
-}
+use visibility_testing::cameras::circling;
 
 /// Runs `frames` frames over 20,000 objects, of which `moves` move to and fro in a sequence of 16 frames.
 /// `frame` returns what it has drawn. Asserts that the frames after the first third allocate nothing.
 fn check_frames(frames: usize, moves: usize, mut frame: impl FnMut(&mut Scene, usize) -> usize) {
     let mut rng = Random(1);
     let mut scene = Scene::new();
-    let homes: Vec<Aabb> = (0..20_000).map(|_| random_box(&mut rng)).collect();
+    let homes: Vec<Aabb> = (0..20_000).map(|_| rng.small_box(200.0)).collect();
     let ids = scene.insert_batch(homes.iter().copied());
     let mut moved = || {
         let (number, step) = (rng.below(homes.len()), rng.vector(3.0).as_vec3());
@@ -60,7 +48,7 @@ fn results_allocate_nothing_once_warm() {
     let mut pipeline = Pipeline::new().with(FrustumCuller::new());
     let (mut bits, mut commands) = (vec![0; 20_000usize.div_ceil(32)], Vec::new());
     check_frames(400, 400, |scene, number| {
-        pipeline.cull(scene, &view(number), &mut visible);
+        pipeline.cull(scene, &circling(number), &mut visible);
         visible.sort_by_index(scene);
         visible.write_bits(scene, &mut bits).unwrap();
         // Few keys and sparse keys in turns.
@@ -88,7 +76,7 @@ fn casters_allocate_nothing_once_warm() {
     let mut casters = VisibleSet::new();
     check_frames(300, 100, |scene, number| {
         let drawn = shadows.iter_mut().map(|pipeline| {
-            pipeline.cull(scene, &view(number), &mut casters);
+            pipeline.cull(scene, &circling(number), &mut casters);
             casters.iter(scene).count()
         });
         drawn.sum()
@@ -112,8 +100,8 @@ fn levels_of_detail_allocate_nothing_once_warm() {
         let begin = DrawRange { begin: (number % 50) as f32, ..DrawRange::ALWAYS };
         scene.set_draw_range(parent, begin).unwrap();
         scene.set_hlod_parent(ids[number % 300], (number % 2 == 0).then_some(parent)).unwrap();
-        pipeline.cull(scene, &view(number), &mut visible);
-        lods.select(scene, &view(number), &visible, 0.02, |_| &[100.0, 20.0]);
+        pipeline.cull(scene, &circling(number), &mut visible);
+        lods.select(scene, &circling(number), &visible, 0.02, |_| &[100.0, 20.0]);
         lods.selected().len()
     });
 }
@@ -145,14 +133,14 @@ impl OcclusionMap for Wall {
 fn warm_lists_of_clusters_allocate_nothing() {
     let mut rng = Random(9);
     let floor = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
-    let mesh = ClusterMesh::new((0..5000).map(|_| (random_box(&mut rng), floor)));
+    let mesh = ClusterMesh::new((0..5000).map(|_| (rng.small_box(200.0), floor)));
     let mut scene = Scene::new();
-    scene.insert_batch((0..300).map(|_| random_box(&mut rng)));
+    scene.insert_batch((0..300).map(|_| rng.small_box(200.0)));
     let (mut visible, mut list) = (VisibleSet::new(), Vec::new());
     let mut run = || {
         let mut listed = 0;
         for frame in 0..40 {
-            let view = view(frame);
+            let view = circling(frame);
             visible.fill(&scene, &view);
             list.clear();
             let instance = |id: ObjectId| {

@@ -7,7 +7,7 @@
 use crate::Random;
 use crate::exact::sign_of_sum;
 use visibility_core::glam::{DMat4, DQuat, DVec3, DVec4};
-use visibility_core::{Aabb, view::Depth};
+use visibility_core::{Aabb, Pose, View, view::Depth};
 
 /// All six depth conventions.
 pub const DEPTHS: [Depth; 6] = [
@@ -18,6 +18,14 @@ pub const DEPTHS: [Depth; 6] = [
     Depth::Reversed,
     Depth::ReversedInfinite,
 ];
+
+/// Returns the view of a frame of a walk that circles about the origin at 30 metres, looking around.
+pub fn circling(frame: usize) -> View {
+    let angle = frame as f64 * 0.07;
+    let eye = DVec3::new(angle.sin(), 0.0, 1.0) * 30.0;
+    let pose = Pose::look_at(eye, eye + DVec3::new(angle.cos(), angle.sin(), 0.1), DVec3::Z);
+    View::perspective(pose, 1.0, 1.6, 0.1, f64::INFINITY).expect("a usual view")
+}
 
 /// Returns `2^exponent`.
 pub fn power_of_two(exponent: i32) -> f64 {

@@ -92,6 +92,13 @@ impl Random {
         DVec3::from_array(core::array::from_fn(|_| self.fine_range(least, greatest))).as_vec3()
     }
 
+    /// Returns a box with sides of at most a metre, whose least corner has coordinates of at most `reach`
+    /// metres.
+    pub fn small_box(&mut self, reach: f64) -> Aabb {
+        let min = self.vector(reach).as_vec3();
+        Aabb::new(min, min + self.vector(1.0).abs().as_vec3())
+    }
+
     /// Returns points of a box: its corners, and as many within it.
     pub fn points_of(&mut self, bounds: &Aabb) -> [DVec3; 16] {
         let (corners, size) = (bounds.corners(), bounds.max - bounds.min);

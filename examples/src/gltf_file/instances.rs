@@ -11,12 +11,21 @@ use std::path::Path;
 /// elements of an attribute, and 1 for a node without the extension.
 pub(super) fn instance_count(node: &gltf::Node<'_>, document: &gltf::Document) -> usize {
     let Some(extension) = node.extension_value("EXT_mesh_gpu_instancing") else { return 1 };
-    let accessor = |name: &str| {
-        let index = extension.get("attributes")?.get(name)?.as_u64()?;
-        document.accessors().nth(usize::try_from(index).ok()?)
-    };
-    let accessors = ["TRANSLATION", "SCALE", "ROTATION"].into_iter().filter_map(accessor);
+    let accessors = ["TRANSLATION", "SCALE", "ROTATION"]
+        .into_iter()
+        .filter_map(|name| accessor_of(extension, name, document)?.ok());
     accessors.map(|accessor| accessor.count()).max().unwrap_or(0)
+}
+
+/// Returns the accessor of an attribute of copies, `None` for an attribute that the extension does not name.
+/// `Err` if there is no such accessor.
+fn accessor_of<'a>(
+    extension: &Value,
+    name: &str,
+    document: &'a gltf::Document,
+) -> Option<Result<gltf::Accessor<'a>, ()>> {
+    let index = extension.get("attributes")?.get(name)?.as_u64()?;
+    Some(usize::try_from(index).ok().and_then(|index| document.accessors().nth(index)).ok_or(()))
 }
 
 /// Copies of a node's mesh.
@@ -46,12 +55,8 @@ impl Instances {
         };
         let wrong = |problem: String| SourceError::content(path, format!("node {}", node.index()), problem);
         let accessor = |name: &str| {
-            let index = extension.get("attributes").and_then(|attributes| attributes.get(name));
-            let found = index.and_then(Value::as_u64).map(|index| {
-                let accessor = usize::try_from(index).ok().and_then(|index| document.accessors().nth(index));
-                accessor.ok_or_else(|| wrong(format!("{name} of its instances is no accessor")))
-            });
-            found.transpose()
+            let found = accessor_of(extension, name, document).transpose();
+            found.map_err(|()| wrong(format!("{name} of its instances is no accessor")))
         };
         let vectors = |name| accessor(name)?.map(|accessor| buffers.vectors::<3>(&accessor)).transpose();
         let translations = vectors("TRANSLATION")?;

@@ -198,11 +198,11 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         budget: &mut Budget,
         kind: SweepKind,
     ) -> CullStats {
-        let objects = visible.count(scene);
         if let Some(jobs) = jobs
             && H::IS_OF_SCENE
             // Sampling and a limit on work make each test depend on those before it.
             && matches!(kind, SweepKind::First | SweepKind::All)
+            && let objects = visible.count(scene)
             && budget.can_test(objects)
             && let Some(map) = self.map.shared()
         {
@@ -230,7 +230,7 @@ enum SweepKind {
     All,
     /// As `All`, but only a choice of the leaves.
     Sampled,
-    /// Nothing: the walk counts what is left.
+    /// No object: the walk counts the objects that are left.
     Count,
 }
 

@@ -273,7 +273,7 @@ impl Iterator for TriangleIter<'_> {
 
 impl ExactSizeIterator for TriangleIter<'_> {}
 
-/// What is done with each triangle of a mesh that is read.
+/// How the triangles of a mesh are placed in the scene as they are read.
 #[derive(Clone, Copy, Debug)]
 enum Placement<'a> {
     InScene,

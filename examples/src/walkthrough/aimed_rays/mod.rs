@@ -262,7 +262,7 @@ mod tests {
             let wall = SourceObject { one_sided: true, ..object(triangles) };
             assert_eq!(met(vec![wall, object(behind.clone())]), seen);
         }
-        // Of two plates in one place neither is certainly first.
+        // Two plates in the same place: rays certainly meet neither of the plates first.
         assert!(met(vec![object(behind.clone()), object(behind)]).is_empty());
     }
 }
