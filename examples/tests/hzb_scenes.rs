@@ -3,7 +3,7 @@
 
 use crate::all_occluders::all_occluders;
 use crate::shared_scenes::{assert_none_hidden, scene};
-use visibility_core::{FrustumCuller, Pipeline, occlusion::Preparation};
+use visibility_core::{FrustumCuller, Pipeline, VisibleSet, occlusion::Preparation};
 use visibility_examples::walkthrough::{Trial, World, run};
 use visibility_examples::{SceneSource, built_in};
 use visibility_hzb::{Hzb, HzbCuller};
@@ -38,6 +38,28 @@ fn check(source: SceneSource, frames: usize) {
         trial("1920x1080", &world, [1920, 1080]),
     ];
     assert_none_hidden(&world, &trials);
+}
+
+/// A culler that leaves out frames where culling does not pay sees that the next view is another: along a walk
+/// it reports little more than frame by frame without what it remembers.
+#[test]
+fn a_walk_hides_nearly_what_its_frames_hide_alone() {
+    let world = World::new(built_in("plpcity").unwrap(), (640, 360), Some(240)).unwrap();
+    let hzb = HzbCuller::new(Hzb::new(512, 288).unwrap());
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(hzb);
+    let mut set = VisibleSet::new();
+    let mut reported = |remembers: bool| -> usize {
+        let frames = world.views.iter().map(|view| {
+            if !remembers {
+                pipeline.reset();
+            }
+            pipeline.cull(&world.scene, view, &mut set);
+            set.count(&world.scene)
+        });
+        frames.sum()
+    };
+    let (alone, along) = (reported(false), reported(true));
+    assert!(100 * along <= 105 * alone, "{along} objects in all frames of the walk, alone {alone}");
 }
 
 #[test]

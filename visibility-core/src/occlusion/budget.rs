@@ -4,6 +4,8 @@
 //! occluder: with the z-buffer about a tenth of a microsecond. The same frame therefore spends the same on
 //! every machine.
 
+use glam::DVec3;
+
 /// Work, in triangles, that a frame may spend before an object is found hidden, beyond the price of one. It
 /// must last until the first batch has been drawn and the boxes behind have been tested.
 const INITIAL_CREDIT: f32 = 2048.0;
@@ -151,11 +153,18 @@ const PAID_BACK: f32 = 0.02;
 /// Greatest number of frames left out in a row.
 const MOST_FRAMES_LEFT_OUT: u32 = 64;
 
+/// Number of objects in view, as a multiple of that in the last frame worked on, from which a view is another.
+const OTHER_CROWD: usize = 2;
+
+/// Cosine of the angle between the directions of two cameras from which a view is another: 30 degrees.
+const OTHER_DIRECTION: f64 = 0.866;
+
 /// What the frames of a culler so far have shown: whether finding hidden objects pays.
 ///
 /// Where it does not for [`MOST_LOSSES`] frames in a row, as in the view of a bird, frames are left out until
-/// they have saved what the last one spent in vain. Then a frame tries again. Objects of frames left out stay
-/// visible.
+/// they have saved what the last one spent in vain, or the camera sees something else: it has turned, or many
+/// more objects are in view, as where one steps back from a wall. Then a frame tries again. Objects of frames
+/// left out stay visible.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Experience {
     /// Number of frames in a row that did not pay.
@@ -164,19 +173,28 @@ pub(super) struct Experience {
     debt: f32,
     /// Number of frames left out in a row.
     left_out: u32,
+    /// Number of objects in view in the last frame worked on.
+    objects: usize,
+    /// Direction of the camera in the last frame worked on, as a unit vector; zero if it is a parallel view.
+    forward: DVec3,
 }
 
 impl Experience {
-    /// Returns whether a frame with so many objects in view is left out. Otherwise [`record`](Self::record)
-    /// is to be told of it.
-    pub(super) fn leaves_out(&mut self, objects: usize) -> bool {
-        if self.losses < MOST_LOSSES || self.debt <= 0.0 || self.left_out == MOST_FRAMES_LEFT_OUT {
-            self.left_out = 0;
-            return false;
+    /// Returns whether a frame with so many objects in view, of a camera that looks along `forward` (any
+    /// length, zero in parallel views), is left out. Otherwise [`record`](Self::record) is to be told of it.
+    pub(super) fn leaves_out(&mut self, objects: usize, forward: DVec3) -> bool {
+        let forward = forward.normalize_or_zero();
+        let is_alike = objects < OTHER_CROWD * self.objects
+            && (forward == DVec3::ZERO || forward.dot(self.forward) > OTHER_DIRECTION);
+        let is_left_out =
+            self.losses >= MOST_LOSSES && self.debt > 0.0 && self.left_out < MOST_FRAMES_LEFT_OUT && is_alike;
+        if is_left_out {
+            self.debt -= PAID_BACK * objects as f32;
+            self.left_out += 1;
+        } else {
+            *self = Self { left_out: 0, objects, forward, ..*self };
         }
-        self.debt -= PAID_BACK * objects as f32;
-        self.left_out += 1;
-        true
+        is_left_out
     }
 
     /// Enters a frame that found so many objects hidden.

@@ -38,9 +38,9 @@ const DEFAULT_WORK_LIMIT: u32 = 1 << 15;
 /// [`with_work_limit`](Self::with_work_limit) bounds the work of a frame altogether.
 ///
 /// After eight frames in a row that did not pay, whole frames are left out, at most 64 in a row, until they
-/// have saved what was spent in vain: their objects stay visible, also for a while after a cut to a view with
-/// much to hide. Otherwise the answer depends on scene, set, view and settings alone, unless the map itself
-/// remembers earlier frames.
+/// have saved what was spent in vain, the camera has turned by 30 degrees, or twice as many objects are in
+/// view: their objects stay visible. Otherwise the answer depends on scene, set, view and settings alone,
+/// unless the map itself remembers earlier frames.
 ///
 /// ```
 /// # use visibility_core::{
@@ -151,7 +151,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         // A map that answers later must be asked in every frame.
         let at_once = self.map.answers_at_once();
         let learns = self.price > 0 && at_once;
-        if learns && self.experience.leaves_out(objects) {
+        if learns && self.experience.leaves_out(objects, view.clip_from(origin).row(3).truncate()) {
             self.map.begin_within(view, origin, 0.0, jobs);
             return self.sweep(None, scene, visible, &mut budget, SweepKind::Count);
         }
