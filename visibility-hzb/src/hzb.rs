@@ -13,6 +13,7 @@ use crate::query::box_query::{BoxQuery, test_box};
 use crate::query::box_queue::BoxQueue;
 use crate::raster::contour_raster::ContourTiles;
 use crate::raster::mesh_raster::MeshScratch;
+use crate::setup::box_join::BoxJoin;
 use crate::setup::convex_shape::ConvexScratch;
 use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ScreenProjection, project_object};
@@ -99,6 +100,8 @@ pub struct Hzb {
     shape: ScreenShape,
     /// Occluder boxes that are not drawn yet.
     queue: BoxQueue,
+    /// The boxes of the frame that were drawn, joined where they abut.
+    join: BoxJoin,
     /// Scratch memory for the set-up of one mesh that is drawn by its triangles.
     mesh_scratch: MeshScratch,
     /// Scratch memory for the coverage of one mesh that is drawn by its triangles.
@@ -157,6 +160,7 @@ impl Hzb {
             convex_scratch: ConvexScratch::default(),
             shape: ScreenShape::default(),
             queue: BoxQueue::EMPTY,
+            join: BoxJoin::new(),
             mesh_scratch: MeshScratch::default(),
             contour_tiles,
             pyramid_misses: 0,
@@ -346,9 +350,21 @@ impl Hzb {
         self.simd.project_boxes(&self.projection32, &self.queue.around, &mut self.queue.projected);
         // A pyramid older than the tiles is conservative: boxes that it hides are hidden.
         let mut seen = self.simd.boxes_not_hidden(&self.pyramid, &self.tiles, &self.queue.projected, count);
+        let first_new = self.join.boxes.len();
+        let mut numbers = [usize::MAX; WIDTH];
+        for i in 0..count {
+            // A box around the eye or at the near plane is drawn by itself: its inner sides may be seen.
+            if seen >> i & 1 != 0 && self.queue.projected.known[i] {
+                let queue = &self.queue;
+                numbers[i] = self.join.add(&queue.bounds[i], &queue.transforms[i], queue.two_sided[i]);
+            }
+        }
         while seen != 0 {
             let i = seen.trailing_zeros() as usize % WIDTH;
             seen &= seen - 1;
+            if self.join.boxes.get(numbers[i]).is_some_and(|joined| joined.is_replaced) {
+                continue;
+            }
             if self.simd.may_be_seen(&self.tiles, &self.queue.projected, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
                 // The queue holds the screen bounds of the axis-aligned box around the transformed box. They
@@ -362,6 +378,17 @@ impl Hzb {
                 self.draw_box(&bounds, &transform, extent.as_ref(), self.queue.two_sided[i]);
             } else {
                 self.pyramid_misses += 1;
+            }
+        }
+        for number in first_new..self.join.boxes.len() {
+            let joined = self.join.boxes[number];
+            if joined.is_replaced || numbers.contains(&number) {
+                continue;
+            }
+            let around = BoxQueue::around(&joined.bounds, &joined.transform);
+            let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
+            if self.simd.box_may_be_seen(&self.projection32, &self.tiles, [x0, y0, z0, x1, y1, z1]) {
+                self.draw_box(&joined.bounds, &joined.transform, None, joined.two_sided);
             }
         }
         if self.pyramid_misses >= MAX_PYRAMID_MISSES {
@@ -467,6 +494,7 @@ impl OcclusionMap for Hzb {
         self.faces = FacePlaneSetup::new(&self.projection);
         self.tiles.clear();
         self.queue.count = 0;
+        self.join.clear();
         self.pyramid_misses = 0;
         self.nearest = f32::NEG_INFINITY;
         self.clip_planes = view.clip_planes_from(origin);
