@@ -53,8 +53,8 @@ const MAX_PYRAMID_MISSES: usize = 32;
 /// the view. Until the first [`begin`](OcclusionMap::begin) it hides nothing. Occluders that a [clip
 /// plane](View::with_clip_planes) cuts are not drawn.
 ///
-/// Memory is 4 bytes for each pixel and 48 bytes for each convex occluder that a frame draws. It is kept from
-/// frame to frame. A frame allocates only if it draws more convex occluders, or a larger mesh, than any frame
+/// Memory is 4 bytes for each pixel, 32 KiB, and 48 bytes for each convex occluder that a frame draws, for a
+/// box at most 192 more. It is kept from frame to frame. A frame allocates only if it draws more convex occluders, or a larger mesh, than any frame
 /// before.
 ///
 /// ```
@@ -100,7 +100,7 @@ pub struct Hzb {
     shape: ScreenShape,
     /// Occluder boxes that are not drawn yet.
     queue: BoxQueue,
-    /// The boxes of the frame that were drawn, joined where they abut.
+    /// Boxes of the frame that were in view and not hidden when their turn came, joined where they abut.
     join: BoxJoin,
     /// Scratch memory for the set-up of one mesh that is drawn by its triangles.
     mesh_scratch: MeshScratch,
@@ -328,10 +328,10 @@ impl Hzb {
     }
 
     /// Returns whether an occluder may cover pixels that are not covered by nearer occluders yet, judged by
-    /// the axis-aligned box around the occluder. `transform` maps the occluder's own coordinates to the
-    /// scene. Undecided counts as true.
-    fn may_be_around(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
-        let around = BoxQueue::around(occluder.bounds(), transform);
+    /// the axis-aligned box around the occluder. `bounds` are in the occluder's own coordinates, which
+    /// `transform` maps to the scene. Undecided counts as true.
+    fn may_be_around(&self, bounds: &Aabb, transform: &Affine3A) -> bool {
+        let around = BoxQueue::around(bounds, transform);
         let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
         self.simd.box_may_be_seen(&self.projection32, &self.tiles, [x0, y0, z0, x1, y1, z1])
     }
@@ -341,7 +341,8 @@ impl Hzb {
         self.draw_mesh(&OccluderTriangles::of(mesh), mesh.bounds(), transform, mesh.is_convex());
     }
 
-    /// Draws the queued boxes that are in view and not hidden by drawn occluders, and empties the queue.
+    /// Draws the queued boxes that are in view and not hidden by drawn occluders, and empties the queue. In
+    /// place of boxes that abut each other, or boxes drawn before, draws the box that they are together.
     fn draw_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
         if count == 0 {
@@ -350,10 +351,11 @@ impl Hzb {
         self.simd.project_boxes(&self.projection32, &self.queue.around, &mut self.queue.projected);
         // A pyramid older than the tiles is conservative: boxes that it hides are hidden.
         let mut seen = self.simd.boxes_not_hidden(&self.pyramid, &self.tiles, &self.queue.projected, count);
-        let first_new = self.join.boxes.len();
+        let first_added = self.join.boxes.len();
         let mut numbers = [usize::MAX; WIDTH];
         for i in 0..count {
-            // A box around the eye or at the near plane is drawn by itself: its inner sides may be seen.
+            // A box at the near plane or around the eye stays by itself: its neighbours' sides towards it may
+            // be seen.
             if seen >> i & 1 != 0 && self.queue.projected.known[i] {
                 let queue = &self.queue;
                 numbers[i] = self.join.add(&queue.bounds[i], &queue.transforms[i], queue.two_sided[i]);
@@ -380,14 +382,10 @@ impl Hzb {
                 self.pyramid_misses += 1;
             }
         }
-        for number in first_new..self.join.boxes.len() {
+        for number in first_added..self.join.boxes.len() {
             let joined = self.join.boxes[number];
-            if joined.is_replaced || numbers.contains(&number) {
-                continue;
-            }
-            let around = BoxQueue::around(&joined.bounds, &joined.transform);
-            let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
-            if self.simd.box_may_be_seen(&self.projection32, &self.tiles, [x0, y0, z0, x1, y1, z1]) {
+            let is_added = numbers[..count].contains(&number);
+            if !joined.is_replaced && !is_added && self.may_be_around(&joined.bounds, &joined.transform) {
                 self.draw_box(&joined.bounds, &joined.transform, None, joined.two_sided);
             }
         }
@@ -526,7 +524,7 @@ impl OcclusionMap for Hzb {
         }
         // Queued boxes are drawn first, since they may hide this occluder.
         self.draw_queue();
-        if !self.may_be_around(occluder, transform) {
+        if !self.may_be_around(occluder.bounds(), transform) {
             return;
         }
         if occluder.parts().is_empty() {
@@ -537,7 +535,7 @@ impl OcclusionMap for Hzb {
                 self.push_box(part, transform);
             } else {
                 self.draw_queue();
-                if self.may_be_around(part, transform) {
+                if self.may_be_around(part.bounds(), transform) {
                     self.draw_occluder(part, transform);
                 }
             }

@@ -10,6 +10,7 @@ mod hom_occluders;
 mod level;
 mod magnitudes;
 mod no_allocation;
+mod panels;
 mod pyramid;
 mod rays;
 mod sectors;
