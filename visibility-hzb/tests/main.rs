@@ -14,6 +14,7 @@ mod panels;
 mod pyramid;
 mod rays;
 mod sectors;
+mod sheets;
 mod swapped_sources;
 mod views;
 
