@@ -76,6 +76,13 @@ const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
 /// apply.
 const MIN_OPEN_EDGES: usize = 32;
 
+/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh with sheets. In a mesh that is
+/// shallower from the eye, farther sheets lower the depth keys of nearer ones by little.
+const MIN_SHEET_DEPTH_RATIO: f32 = 1.5;
+
+/// Greatest number of triangles of a mesh with sheets: finding them takes time for each edge.
+const MAX_SHEET_TRIANGLES: usize = 256;
+
 /// Greatest number of sheets that are drawn one by one. A mesh of more is drawn as one: most of its sheets are
 /// small, and each takes time for all triangles and edges of the mesh.
 const MAX_SHEETS: i8 = 8;
@@ -141,7 +148,12 @@ pub(crate) fn draw_mesh(
     }
     let errors = [object.determinant_error(), object.cross_error(projection.size)];
     let marked = coverage == Coverage::Conservative;
-    let sheets = number_sheets(mesh, drawn, earlier);
+    // In a parallel view the ratio of depth keys tells little. Either answer is right.
+    let farthest = || screen[..mesh.positions.len()].iter().fold(f32::INFINITY, |far, v| least(v.far, far));
+    let has_sheets = mesh.triangles.len() <= MAX_SHEET_TRIANGLES
+        && uncut
+        && vertex_bounds.greatest >= f64::from(MIN_SHEET_DEPTH_RATIO * farthest());
+    let sheets = if has_sheets { number_sheets(mesh, drawn, earlier) } else { 1 };
     // Fronts and backs are drawn as two meshes, so that no edge between a front and a back is inner and the
     // depths of the one do not lower those of the other.
     for (side, sheet) in
