@@ -54,8 +54,8 @@ const MAX_PYRAMID_MISSES: usize = 32;
 /// plane](View::with_clip_planes) cuts are not drawn.
 ///
 /// Memory is 4 bytes for each pixel, 32 KiB, and 48 bytes for each convex occluder that a frame draws, for a
-/// box at most 192 more. It is kept from frame to frame. A frame allocates only if it draws more convex occluders, or a larger mesh, than any frame
-/// before.
+/// box at most 192 more. It is kept from frame to frame. A frame allocates only if it draws more convex
+/// occluders, or a larger mesh, than any frame before.
 ///
 /// ```
 /// use visibility_core::{

@@ -8,9 +8,9 @@
 //! within rounding of the closed pixel. Its depth key is the least that any drawn triangle of the mesh has in
 //! the pixel's quarter of the tile. Then the mesh merges with other meshes: the greatest key wins.
 //!
-//! Drawn triangles that no inner edges connect are *sheets*, such as the outer side of a wall and the far side
-//! of the room behind it. Each of a few sheets is drawn as a mesh of its own, so that the farther ones do not
-//! lower the depth keys of the nearer.
+//! Drawn triangles that no inner edges connect are *sheets*, such as the outer side of a wall and the far
+//! side of the room behind it. In a deep mesh of few sheets each is drawn as a mesh of its own, so that the
+//! farther ones do not lower the depth keys of the nearer.
 //!
 //! # Why it is sound
 //! Let no contour meet a pixel, and let one point of the pixel be in a drawn triangle. Walk from that point
@@ -76,15 +76,15 @@ const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
 /// apply.
 const MIN_OPEN_EDGES: usize = 32;
 
-/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh with sheets. In a mesh that is
-/// shallower from the eye, farther sheets lower the depth keys of nearer ones by little.
+/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh with sheets. In a mesh that
+/// is shallower from the eye, farther sheets lower the depth keys of nearer ones by little.
 const MIN_SHEET_DEPTH_RATIO: f32 = 1.5;
 
 /// Greatest number of triangles of a mesh with sheets: finding them takes time for each edge.
 const MAX_SHEET_TRIANGLES: usize = 256;
 
-/// Greatest number of sheets that are drawn one by one. A mesh of more is drawn as one: most of its sheets are
-/// small, and each takes time for all triangles and edges of the mesh.
+/// Greatest number of sheets that are drawn one by one. A mesh of more is drawn as one: most of its sheets
+/// are small, and each takes time for all triangles and edges of the mesh.
 const MAX_SHEETS: i8 = 8;
 
 /// Relative tolerance for telling that a closed mesh is seen from outside: the signed areas of its triangles
