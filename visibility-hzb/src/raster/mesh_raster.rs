@@ -156,9 +156,9 @@ pub(crate) fn draw_mesh(
     let sheets = if has_sheets { number_sheets(mesh, drawn, earlier) } else { 1 };
     // Fronts and backs are drawn as two meshes, so that no edge between a front and a back is inner and the
     // depths of the one do not lower those of the other.
-    for (side, sheet) in
-        [1, -1].into_iter().flat_map(|side| (1..=sheets).map(move |sheet| (side, side * sheet)))
-    {
+    for turn in 0..2 * sheets {
+        let side = if turn < sheets { 1 } else { -1 };
+        let sheet = side * (turn % sheets + 1);
         if sides & side_bit(side) == 0 {
             continue;
         }
