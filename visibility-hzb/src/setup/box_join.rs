@@ -103,7 +103,8 @@ impl BoxJoin {
             let number = (found.number as usize).checked_sub(1)?;
             let other = &self.boxes[number];
             let b = &other.bounds;
-            let meets = if face % 2 == 0 { b.max[axis] == a.min[axis] } else { b.min[axis] == a.max[axis] };
+            let is_least = face.is_multiple_of(2);
+            let meets = if is_least { b.max[axis] == a.min[axis] } else { b.min[axis] == a.max[axis] };
             let is_whole = (0..3).all(|k| k == axis || a.min[k] == b.min[k] && a.max[k] == b.max[k]);
             let is_alike = other.two_sided == own.two_sided && other.transform == own.transform;
             (meets && is_whole && is_alike && !other.is_replaced).then_some(number)
@@ -160,7 +161,7 @@ fn face_hashes(of: &OccluderBox) -> [u32; 6] {
     all = extents.iter().fold(all, |all, extent| all.wrapping_add(*extent));
     core::array::from_fn(|face| {
         let axis = face / 2;
-        let at = if face % 2 == 0 { min[axis] } else { max[axis] };
+        let at = if face.is_multiple_of(2) { min[axis] } else { max[axis] };
         let hash = at.wrapping_mul(FACTORS[axis][2]).wrapping_add(all.wrapping_sub(extents[axis]));
         (hash >> 32) as u32
     })
