@@ -13,6 +13,7 @@ use crate::query::box_query::{BoxQuery, test_box};
 use crate::query::box_queue::BoxQueue;
 use crate::raster::contour_raster::ContourTiles;
 use crate::raster::mesh_raster::MeshScratch;
+use crate::setup::box_join::BoxJoin;
 use crate::setup::convex_shape::ConvexScratch;
 use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ScreenProjection, project_object};
@@ -52,9 +53,9 @@ const MAX_PYRAMID_MISSES: usize = 32;
 /// the view. Until the first [`begin`](OcclusionMap::begin) it hides nothing. Occluders that a [clip
 /// plane](View::with_clip_planes) cuts are not drawn.
 ///
-/// Memory is 4 bytes for each pixel and 48 bytes for each convex occluder that a frame draws. It is kept from
-/// frame to frame. A frame allocates only if it draws more convex occluders, or a larger mesh, than any frame
-/// before.
+/// Memory is 4 bytes for each pixel, 32 KiB, and 48 bytes for each convex occluder that a frame draws, for a
+/// box at most 192 more. It is kept from frame to frame. A frame allocates only if it draws more convex
+/// occluders, or a larger mesh, than any frame before.
 ///
 /// ```
 /// use visibility_core::{
@@ -99,6 +100,8 @@ pub struct Hzb {
     shape: ScreenShape,
     /// Occluder boxes that are not drawn yet.
     queue: BoxQueue,
+    /// Boxes of the frame that were in view and not hidden when their turn came, joined where they abut.
+    join: BoxJoin,
     /// Scratch memory for the set-up of one mesh that is drawn by its triangles.
     mesh_scratch: MeshScratch,
     /// Scratch memory for the coverage of one mesh that is drawn by its triangles.
@@ -157,6 +160,7 @@ impl Hzb {
             convex_scratch: ConvexScratch::default(),
             shape: ScreenShape::default(),
             queue: BoxQueue::EMPTY,
+            join: BoxJoin::new(),
             mesh_scratch: MeshScratch::default(),
             contour_tiles,
             pyramid_misses: 0,
@@ -324,10 +328,10 @@ impl Hzb {
     }
 
     /// Returns whether an occluder may cover pixels that are not covered by nearer occluders yet, judged by
-    /// the axis-aligned box around the occluder. `transform` maps the occluder's own coordinates to the
-    /// scene. Undecided counts as true.
-    fn may_be_around(&self, occluder: &OccluderMesh, transform: &Affine3A) -> bool {
-        let around = BoxQueue::around(occluder.bounds(), transform);
+    /// the axis-aligned box around the occluder. `bounds` are in the occluder's own coordinates, which
+    /// `transform` maps to the scene. Undecided counts as true.
+    fn may_be_around(&self, bounds: &Aabb, transform: &Affine3A) -> bool {
+        let around = BoxQueue::around(bounds, transform);
         let ([x0, y0, z0], [x1, y1, z1]) = (around.min.to_array(), around.max.to_array());
         self.simd.box_may_be_seen(&self.projection32, &self.tiles, [x0, y0, z0, x1, y1, z1])
     }
@@ -337,7 +341,8 @@ impl Hzb {
         self.draw_mesh(&OccluderTriangles::of(mesh), mesh.bounds(), transform, mesh.is_convex());
     }
 
-    /// Draws the queued boxes that are in view and not hidden by drawn occluders, and empties the queue.
+    /// Draws the queued boxes that are in view and not hidden by drawn occluders, and empties the queue. In
+    /// place of boxes that abut each other, or boxes drawn before, draws the box that they are together.
     fn draw_queue(&mut self) {
         let count = core::mem::take(&mut self.queue.count);
         if count == 0 {
@@ -346,9 +351,22 @@ impl Hzb {
         self.simd.project_boxes(&self.projection32, &self.queue.around, &mut self.queue.projected);
         // A pyramid older than the tiles is conservative: boxes that it hides are hidden.
         let mut seen = self.simd.boxes_not_hidden(&self.pyramid, &self.tiles, &self.queue.projected, count);
+        let first_added = self.join.boxes.len();
+        let mut numbers = [usize::MAX; WIDTH];
+        for i in 0..count {
+            // A box at the near plane or around the eye stays by itself: its neighbours' sides towards it may
+            // be seen.
+            if seen >> i & 1 != 0 && self.queue.projected.known[i] {
+                let queue = &self.queue;
+                numbers[i] = self.join.add(&queue.bounds[i], &queue.transforms[i], queue.two_sided[i]);
+            }
+        }
         while seen != 0 {
             let i = seen.trailing_zeros() as usize % WIDTH;
             seen &= seen - 1;
+            if self.join.boxes.get(numbers[i]).is_some_and(|joined| joined.is_replaced) {
+                continue;
+            }
             if self.simd.may_be_seen(&self.tiles, &self.queue.projected, i) {
                 let (bounds, transform) = (self.queue.bounds[i], self.queue.transforms[i]);
                 // The queue holds the screen bounds of the axis-aligned box around the transformed box. They
@@ -362,6 +380,13 @@ impl Hzb {
                 self.draw_box(&bounds, &transform, extent.as_ref(), self.queue.two_sided[i]);
             } else {
                 self.pyramid_misses += 1;
+            }
+        }
+        for number in first_added..self.join.boxes.len() {
+            let joined = self.join.boxes[number];
+            let is_added = numbers[..count].contains(&number);
+            if !joined.is_replaced && !is_added && self.may_be_around(&joined.bounds, &joined.transform) {
+                self.draw_box(&joined.bounds, &joined.transform, None, joined.two_sided);
             }
         }
         if self.pyramid_misses >= MAX_PYRAMID_MISSES {
@@ -467,6 +492,7 @@ impl OcclusionMap for Hzb {
         self.faces = FacePlaneSetup::new(&self.projection);
         self.tiles.clear();
         self.queue.count = 0;
+        self.join.clear();
         self.pyramid_misses = 0;
         self.nearest = f32::NEG_INFINITY;
         self.clip_planes = view.clip_planes_from(origin);
@@ -498,7 +524,7 @@ impl OcclusionMap for Hzb {
         }
         // Queued boxes are drawn first, since they may hide this occluder.
         self.draw_queue();
-        if !self.may_be_around(occluder, transform) {
+        if !self.may_be_around(occluder.bounds(), transform) {
             return;
         }
         if occluder.parts().is_empty() {
@@ -509,7 +535,7 @@ impl OcclusionMap for Hzb {
                 self.push_box(part, transform);
             } else {
                 self.draw_queue();
-                if self.may_be_around(part, transform) {
+                if self.may_be_around(part.bounds(), transform) {
                     self.draw_occluder(part, transform);
                 }
             }

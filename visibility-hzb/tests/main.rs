@@ -10,9 +10,11 @@ mod hom_occluders;
 mod level;
 mod magnitudes;
 mod no_allocation;
+mod panels;
 mod pyramid;
 mod rays;
 mod sectors;
+mod sheets;
 mod swapped_sources;
 mod views;
 

@@ -92,6 +92,11 @@ impl Budget {
         self.spent += work;
     }
 
+    /// Lowers the work that the frame may still spend, without counting it as spent.
+    pub(super) fn lower_limit(&mut self, work: f32) {
+        self.limit -= work;
+    }
+
     /// Returns the work that a map may spend on occluders of its own, if `objects` may be found hidden. With
     /// a price of 0 all that leaves the search a share.
     pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {

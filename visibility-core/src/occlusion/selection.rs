@@ -30,6 +30,14 @@ use glam::{Affine3A, DVec3, DVec4, Vec3};
 /// fewer waste flushes (measured with the z-buffer).
 const BATCH: u32 = 8;
 
+/// Number of occluders of a frame beyond which each takes [`LATER_WORK`]. Levels draw some hundreds.
+const MANY_OCCLUDERS: u64 = 1024;
+
+/// Work in triangles, beyond what the search pays, of finding, testing and choosing one of thousands of small
+/// occluders, such as voxels (measured: a microsecond for each). It counts against the limit of the frame
+/// alone.
+const LATER_WORK: f32 = 8.0;
+
 /// Number of objects that an unopened leaf stands for: those of a full one.
 const OBJECTS_PER_LEAF: u32 = 64;
 
@@ -255,6 +263,9 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
         if is_worth_it && mesh.is_inside(&self.clip_planes, transform) {
             self.budget.pay(cost);
             walk.stats.occluders += 1;
+            if walk.stats.occluders > MANY_OCCLUDERS {
+                self.budget.lower_limit(LATER_WORK);
+            }
             self.map.add(mesh, transform);
             self.unflushed += 1;
             if self.unflushed == BATCH {

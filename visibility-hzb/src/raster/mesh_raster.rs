@@ -8,6 +8,10 @@
 //! within rounding of the closed pixel. Its depth key is the least that any drawn triangle of the mesh has in
 //! the pixel's quarter of the tile. Then the mesh merges with other meshes: the greatest key wins.
 //!
+//! Drawn triangles that no inner edges connect are *sheets*, such as the outer side of a wall and the far
+//! side of the room behind it. In a deep mesh of few sheets each is drawn as a mesh of its own, so that the
+//! farther ones do not lower the depth keys of the nearer.
+//!
 //! # Why it is sound
 //! Let no contour meet a pixel, and let one point of the pixel be in a drawn triangle. Walk from that point
 //! to any other point of the pixel. Where the walk leaves a drawn triangle it crosses an edge of the
@@ -52,9 +56,12 @@ pub(crate) struct MeshScratch {
     /// Screen position of each vertex in pixels, with its depth key. Meaningless for a vertex nearer than
     /// [`ObjectProjection::near_limit`], the distance at which geometry is cut.
     screen: Vec<ScreenVertex>,
-    /// Side of each triangle that is drawn: 1 for the front, -1 for the back, 0 if the triangle is not
-    /// drawn.
+    /// Side of each triangle that is drawn: positive for the front, negative for the back, 0 if the triangle
+    /// is not drawn. The magnitude is the number of the triangle's sheet, from 1 on.
     facing: Vec<i8>,
+    /// Scratch of [`number_sheets`]: for each triangle an earlier one of its sheet, or itself if there is
+    /// none.
+    earlier: Vec<u32>,
 }
 
 /// Constant part of the slack, in pixels: the distance by which contours (edges of the drawn area) are
@@ -68,6 +75,17 @@ const MIN_OPEN_TRIANGLE_SIZE_PX: f64 = 64.0;
 /// Minimum number of open edges (edges of only one triangle) of a mesh for [`MIN_OPEN_TRIANGLE_SIZE_PX`] to
 /// apply.
 const MIN_OPEN_EDGES: usize = 32;
+
+/// Least ratio of the depth keys of the nearest and the farthest vertex of a mesh with sheets. In a mesh that
+/// is shallower from the eye, farther sheets lower the depth keys of nearer ones by little.
+const MIN_SHEET_DEPTH_RATIO: f32 = 1.5;
+
+/// Greatest number of triangles of a mesh with sheets: finding them takes time for each edge.
+const MAX_SHEET_TRIANGLES: usize = 256;
+
+/// Greatest number of sheets that are drawn one by one. A mesh of more is drawn as one: most of its sheets
+/// are small, and each takes time for all triangles and edges of the mesh.
+const MAX_SHEETS: i8 = 8;
 
 /// Relative tolerance for telling that a closed mesh is seen from outside: the signed areas of its triangles
 /// on the screen then cancel, so that the magnitude of their sum is at most this fraction of the sum of their
@@ -115,7 +133,7 @@ pub(crate) fn draw_mesh(
     let near_limit = object.near_limit();
     let mut vertex_bounds = VertexBounds::NONE;
     project(mesh.positions, object, near_limit, scratch, &mut vertex_bounds);
-    let MeshScratch { corners, screen, facing: drawn } = scratch;
+    let MeshScratch { corners, screen, facing: drawn, earlier } = scratch;
     let uncut = vertex_bounds.nearest > near_limit;
     if !uncut {
         bound_cuts(mesh, corners, object, near_limit, &mut vertex_bounds);
@@ -130,15 +148,23 @@ pub(crate) fn draw_mesh(
     }
     let errors = [object.determinant_error(), object.cross_error(projection.size)];
     let marked = coverage == Coverage::Conservative;
+    // In a parallel view the ratio of depth keys tells little. Either answer is right.
+    let farthest = || screen[..mesh.positions.len()].iter().fold(f32::INFINITY, |far, v| least(v.far, far));
+    let has_sheets = mesh.triangles.len() <= MAX_SHEET_TRIANGLES
+        && uncut
+        && vertex_bounds.greatest >= f64::from(MIN_SHEET_DEPTH_RATIO * farthest());
+    let sheets = if has_sheets { number_sheets(mesh, drawn, earlier) } else { 1 };
     // Fronts and backs are drawn as two meshes, so that no edge between a front and a back is inner and the
     // depths of the one do not lower those of the other.
-    for side in [1, -1] {
+    for turn in 0..2 * sheets {
+        let side = if turn < sheets { 1 } else { -1 };
+        let sheet = side * (turn % sheets + 1);
         if sides & side_bit(side) == 0 {
             continue;
         }
         let mut contours = ContourRaster::new(contour_tiles, tiles.columns, projection.size, slack);
         for (t, &facing) in mesh.triangles.iter().zip(drawn.iter()) {
-            if facing != side {
+            if facing != sheet {
                 continue;
             }
             let plane = || plane(t.map(|i| &corners[i as usize]), object, projection, &errors);
@@ -158,8 +184,8 @@ pub(crate) fn draw_mesh(
             }
         }
         for edge in mesh.edges {
-            let left = i8::from(drawn[edge.left as usize] == side);
-            let right = edge.right.map_or(0, |t| i8::from(drawn[t as usize] == side));
+            let left = i8::from(drawn[edge.left as usize] == sheet);
+            let right = edge.right.map_or(0, |t| i8::from(drawn[t as usize] == sheet));
             // Equal counts mean that the edge is inner (both triangles are drawn and run through it in
             // opposite directions) or that neither triangle is drawn.
             if left == right {
@@ -185,6 +211,44 @@ pub(crate) fn draw_mesh(
         contours.merge(tiles);
     }
     up(vertex_bounds.greatest)
+}
+
+/// Multiplies the facings of drawn triangles, 1 or -1, by the numbers of their sheets, from 1 on in the order
+/// of their first triangles. Returns the number of sheets. Leaves the facings and returns 1 if there are more
+/// than [`MAX_SHEETS`].
+fn number_sheets(mesh: &OccluderTriangles, facing: &mut [i8], earlier: &mut Vec<u32>) -> i8 {
+    earlier.clear();
+    earlier.extend(0..facing.len() as u32);
+    let first = |earlier: &mut [u32], mut t: u32| {
+        while earlier[t as usize] != t {
+            earlier[t as usize] = earlier[earlier[t as usize] as usize];
+            t = earlier[t as usize];
+        }
+        t
+    };
+    for edge in mesh.edges {
+        if let Some(right) = edge.right
+            && facing[edge.left as usize] == facing[right as usize]
+        {
+            let [a, b] = [edge.left, right].map(|t| first(earlier, t));
+            earlier[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let is_first = |t: usize| earlier[t] == t as u32 && facing[t] != 0;
+    if (0..facing.len()).filter(|&t| is_first(t)).take(MAX_SHEETS as usize + 1).count() > MAX_SHEETS as usize
+    {
+        return 1;
+    }
+    let mut sheets = 0;
+    for t in 0..facing.len() {
+        if facing[t] != 0 {
+            // Triangles before this one have their numbers already.
+            let number = if earlier[t] == t as u32 { sheets + 1 } else { facing[earlier[t] as usize].abs() };
+            sheets = sheets.max(number);
+            facing[t] *= number;
+        }
+    }
+    sheets
 }
 
 /// Returns the bit of a side in a mask of sides: bit 0 for fronts (`side` 1), bit 1 for backs (-1).

@@ -1,5 +1,6 @@
 //! Set-up of occluders for drawing: from scene coordinates to screen shapes.
 
+pub(crate) mod box_join;
 pub(crate) mod box_shape;
 pub(crate) mod convex_shape;
 pub(crate) mod depth_plane;
