@@ -492,7 +492,8 @@ mod tests {
     #[test]
     fn a_sweep_that_is_stopped_hides_no_more_than_a_whole_one() {
         let scene = town(&mut Random(81));
-        let level = in_small_tiles(&scene);
+        let mut level = in_small_tiles(&scene);
+        level.tree = TileTree::with_leaves(&level.objects, 0, 10);
         let cell = cell_at(EYES[0]);
         let left_after = |asked: usize| {
             let left_to_ask = std::cell::Cell::new(asked);
