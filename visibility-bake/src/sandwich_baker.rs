@@ -243,8 +243,10 @@ impl<'a> SandwichBaker<'a> {
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
     /// must run: no stage takes all of the time. After a third of it, viewcells whose groups are not swept
     /// wait until all others are done; after half, viewcells are not swept by themselves, and what their
-    /// groups have left goes on to the later stages; after three quarters, those without rays wait. The
-    /// caller ends the bake. Sweeps that were left out stay so when the bake is resumed.
+    /// groups have left goes on to the later stages; after three quarters, those without rays wait. A sweep
+    /// that takes more than a quarter of the time that is left for its stage, and more than its share, ends
+    /// early: what it has found by then counts. The caller ends the bake. Sweeps that were left out or ended
+    /// early stay so when the bake is resumed.
     #[must_use]
     pub fn with_time(mut self, time: Duration) -> Self {
         let now = (self.clock)();
@@ -409,10 +411,10 @@ impl<'a> SandwichBaker<'a> {
         Ok(Group { record, objects, is_cut, content })
     }
 
-    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now: after a quarter
-    /// of the time that is left for its stage, or after their share of it, if that is more. A sweep finds
-    /// most in its end, so that equal shares for all would often find less than whole sweeps for a few.
-    /// `None` without a limit.
+    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now: after a
+    /// quarter of the time that is left for its stage, or after their share of it, if that is more. `None`
+    /// without a limit. A sweep finds most in its end, so equal shares for all would often find less than
+    /// whole sweeps for a few.
     fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
         let end = self.ends[stage as usize];
         if end == Duration::MAX {
@@ -479,7 +481,7 @@ impl<'a> SandwichBaker<'a> {
             }
             (Content::Objects, None) => {
                 let left: Vec<u32> = (0..objects.len() as u32).collect();
-                // What a sweep of the group found nothing of in its time, that of a viewcell would not either.
+                // A sweep of the viewcell would take as long as that of the group.
                 let next = if group.is_cut { LOOK } else { SWEEP };
                 let hash = self.content_hash(objects.iter().copied());
                 let key = with_viewcell(hash, &self.viewcells.cells()[number]).value();
@@ -537,8 +539,8 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Returns whether the objects that the sweep of a viewcell has left have more triangles than a search may
-    /// copy. Positions beyond the list of the group count as none.
+    /// Returns whether the objects that the sweep of a viewcell has left have more triangles than a search
+    /// may copy. Positions beyond the list of the group count as none.
     fn is_too_large(&self, record: &CellRecord, objects: &[u32]) -> bool {
         let left = record.left.iter().filter_map(|&at| objects.get(at as usize));
         left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum::<u64>()
