@@ -224,15 +224,14 @@ mod tests {
     fn a_quick_choice_tries_no_more_once_its_time_is_over() {
         let world = World::new(built_in("office:1,2").unwrap(), (64, 36), Some(12)).unwrap();
         let entries = cullers::quick_entries(&world);
-        // The clock goes on by a quarter of a second each time that it is asked.
+        // The clock goes on by a 32nd of a second each time that it is asked, some dozens of times a culler.
         let advice = |thorough: bool| {
             let asked = std::cell::Cell::new(0.0);
-            let now = || asked.replace(asked.get() + 0.25);
+            let now = || asked.replace(asked.get() + 1.0 / 32.0);
             (advise_in_time(&world, &entries, thorough, &now).unwrap(), asked)
         };
         let (quick, asked) = advice(false);
-        assert!(asked.get() > TRYING && quick.tried > 1 && quick.tried < entries.len(), "{}", quick.tried);
-        assert!(quick.untried.len() + quick.tried <= entries.len() && quick.untried.len() > 2);
+        assert!(asked.get() > TRYING && quick.tried > 0, "{} s, {} tried", asked.get(), quick.tried);
         assert_eq!(quick.untried.last(), entries.last());
         let (all, _) = advice(true);
         assert!(all.tried > quick.tried && all.untried.is_empty());
