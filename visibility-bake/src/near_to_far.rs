@@ -22,7 +22,7 @@ use std::collections::HashMap;
 use visibility_core::binary_format::{FormatError, Reader, Writer};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Aabb, Object, ObjectId, RegionCuller, Scene, VisibleSet};
+use visibility_core::{Aabb, Object, ObjectId, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
 /// Before the first sweep, a tile with tiles below is opened if its extent is more than this part of its
@@ -70,10 +70,16 @@ enum What {
     Object { place: [u32; 2], number: u32 },
 }
 
-/// Returns the objects that a sweep leaves, by ascending index.
-pub(crate) fn swept(sweep: &mut ExtendedProjectionCuller, scene: &Scene, cell: &Viewcell) -> Vec<ObjectId> {
+/// Returns the objects that a sweep leaves, by ascending index. Once `stop` returns true, no more are found
+/// hidden.
+pub(crate) fn swept(
+    sweep: &mut ExtendedProjectionCuller,
+    scene: &Scene,
+    cell: &Viewcell,
+    stop: &dyn Fn() -> bool,
+) -> Vec<ObjectId> {
     let mut visible = VisibleSet::new();
-    sweep.cull(scene, cell, &mut visible);
+    sweep.cull_until(scene, cell, &mut visible, stop);
     let mut ids: Vec<ObjectId> = visible.iter(scene).collect();
     ids.sort_unstable_by_key(|id| id.index());
     ids
@@ -87,19 +93,24 @@ fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
 }
 
 /// Sweeps the objects around some of the viewcells, by their numbers. The sweeps may have any content;
-/// `whole` is for a level of one tile.
+/// `whole` is for a level of one tile. Once `stop` returns true, no more objects are found hidden: those of
+/// all tiles that wait are left. With `stop`, the group is not divided, since what it has found would be
+/// lost if the time is over before the last of its parts is swept.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
     all: &[Viewcell],
     members: &[u32],
     sweep: &mut ExtendedProjectionCuller,
     whole: &mut Option<ExtendedProjectionCuller>,
+    stop: Option<&dyn Fn() -> bool>,
 ) -> Result<Trace, LevelError> {
+    let is_divided = stop.is_none();
+    let stop = stop.unwrap_or(&|| false);
     let mut trace = Trace::default();
     if level.tree.tiles[0].children.is_empty() {
         let prepared = level.whole()?;
         let cell = cell_groups::bounds(all, members);
-        let ids = swept(whole.get_or_insert_with(|| prepared.sweep.clone()), &prepared.scene, &cell);
+        let ids = swept(whole.get_or_insert_with(|| prepared.sweep.clone()), &prepared.scene, &cell, stop);
         trace.opened.push(Opened { parent: 0, child: 0, hash: level.tree.tiles[0].hash });
         trace.left = ids.iter().map(|id| [0, id.index() as u32]).collect();
         return Ok(trace);
@@ -108,9 +119,10 @@ pub(crate) fn sweep_near_to_far(
     let mut parts = vec![members.to_vec()];
     while let Some(part) = parts.pop() {
         let cell = &cell_groups::bounds(all, &part);
-        let most = if part.len() > 1 { level.most_weight } else { u64::MAX };
+        let most = if is_divided && part.len() > 1 { level.most_weight } else { u64::MAX };
         let (occluding, waiting) = Default::default();
-        let mut around = Around { level, cell, trace: &mut trace, places: &mut places, occluding, waiting };
+        let mut around =
+            Around { level, cell, trace: &mut trace, places: &mut places, occluding, waiting, stop };
         if around.sweep_all(sweep, most)? {
             let left = around.left();
             trace.left.extend(left);
@@ -135,6 +147,8 @@ struct Around<'a> {
     occluding: Vec<([u32; 2], u32)>,
     /// Tiles and objects that are not hidden and do not occlude yet.
     waiting: Vec<Waiting>,
+    /// Returns true once no more are to be found hidden.
+    stop: &'a dyn Fn() -> bool,
 }
 
 impl Around<'_> {
@@ -146,6 +160,13 @@ impl Around<'_> {
         self.open_large(coarsest);
         self.open_nearest(portion, |tile| tile.weight);
         loop {
+            if (self.stop)() {
+                self.open_nearest(u64::MAX, |_| 0);
+                if self.waiting_weight().is_some() {
+                    return Ok(true);
+                }
+                continue;
+            }
             self.load(portion);
             if self.occluding_weight() > most {
                 return Ok(false);
@@ -239,7 +260,8 @@ impl Around<'_> {
             }
             What::Tile { .. } => Object::new(waiting.bounds),
         });
-        let ids = self.level.with_scene(&numbers, boxes, |scene| swept(sweep, scene, self.cell))?;
+        let ids =
+            self.level.with_scene(&numbers, boxes, |scene| swept(sweep, scene, self.cell, self.stop))?;
         let mut is_left = vec![false; numbers.len() + self.waiting.len()];
         ids.iter().for_each(|id| is_left[id.index()] = true);
         let mut is_left = is_left.into_iter();
@@ -387,7 +409,8 @@ mod tests {
 
     fn sweep_of_all(level: &TiledScene<'_>, cells: &[Viewcell]) -> Trace {
         let members: Vec<u32> = (0..cells.len() as u32).collect();
-        sweep_near_to_far(level, cells, &members, &mut ExtendedProjectionCuller::new(), &mut None).unwrap()
+        sweep_near_to_far(level, cells, &members, &mut ExtendedProjectionCuller::new(), &mut None, None)
+            .unwrap()
     }
 
     const EYES: [[f64; 3]; 3] = [[-3.5, -3.5, 1.0], [37.0, 64.0, 1.0], [-110.0, -110.0, 1.0]];
@@ -464,6 +487,33 @@ mod tests {
         assert!(by_cell.is_subset(&hashes(&trace)) && by_cell.len() < hashes(&trace).len());
         let alone = sweep_of_all(&level, &cells[..1]);
         assert_eq!(alone, sweep_of(&level, &cells[0]), "one viewcell is swept whatever it sees");
+    }
+
+    #[test]
+    fn a_sweep_that_is_stopped_hides_no_more_than_a_whole_one() {
+        let scene = town(&mut Random(81));
+        let mut level = in_small_tiles(&scene);
+        level.tree = TileTree::with_leaves(&level.objects, 0, 10);
+        let cell = cell_at(EYES[0]);
+        let left_after = |asked: usize| {
+            let left_to_ask = std::cell::Cell::new(asked);
+            let stop = || left_to_ask.replace(left_to_ask.get().saturating_sub(1)) == 0;
+            let sweep = &mut ExtendedProjectionCuller::new();
+            let cells = std::slice::from_ref(&cell);
+            let trace = sweep_near_to_far(&level, cells, &[0], sweep, &mut None, Some(&stop)).unwrap();
+            let left = trace.replay(&level.tree).unwrap().into_iter().collect::<HashSet<u32>>();
+            assert_eq!(left.len(), trace.left.len());
+            left
+        };
+        let whole = left_after(usize::MAX);
+        let mut between = 0;
+        assert_eq!(left_after(0).len(), scene.len());
+        for asked in (1..400).step_by(9) {
+            let left = left_after(asked);
+            assert!(left.is_superset(&whole), "stopped at plane {asked}");
+            between += usize::from(left.len() > whole.len() && left.len() < scene.len());
+        }
+        assert!(between > 5, "{between} sweeps have hidden a part");
     }
 
     #[test]

@@ -127,6 +127,10 @@ pub struct SandwichOutcome {
     pub reused: usize,
     /// The results of this bake, for the next. Groups that are not complete are left out.
     pub cache: BakeCache,
+    /// Number of viewcells that were swept and are not searched, since what the sweeps have left has more
+    /// triangles than a search may copy: 2^21, or as many as the level has with each mesh that objects share
+    /// counted once.
+    pub too_large: usize,
     /// Why viewcells could not be worked on, for a level in a file.
     pub error: Option<LevelError>,
 }
@@ -141,7 +145,7 @@ pub struct FoundCell {
     /// Cost of the open objects.
     cost: u64,
     is_reused: bool,
-    /// Whether the sweep of the viewcell was left out.
+    /// Whether the sweep of the viewcell or of its group was left out or cut short.
     is_skipped: bool,
     /// The next stage, or their number if there is nothing left to do.
     next: u32,
@@ -163,8 +167,9 @@ struct Slot {
     /// By stage, the number of viewcells of the group that are not worked on yet.
     left: [usize; STAGES],
     group: Option<Arc<Group>>,
-    /// What the sweep of the group has found, for when its content was released.
-    record: Option<Arc<GroupRecord>>,
+    /// What the sweep of the group has found, for when its content was released, and whether it was cut
+    /// short.
+    record: Option<(Arc<GroupRecord>, bool)>,
 }
 
 /// What the viewcells of a group have in common.
@@ -172,6 +177,8 @@ struct Group {
     record: Arc<GroupRecord>,
     /// Numbers of the objects that a sweep of the box around the group has left, tile by tile.
     objects: Vec<u32>,
+    /// Whether that sweep was cut short.
+    is_cut: bool,
     content: Content,
 }
 
@@ -236,8 +243,10 @@ impl<'a> SandwichBaker<'a> {
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
     /// must run: no stage takes all of the time. After a third of it, viewcells whose groups are not swept
     /// wait until all others are done; after half, viewcells are not swept by themselves, and what their
-    /// groups have left goes on to the later stages; after three quarters, those without rays wait. The
-    /// caller ends the bake. Sweeps that were left out stay so when the bake is resumed.
+    /// groups have left goes on to the later stages; after three quarters, those without rays wait. A sweep
+    /// that takes more than a quarter of the time that is left for its stage, and more than its share, ends
+    /// early: what it has found by then counts. The caller ends the bake. Sweeps that were left out or ended
+    /// early stay so when the bake is resumed.
     #[must_use]
     pub fn with_time(mut self, time: Duration) -> Self {
         let now = (self.clock)();
@@ -341,7 +350,7 @@ impl<'a> SandwichBaker<'a> {
         &self,
         number: u32,
         stage: u32,
-        known: &mut Option<Arc<GroupRecord>>,
+        known: &mut Option<(Arc<GroupRecord>, bool)>,
         scratch: &mut BakeScratch,
     ) -> Result<Group, LevelError> {
         if let Some(record) = &self.found_groups[number as usize]
@@ -352,7 +361,7 @@ impl<'a> SandwichBaker<'a> {
                 SWEEP => Content::Scene(Box::new(self.level.prepared(&objects)?)),
                 _ => Content::Objects,
             };
-            return Ok(Group { record: record.clone(), objects, content });
+            return Ok(Group { record: record.clone(), objects, is_cut: false, content });
         }
         let members = &self.groups.cells[number as usize];
         let all = self.viewcells.cells();
@@ -361,24 +370,36 @@ impl<'a> SandwichBaker<'a> {
         let is_usable = |records: &[CellRecord], objects: &[u32]| {
             records.len() == members.len() && records.iter().all(|record| record.is_of(objects))
         };
+        // In a bake that was resumed, some of the viewcells may be done.
+        if known.is_none()
+            && let Some(record) = &self.found_groups[number as usize]
+        {
+            let places = members.iter().filter_map(|&cell| (cell as usize).checked_sub(self.range.start));
+            let mut found = places.filter_map(|place| self.done.get(place)?.as_ref());
+            *known = Some((record.clone(), found.any(|found| found.is_skipped)));
+        }
         let question = with_members(self.content_hash([]));
         if let Some((record, cells)) = self.cache.answer(question)
             && let Some(objects) = record.trace.replay(&self.level.tree)
             && is_usable(cells, &objects)
         {
             let content = Content::Cached(cells.to_vec());
-            return Ok(Group { record: record.clone(), objects, content });
+            return Ok(Group { record: record.clone(), objects, is_cut: false, content });
         }
-        let record = match known {
+        let (record, is_cut) = match known {
             Some(record) => record.clone(),
             None => {
                 let (sweep, whole) = (&mut scratch.sweep, &mut scratch.whole);
-                let trace = sweep_near_to_far(&self.level, all, members, sweep, whole)?;
+                let end = self.end_of_sweep(GROUP, members.len());
+                let is_over = || end.is_some_and(|end| (self.clock)() >= end);
+                let stop = end.is_some().then_some(&is_over as &dyn Fn() -> bool);
+                let trace = sweep_near_to_far(&self.level, all, members, sweep, whole, stop)?;
+                let is_cut = is_over();
                 // The surfaces of the last sweep are needed no more.
                 scratch.sweep = ExtendedProjectionCuller::new();
                 let objects = trace.replay(&self.level.tree).unwrap_or_default();
                 let key = with_members(self.content_hash(objects));
-                known.insert(Arc::new(GroupRecord { question, key, trace })).clone()
+                known.insert((Arc::new(GroupRecord { question, key, trace }), is_cut)).clone()
             }
         };
         // What was opened in this bake is what it was.
@@ -387,7 +408,23 @@ impl<'a> SandwichBaker<'a> {
             Some(records) => Content::Cached(records.to_vec()),
             None => Content::Objects,
         };
-        Ok(Group { record, objects, content })
+        Ok(Group { record, objects, is_cut, content })
+    }
+
+    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now: after a
+    /// quarter of the time that is left for its stage, or after their share of it, if that is more. `None`
+    /// without a limit. A sweep finds most in its end, so equal shares for all would often find less than
+    /// whole sweeps for a few.
+    fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
+        let end = self.ends[stage as usize];
+        if end == Duration::MAX {
+            return None;
+        }
+        let now = (self.clock)();
+        let waits = |done: &&Option<FoundCell>| done.as_ref().is_none_or(|found| found.next <= stage);
+        let waiting = self.done.iter().filter(waits).count().max(viewcells).max(1);
+        let share = (viewcells as f64 / waiting as f64).max(0.25);
+        Some(now + end.saturating_sub(now).mul_f64(share))
     }
 
     /// Works on an item as [`work`](Baker::work) does, with the memory that is free.
@@ -428,6 +465,7 @@ impl<'a> SandwichBaker<'a> {
         }
         let objects = &group.objects;
         let done = STAGES as u32;
+        let mut is_cut = group.is_cut;
         let (record, times, next) = match (&group.content, before) {
             (Content::Cached(records), _) => {
                 let member = self.groups.cells[of as usize].binary_search(&(number as u32));
@@ -435,17 +473,23 @@ impl<'a> SandwichBaker<'a> {
             }
             (Content::Scene(scene), before) => {
                 let _memory = self.level.reserve_cell(objects, false)?;
-                let (record, is_known) = self.sweep(number, objects, scene, scratch);
+                let (record, is_known);
+                (record, is_known, is_cut) = self.sweep(number, objects, scene, scratch);
                 let group = before.map_or(Duration::ZERO, |before| before.times.sweep);
                 let times = MethodTimes { sweep: group + lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
             }
             (Content::Objects, None) => {
                 let left: Vec<u32> = (0..objects.len() as u32).collect();
+                // A sweep of the viewcell would take as long as that of the group.
+                let next = if group.is_cut { LOOK } else { SWEEP };
                 let hash = self.content_hash(objects.iter().copied());
                 let key = with_viewcell(hash, &self.viewcells.cells()[number]).value();
                 let record = CellRecord { key, answers: vec![OPEN; left.len()], left, steps: 0 };
-                (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, SWEEP)
+                (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, next)
+            }
+            (Content::Objects, Some(before)) if self.is_too_large(&before.record, objects) => {
+                return Ok(Some(None));
             }
             // Saved bytes may be forged.
             (Content::Objects, Some(before)) if before.record.is_of(objects) => {
@@ -465,32 +509,42 @@ impl<'a> SandwichBaker<'a> {
             cost: open.map(cost).sum(),
             record,
             is_reused: stage <= SWEEP && next == done,
-            is_skipped: before.is_some_and(|before| before.is_skipped),
+            is_skipped: is_cut || before.is_some_and(|before| before.is_skipped),
             next,
         })))
     }
 
     /// Sweeps the scene of a group from a viewcell. Returns what is left, all of it open, or what the cache
-    /// has found in it, and whether it has.
+    /// has found in it, whether it has, and whether the sweep was cut short.
     fn sweep(
         &self,
         viewcell: usize,
         objects: &[u32],
         PreparedScene { scene, sweep: prepared, .. }: &PreparedScene,
         scratch: &mut BakeScratch,
-    ) -> (CellRecord, bool) {
+    ) -> (CellRecord, bool, bool) {
         let (cell, number) = (&self.viewcells.cells()[viewcell], self.groups.of[viewcell]);
         if scratch.local.as_ref().is_none_or(|&(of, _)| of != number) {
             scratch.local = Some((number, prepared.clone()));
         }
         let (_, sweep) = scratch.local.get_or_insert_with(|| (number, prepared.clone()));
+        let end = self.end_of_sweep(SWEEP, 1);
+        let is_over = || end.is_some_and(|end| (self.clock)() >= end);
         // The scene of a group has the indices of the group's list.
-        let left: Vec<u32> = swept(sweep, scene, cell).iter().map(|id| id.index() as u32).collect();
+        let left: Vec<u32> = swept(sweep, scene, cell, &is_over).iter().map(|id| id.index() as u32).collect();
         let key = with_viewcell(self.content_hash(left.iter().map(|&at| objects[at as usize])), cell).value();
         match self.cache.cell(key).filter(|known| known.answers.len() == left.len()) {
-            Some(known) => (CellRecord { left, ..known.clone() }, true),
-            None => (CellRecord { key, answers: vec![OPEN; left.len()], left, steps: 0 }, false),
+            Some(known) => (CellRecord { left, ..known.clone() }, true, is_over()),
+            None => (CellRecord { key, answers: vec![OPEN; left.len()], left, steps: 0 }, false, is_over()),
         }
+    }
+
+    /// Returns whether the objects that the sweep of a viewcell has left have more triangles than a search
+    /// may copy. Positions beyond the list of the group count as none.
+    fn is_too_large(&self, record: &CellRecord, objects: &[u32]) -> bool {
+        let left = record.left.iter().filter_map(|&at| objects.get(at as usize));
+        left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum::<u64>()
+            > self.level.most_copied
     }
 
     /// Finds answers for the objects that the sweep of a viewcell has left, and the next stage. `None` once
@@ -686,6 +740,13 @@ impl Baker for SandwichBaker<'_> {
             |found: &FoundCell, stage: u32| found.next > stage && !(stage == SWEEP && found.is_skipped);
         let stages = [0, 1, 2, 3, 4]
             .map(|stage| self.done.iter().flatten().filter(|found| has_passed(found, stage)).count());
+        let too_large = |found: &FoundCell| {
+            found.next >= LOOK && {
+                let objects = found.group.trace.replay(&self.level.tree).unwrap_or_default();
+                self.is_too_large(&found.record, &objects)
+            }
+        };
+        let too_large = self.done.iter().flatten().filter(|found| too_large(found)).count();
         let complete = waiting.is_empty() && self.done.iter().all(is_done);
         let reused = self.done.iter().flatten().filter(|found| found.is_reused).count();
         let unknown = || CellSandwich { open: all.clone(), ..CellSandwich::default() };
@@ -695,7 +756,7 @@ impl Baker for SandwichBaker<'_> {
         let (cells, times) = done.unzip();
         let first = self.range.start;
         let error = self.error.into_inner().unwrap_or_else(PoisonError::into_inner);
-        SandwichOutcome { first, cells, times, complete, stages, reused, cache, error }
+        SandwichOutcome { first, cells, times, complete, stages, reused, cache, too_large, error }
     }
 
     fn fingerprint(&self) -> u64 {

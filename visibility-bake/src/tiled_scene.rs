@@ -33,6 +33,10 @@ const TRIANGLE_BYTES: u64 = 200;
 /// Bytes of memory that a search takes for each unit of weight, about.
 const SEARCH_BYTES: u64 = 600;
 
+/// Least number of triangles that a search may copy, of a level in memory. A search that copies as many
+/// takes some 2 GB.
+const MOST_COPIED: u64 = 1 << 21;
+
 /// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
 ///
 /// The content of the objects is in a [`Scene`], or in a file: then no more of it is in memory than a stated
@@ -48,6 +52,9 @@ pub struct TiledScene<'a> {
     pub(crate) first_weight: u64,
     /// Greatest weight of the objects that occlude in a sweep of several viewcells.
     pub(crate) most_weight: u64,
+    /// Greatest number of triangles that a search may copy: [`MOST_COPIED`], or as many as the level has with
+    /// each mesh that objects share counted once. No limit for a level in a file, which has one of memory.
+    pub(crate) most_copied: u64,
     store: Store<'a>,
     /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
     whole: Mutex<Option<Arc<PreparedScene>>>,
@@ -71,7 +78,12 @@ impl<'a> TiledScene<'a> {
     pub fn new(scene: &'a Scene) -> Self {
         let objects: Vec<ObjectFacts> = scene.ids().filter_map(|id| ObjectFacts::of(scene, id)).collect();
         let (tree, origin, index_limit) = (TileTree::new(&objects), scene.origin(), scene.index_limit());
-        Self::with_store(origin, objects, tree, index_limit, Store::Scene(scene))
+        let meshes =
+            scene.ids().filter_map(|id| scene.triangles(id).ok()).map(|triangles| triangles.mesh().0);
+        let meshes: HashMap<_, _> = meshes.map(|mesh| (mesh.as_ptr(), mesh.len() as u64)).collect();
+        let most_copied = MOST_COPIED.max(meshes.values().sum());
+        let level = Self::with_store(origin, objects, tree, index_limit, Store::Scene(scene));
+        Self { most_copied, ..level }
     }
 
     fn with_store(
@@ -82,7 +94,8 @@ impl<'a> TiledScene<'a> {
         store: Store<'a>,
     ) -> Self {
         let (first_weight, most_weight) = (FIRST_WEIGHT, MOST_WEIGHT);
-        Self { origin, objects, tree, index_limit, first_weight, most_weight, store, whole: Mutex::default() }
+        let (most_copied, whole) = (u64::MAX, Mutex::default());
+        Self { origin, objects, tree, index_limit, first_weight, most_weight, most_copied, store, whole }
     }
 
     /// Begins a level in a file, which is overwritten, and removed with the level.

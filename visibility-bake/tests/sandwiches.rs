@@ -251,36 +251,44 @@ fn an_unfinished_bake_reports_all_that_is_not_hidden_yet() {
 
 #[test]
 fn little_time_is_divided_among_the_stages() {
-    // A second passes each time that the clock is asked: twice for a sweep, three times for rays.
+    // A millisecond passes each time that the clock is asked: once for each plane of a sweep.
     static ASKED: AtomicU64 = AtomicU64::new(0);
     fn clock() -> Duration {
-        Duration::from_secs(ASKED.fetch_add(1, Ordering::Relaxed))
+        Duration::from_millis(ASKED.fetch_add(1, Ordering::Relaxed))
     }
     let (scene, cells) = street();
     let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
     let whole = Bake::new(baker()).run();
     assert_eq!(whole.stages, [10; 5]);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let timed = |until: u64| {
+    let timed = |time: u64, until: u64| {
         ASKED.store(0, Ordering::Relaxed);
-        let mut bake = Bake::new(baker().with_clock(clock).with_time(Duration::from_secs(36)));
+        let mut bake = Bake::new(baker().with_clock(clock).with_time(Duration::from_millis(time)));
         let is_over = || ASKED.load(Ordering::Relaxed) >= until;
         pool.install(|| while !is_over() && bake.advance_unless(is_over, || false).is_some() {});
         bake.finish()
     };
-    // Groups are swept for 12 s, viewcells until 18 s; then there are rays.
-    let [groups, swept, seen, ..] = timed(27).stages;
-    assert!(0 < swept && swept < groups && groups < 10, "{groups} groups, {swept} viewcells");
-    assert!(seen > 0, "no rays");
-    // If there is time in the end, it is for what was put off, but not for what was left out.
-    let late = timed(u64::MAX);
-    assert!(late.complete && late.stages[1] < 10 && [0, 2, 3, 4].map(|stage| late.stages[stage]) == [10; 4]);
+    // Groups are swept for a third of the time; those that are left then wait until rays have been there.
+    let [groups, swept, seen, ..] = timed(50, 37).stages;
+    assert!(0 < groups && groups < 10 && swept == 0 && seen > 0, "{groups} groups, {seen} seen");
+    // If there is time in the end, it is for what was put off, but not for sweeps that were cut short.
+    let late = timed(2000, u64::MAX);
+    assert!(late.complete && [0, 2, 3, 4].map(|stage| late.stages[stage]) == [10; 4]);
+    let cut = late.cells.iter().filter(|cell| cell.swept == 0).count();
+    assert!(cut > 0 && late.stages[1] > 0 && cut + late.stages[1] <= 10, "{cut} cut, {:?}", late.stages);
     for (late, whole) in late.cells.iter().zip(&whole.cells) {
         assert!(whole.seen.iter().all(|index| late.reported().contains(index)), "a seen object is hidden");
+        assert!(late.swept == 0 || late.swept == whole.swept);
     }
     // Results without sweeps are not for a bake that sweeps.
     let bytes = |outcome| Shard::new(0, outcome).to_bytes();
     assert!(bytes(Bake::new(baker().with_cache(late.cache)).run()) == bytes(whole));
+    // A group that was cut short stays so when the bake is resumed before all of its viewcells are done.
+    ASKED.store(0, Ordering::Relaxed);
+    let mut bake = Bake::new(baker().with_clock(clock).with_time(Duration::from_millis(100)));
+    bake.advance_unless(|| ASKED.load(Ordering::Relaxed) > 10, || false);
+    let resumed = Bake::resume(baker(), &bake.save()).unwrap().run();
+    assert!(resumed.complete && resumed.stages[1] < 10, "{:?}", resumed.stages);
 }
 
 #[test]

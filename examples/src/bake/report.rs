@@ -14,6 +14,9 @@ pub struct Report {
     /// Numbers of viewcells that were swept in groups, swept by themselves, looked from along rays, with
     /// proofs of boxes, and of triangles, or needed that no more. 0 if shards were assembled.
     pub stages: [usize; 5],
+    /// Number of viewcells that are not searched, since too many triangles of instances would have to be
+    /// copied. 0 if shards were assembled.
+    pub too_large: usize,
     /// Number of cameras of the walks.
     pub cameras: usize,
     /// Number of cameras inside a viewcell. From outside, everything counts as visible.
@@ -118,6 +121,7 @@ impl Report {
             scene: level.name.clone(),
             objects: level.object_count(),
             stages: [0; 5],
+            too_large: 0,
             cameras,
             cameras_inside,
             seconds,
@@ -176,6 +180,13 @@ impl Report {
                  {boxes} proofs of boxes, {triangles} of triangles\n"
             );
         }
+        if self.too_large > 0 {
+            text += &format!(
+                "{} viewcells are swept alone: too many triangles of instances are left to be copied for rays \
+                 and proofs\n",
+                self.too_large
+            );
+        }
         if let Some(worst) = worst.filter(|worst| worst.gap > 0.0) {
             let [a, b, c, d, e, f] = worst.cell;
             text += &format!("worst: {:.1} % from {a},{b},{c} to {d},{e},{f}\n", worst.gap * 100.0);
@@ -184,8 +195,10 @@ impl Report {
             let then = if self.complete {
                 "their proofs were given up: more --rays, smaller viewcells (--size) or a larger --clearance \
                  close more"
-            } else {
+            } else if self.too_large < self.viewcells.len() {
                 "the time was over: the same command goes on"
+            } else {
+                "more is hidden from smaller viewcells (--size)"
             };
             text += &format!(
                 "{} of {} viewcells miss the gap of {:.2} %; what is open there counts as visible; {then}\n",

@@ -58,7 +58,16 @@ pub struct Advice {
 /// Returns [`MeasureError`] when the scene has too many triangles to number.
 pub fn advise(world: &World, entries: &[String], thorough: bool) -> Result<Advice, MeasureError> {
     let clock = Instant::now();
-    let now = || clock.elapsed().as_secs_f64();
+    advise_in_time(world, entries, thorough, &|| clock.elapsed().as_secs_f64())
+}
+
+/// Advises as [`advise`] does. `now` returns the seconds passed since the beginning.
+fn advise_in_time(
+    world: &World,
+    entries: &[String],
+    thorough: bool,
+    now: &dyn Fn() -> f64,
+) -> Result<Advice, MeasureError> {
     let spread = |count: usize| -> Vec<View> {
         world.views.iter().step_by(world.views.len().div_ceil(count).max(1)).cloned().collect()
     };
@@ -209,6 +218,23 @@ mod tests {
         let has = |world, name: &str| cullers::quick_entries(world).iter().any(|entry| entry.contains(name));
         assert!(has(&world, "pvs:objects") && !has(&outdoors, "pvs:objects") && !has(&outdoors, "pvs+"));
         assert!(has(&outdoors, "region-pvs") && has(&outdoors, "portals+hzb"));
+    }
+
+    #[test]
+    fn a_quick_choice_tries_no_more_once_its_time_is_over() {
+        let world = World::new(built_in("office:1,2").unwrap(), (64, 36), Some(12)).unwrap();
+        let entries = cullers::quick_entries(&world);
+        // The clock goes on by a 32nd of a second each time that it is asked, some dozens of times a culler.
+        let advice = |thorough: bool| {
+            let asked = std::cell::Cell::new(0.0);
+            let now = || asked.replace(asked.get() + 1.0 / 32.0);
+            (advise_in_time(&world, &entries, thorough, &now).unwrap(), asked)
+        };
+        let (quick, asked) = advice(false);
+        assert!(asked.get() > TRYING && quick.tried > 0, "{} s, {} tried", asked.get(), quick.tried);
+        assert_eq!(quick.untried.last(), entries.last());
+        let (all, _) = advice(true);
+        assert!(all.tried > quick.tried && all.untried.is_empty());
     }
 
     #[test]

@@ -141,6 +141,42 @@ impl ExtendedProjectionCuller {
         }
     }
 
+    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true, which is asked
+    /// at each projection plane. Objects that are not found hidden by then stay in `visible`.
+    pub fn cull_until(
+        &mut self,
+        scene: &Scene,
+        cell: &Viewcell,
+        visible: &mut VisibleSet,
+        stop: &dyn Fn() -> bool,
+    ) -> CullStats {
+        let mut stats = CullStats::default();
+        self.hidden.reset(scene.index_limit());
+        self.sync(scene);
+        let bounds = usable_bounds(scene, cell);
+        let cell_box = bounds.and_then(|bounds| cell_box(scene, cell, &bounds));
+        if let Some((cell_box, bounds)) = cell_box.zip(bounds) {
+            let surfaces = self.surfaces.clone();
+            let occluding = Bits::occluding(scene, visible);
+            let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces };
+            self.pieces.begin(&surfaces);
+            let directions = core::array::from_fn(|index| cell_box.direction(index));
+            let (lists, stack) = (&mut self.lists, &mut self.stack);
+            stats.nodes += occludees::assign(scene, visible, &bounds, &directions, lists, stack);
+            let mut asked = core::mem::take(&mut self.asked);
+            for (index, direction) in directions.iter().enumerate() {
+                let job = Job { scene, visible, direction, all, cell_box: &cell_box, stop };
+                asked.clear();
+                asked.extend_from_slice(&self.lists[index]);
+                self.sweep(&job, &mut asked, &mut stats);
+            }
+            self.asked = asked;
+        }
+        let hidden = &self.hidden;
+        stats += visible.retain(scene, |id, _| !hidden.contains(id.index()));
+        stats
+    }
+
     /// Sweeps one direction and marks the items of `list` that are hidden.
     fn sweep(&mut self, job: &Job<'_>, list: &mut Vec<Item>, stats: &mut CullStats) {
         let Job { all, cell_box, direction, .. } = job;
@@ -153,6 +189,9 @@ impl ExtendedProjectionCuller {
         {
             let occluders = nearest.occluders();
             for d in planes::distances(direction, &cone, occluders, &range, &mut behind_left) {
+                if (job.stop)() {
+                    return;
+                }
                 job.drop_reached(d, list, stats);
                 self.projections.clear();
                 self.projections.extend(list.iter().map(|item| direction.occludee(d, &item.bounds)));
@@ -207,6 +246,8 @@ struct Job<'a> {
     direction: &'a Direction,
     all: Occluders<'a>,
     cell_box: &'a CellBox,
+    /// Returns true once no more planes are to be swept.
+    stop: &'a dyn Fn() -> bool,
 }
 
 impl Job<'_> {
@@ -248,31 +289,7 @@ impl RegionCuller for ExtendedProjectionCuller {
     }
 
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
-        let mut stats = CullStats::default();
-        self.hidden.reset(scene.index_limit());
-        self.sync(scene);
-        let bounds = usable_bounds(scene, cell);
-        let cell_box = bounds.and_then(|bounds| cell_box(scene, cell, &bounds));
-        if let Some((cell_box, bounds)) = cell_box.zip(bounds) {
-            let surfaces = self.surfaces.clone();
-            let occluding = Bits::occluding(scene, visible);
-            let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces };
-            self.pieces.begin(&surfaces);
-            let directions = core::array::from_fn(|index| cell_box.direction(index));
-            let (lists, stack) = (&mut self.lists, &mut self.stack);
-            stats.nodes += occludees::assign(scene, visible, &bounds, &directions, lists, stack);
-            let mut asked = core::mem::take(&mut self.asked);
-            for (index, direction) in directions.iter().enumerate() {
-                let job = Job { scene, visible, direction, all, cell_box: &cell_box };
-                asked.clear();
-                asked.extend_from_slice(&self.lists[index]);
-                self.sweep(&job, &mut asked, &mut stats);
-            }
-            self.asked = asked;
-        }
-        let hidden = &self.hidden;
-        stats += visible.retain(scene, |id, _| !hidden.contains(id.index()));
-        stats
+        self.cull_until(scene, cell, visible, &|| false)
     }
 }
 
