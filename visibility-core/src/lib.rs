@@ -45,6 +45,7 @@ compile_error!("visibility-core needs floating point: enable the feature `std` o
 
 pub mod bake;
 pub mod binary_format;
+pub mod bits;
 pub mod cells;
 mod cull_stats;
 pub mod culler;
@@ -56,6 +57,7 @@ pub mod level_version;
 pub mod occlusion;
 pub mod pipeline;
 pub mod pvs;
+pub mod random;
 mod region_culler;
 pub mod scene;
 mod serial;

@@ -9,7 +9,7 @@ use crate::chain_scratch::ChainScratch;
 use crate::half::Half;
 use crate::polygon::Polygon;
 use crate::proof::Proof;
-use crate::rays::Random;
+use crate::rays::{in_triangle, on_cube};
 use crate::search::{Answer, Budget, Search, Segment};
 use crate::settings::Settings;
 use crate::sight::{CellBox, Target};
@@ -19,6 +19,7 @@ use alloc::{vec, vec::Vec};
 use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
+use visibility_core::random::Random;
 
 /// Nodes for a group of objects, a single object's box, one triangle, and all triangles of an object.
 ///
@@ -301,7 +302,7 @@ impl<'a> CellQuery<'a> {
                     self.rays += 1;
                     let part = self.random.unit();
                     let wider = 1.05 + 2.0 * part * part;
-                    let to = center + half * wider * self.random.on_cube();
+                    let to = center + half * wider * on_cube(&mut self.random);
                     let from = self.search.cell.exit(p, to);
                     found.extend(self.see_first(from, to - from).map(|object| (from, object)));
                 }
@@ -345,7 +346,7 @@ impl<'a> CellQuery<'a> {
                 }
                 self.rays += 1;
                 let t = first + self.random.below(count) as u32;
-                let to = self.random.in_triangle(&self.search.triangles.corners(t));
+                let to = in_triangle(&mut self.random, &self.search.triangles.corners(t));
                 let from = self.search.cell.towards(to, &mut self.random);
                 self.see(from, to, t);
             }
@@ -368,7 +369,7 @@ impl<'a> CellQuery<'a> {
             for _ in 0..self.settings.aimed_rays {
                 self.rays += 1;
                 let t = first + self.random.below(count as usize) as u32;
-                let to = self.random.in_triangle(&self.search.triangles.corners(t));
+                let to = in_triangle(&mut self.random, &self.search.triangles.corners(t));
                 let from = self.search.cell.towards(to, &mut self.random);
                 let unsure = self.search.triangles.tree.crossed(from, to, t, 1, &mut hits);
                 let is_shown = self.search.triangles.shows(t, from);

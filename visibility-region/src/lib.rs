@@ -44,7 +44,6 @@ extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod bits;
 mod blocker;
 mod convex_blockers;
 mod extent;

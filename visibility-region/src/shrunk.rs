@@ -9,11 +9,11 @@
 //!
 //! Occluders thinner than `2 e` vanish, so thin walls hide nothing from a viewcell of metres.
 
-use crate::bits::Bits;
 use crate::remove::cell_box;
 use crate::solids::{Solid, Solids};
 use crate::umbra::is_closed_from;
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::scene::Triangle;

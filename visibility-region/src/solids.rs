@@ -4,9 +4,9 @@
 //! the mesh blocks like the solid for every viewpoint strictly behind the planes of the hole: a line of sight
 //! enters a convex solid once, and not through the hole.
 
-use crate::bits::Bits;
 use crate::blocker::{Blocker, dents};
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 use visibility_core::scene::{Changes, SceneCursor, Triangle};
 use visibility_core::{ObjectId, OccluderMesh, Scene};

@@ -9,13 +9,13 @@
 //!
 //! Walls thinner than the octree's cells hold no opaque cell and hide nothing.
 
-use crate::bits::Bits;
 use crate::blocker::Blocker;
 use crate::extent::quantile;
 use crate::remove::{cell_box, remove_hidden};
 use crate::solids::{Solid, Solids};
 use crate::umbra::{Umbra, is_closed_from};
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::geometry::Containment;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;

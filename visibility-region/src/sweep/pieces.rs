@@ -16,9 +16,9 @@
 use super::direction::CellBox;
 use super::facing::facing;
 use super::surfaces::{Back, Surfaces, find};
-use crate::bits::Bits;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of triangles of a piece. Whole floors and streets could be one piece: such a piece begins

@@ -2,9 +2,9 @@
 
 use super::VirtualOccluders;
 use crate::ExtendedProjectionCuller;
-use crate::bits::Bits;
 use crate::remove::remove_hidden;
 use crate::sweep::cell_extent::CellExtent;
+use visibility_core::bits::Bits;
 use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, OcclusionMap, RegionCuller, Scene, VisibleSet};

@@ -13,10 +13,10 @@ mod rectangles;
 
 pub use culler::VirtualSweepCuller;
 
-use crate::bits::Bits;
 use crate::sweep::cell_extent::CellExtent;
 use crate::sweep::direction::{CellBox, Direction};
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::Occlusion;
