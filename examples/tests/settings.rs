@@ -143,11 +143,9 @@ fn object_space() {
             &world,
             OcclusionCuller::new(OcclusionTree::new().with_polygons(count)).with_price(count as u32),
         );
-        for coherent in [false, true] {
-            let culler =
-                LargeOccludersCuller::new(occluders.clone()).with_polygons(count).with_coherence(coherent);
-            show(&what, &world, culler);
-        }
+        let coherent = LargeOccludersCuller::new(occluders.clone()).with_polygons(count);
+        show(&what, &world, coherent.clone().without_coherence());
+        show(&what, &world, coherent);
         for regions in [0, 1, 5] {
             let frusta = ShadowFrusta::new(&world.scene, (*occluders).clone(), regions, count);
             show(&what, &world, ShadowFrustaCuller::new(frusta.into()));
@@ -289,9 +287,8 @@ fn budgets() {
     for count in COUNTS {
         for budget in [Budget::Objects(count), Budget::Cost(count as u64)] {
             let what = format!("{budget:?}");
-            for keep_all in [false, true] {
-                show(&what, &world, PlpCuller::new(octree.clone(), budget).with_all_kept(keep_all));
-            }
+            show(&what, &world, PlpCuller::new(octree.clone(), budget));
+            show(&what, &world, PlpCuller::new(octree.clone(), budget).with_all_kept());
             let map = Hzb::new(64, 64).unwrap();
             show(&what, &world, ConservativePlpCuller::new(octree.clone(), budget, map));
         }
@@ -303,8 +300,8 @@ fn budgets() {
             // The finest tessellation, of a scene with few objects.
             let mut scene = Scene::new();
             scene.insert_batch((0..4).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
-            assert!(OctreeTessellation::with_fineness(&scene, fineness).memory() > 0);
-            assert!(DelaunayTessellation::with_fineness(&scene, fineness).memory() > 0);
+            assert!(OctreeTessellation::from_scene(&scene, fineness).memory() > 0);
+            assert!(DelaunayTessellation::from_scene(&scene, fineness).memory() > 0);
             check_memory(&what);
         }
     }

@@ -174,7 +174,7 @@ fn it_equals_brute_force_over_all_objects() {
             let camera = camera(&mut rng, scene.origin());
             let least = rng.pick(&[0.0, 1.0, 2.5, 20.0, 300.0]);
             let mut answers = Simd::available().map(|simd| {
-                let mut culler = ContributionCuller::with_simd(simd, 1080.0, least);
+                let mut culler = ContributionCuller::new(1080.0, least).with_simd(simd);
                 cull(&mut culler, &scene, &camera.view).0
             });
             let seen = answers.next().unwrap();

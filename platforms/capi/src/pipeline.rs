@@ -78,7 +78,7 @@ pub unsafe extern "C" fn vis_pipeline_destroy(pipeline: *mut vis_pipeline) {
 /// Appends a stage to a pipeline.
 ///
 /// # Safety
-/// The header's rules for pointers.
+/// Rule P1 of `visibility.h`.
 unsafe fn push(
     pipeline: *mut vis_pipeline,
     culler: impl Culler + Send + Sync + 'static,

@@ -62,7 +62,7 @@ pub unsafe extern "C" fn vis_visible_create(
     border(|| {
         // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { out(visible, "visible") }?;
-        let set = if with_changes { VisibleSet::with_changes() } else { VisibleSet::new() };
+        let set = if with_changes { VisibleSet::new().with_changes() } else { VisibleSet::new() };
         create(place, vis_visible(Guarded::new(set)));
         Ok(())
     })

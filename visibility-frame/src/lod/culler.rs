@@ -69,14 +69,8 @@ impl ContributionCuller {
     /// `least_pixels` pixels. If one of the two is NaN, zero or negative, no object is too small, and only
     /// draw ranges and HLOD parents count.
     pub fn new(picture_height: f64, least_pixels: f64) -> Self {
-        Self::with_simd(Simd::best(), picture_height, least_pixels)
-    }
-
-    /// Makes a culler that uses the given SIMD instructions, for tests and comparisons. Results are the same
-    /// with all.
-    pub const fn with_simd(simd: Simd, picture_height: f64, least_pixels: f64) -> Self {
         Self {
-            simd,
+            simd: Simd::best(),
             picture_height,
             least_pixels,
             distance_eye: None,
@@ -84,6 +78,12 @@ impl ContributionCuller {
             far: Bits::EMPTY,
             near: Bits::EMPTY,
         }
+    }
+
+    /// Sets the SIMD instructions, for tests and comparisons. Results are the same with all.
+    #[must_use]
+    pub fn with_simd(self, simd: Simd) -> Self {
+        Self { simd, ..self }
     }
 
     /// Sets the height in pixels of the pictures of later frames.
