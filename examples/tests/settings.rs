@@ -182,11 +182,11 @@ fn plans() {
         let all = HorizonCuller::new(occluders.clone()).with_crowns(world.scene.ids(), count as u8);
         show("crossings", &world, all);
         let cell = Viewcell::from_box(DVec3::new(-2.0, -2.0, 1.0), DVec3::new(2.0, 2.0, 2.0));
-        let mut culler = VirtualOccluderCuller::new(UpAxis::Z).with_most(count);
+        let mut culler = VirtualOccluderCuller::new(UpAxis::Z).with_max(count);
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
         assert!(culler.occluders().len() <= count);
         check_memory("virtual occluders");
-        let mut culler = VirtualSweepCuller::new().with_most(count);
+        let mut culler = VirtualSweepCuller::new().with_max(count);
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
         assert!(culler.last().unwrap().occluders().len() <= count);
         // Along one side only: in a cube of viewpoints the greatest number takes minutes.
@@ -212,8 +212,8 @@ fn core_and_image_space() {
         check_memory(&what);
         for share in LENGTHS {
             let criteria = OccluderCriteria {
-                least_size: share as f32,
-                most_triangles: count,
+                min_size: share as f32,
+                max_triangles: count,
                 redundancy: share as f32,
             };
             let database = OccluderDatabase::new(&world.scene, &criteria);
@@ -246,7 +246,7 @@ fn core_and_image_space() {
             }
         }
         for two_sided in [false, true] {
-            let preparation = Preparation { sliver: share as f32, least_area: share as f32, two_sided };
+            let preparation = Preparation { sliver: share as f32, min_area: share as f32, two_sided };
             world.scene.prepare_occluders(&preparation);
             show(&what, &world, HzbCuller::new(Hzb::new(64, 64).unwrap()));
         }
@@ -334,18 +334,18 @@ fn cells_and_portals() {
         let walls: Vec<[DVec3; 2]> = (0..6)
             .map(|i| [DVec3::new(f64::from(i), 0.0, 0.0), DVec3::new(f64::from(i) + 0.1, 3.0, 3.0)])
             .collect();
-        for most_cells in COUNTS {
-            for (least_share, least_area, margin) in
+        for max_cells in COUNTS {
+            for (min_share, min_area, margin) in
                 [(tolerance, None, 1.0), (0.3, Some(tolerance), 1.0), (0.3, None, tolerance)]
             {
-                let settings = WallSettings { tolerance: 1e-4, least_share, least_area, margin, most_cells };
+                let settings = WallSettings { tolerance: 1e-4, min_share, min_area, margin, max_cells };
                 drop(from_walls(&walls, &settings));
                 drop(from_walls(&walls, &WallSettings { tolerance, ..settings }));
                 let settings = PolygonSettings {
-                    least_share,
-                    least_area,
+                    min_share,
+                    min_area,
                     margin,
-                    most_cells,
+                    max_cells,
                     ..PolygonSettings::default()
                 };
                 let polygons: Vec<_> = walls

@@ -388,7 +388,7 @@ fn odd_input_gives_an_error_or_an_answer() {
     let mut point = || DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit()) * 10.0;
     let soup: Vec<_> =
         (0..150).filter_map(|_| ConvexPolygon::new([point(), point(), point()]).ok()).collect();
-    let settings = PolygonSettings { most_cells: 200, least_share: 0.0, least_area: Some(0.0), ..polygons };
+    let settings = PolygonSettings { max_cells: 200, min_share: 0.0, min_area: Some(0.0), ..polygons };
     let cells = from_polygons(&soup, &settings).unwrap();
     assert!(cells.graph.cell_count() <= 200 && cells.graph.portals().len() > 200);
 }

@@ -103,7 +103,7 @@ pub const METHODS: &[Entry] = &[
             let up = if world.source.up.y.abs() > 0.5 { UpAxis::Y } else { UpAxis::Z };
             let culler = VirtualOccluderCuller::new(up);
             Ok(Box::new(match dial {
-                Some(most) => culler.with_most(number(most)?),
+                Some(most) => culler.with_max(number(most)?),
                 None => culler,
             }))
         },
@@ -135,7 +135,7 @@ pub const METHODS: &[Entry] = &[
         make: |dial, _| {
             let culler = VirtualSweepCuller::new();
             Ok(Box::new(match dial {
-                Some(most) => culler.with_most(number(most)?),
+                Some(most) => culler.with_max(number(most)?),
                 None => culler,
             }))
         },

@@ -397,12 +397,12 @@ void vis_pipeline_destroy(struct vis_pipeline *pipeline);
 // Appends frustum culling, which should come first: it removes what is outside the view. Conservative.
 enum vis_status vis_pipeline_add_frustum(struct vis_pipeline *pipeline);
 
-// Appends the removal of objects that are smaller than `least_pixels` pixels in pictures `picture_height`
+// Appends the removal of objects that are smaller than `min_pixels` pixels in pictures `picture_height`
 // pixels high, out of their draw range, or stood in for by an HLOD parent. If one of the two numbers is
 // zero, no object is too small. Approximate.
 enum vis_status vis_pipeline_add_contribution(struct vis_pipeline *pipeline,
                                               double picture_height,
-                                              double least_pixels);
+                                              double min_pixels);
 
 // Appends occlusion culling by a hierarchical z-buffer in software, which removes what objects with
 // `VIS_OBJECT_OCCLUDER` and a mesh hide. `width` and `height` are the buffer's in pixels, 16 to 4096; 0 and

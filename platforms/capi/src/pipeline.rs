@@ -96,17 +96,17 @@ pub unsafe extern "C" fn vis_pipeline_add_frustum(pipeline: *mut vis_pipeline) -
     border(|| unsafe { push(pipeline, FrustumCuller::new()) })
 }
 
-/// Appends the removal of objects that are smaller than `least_pixels` pixels in pictures `picture_height`
+/// Appends the removal of objects that are smaller than `min_pixels` pixels in pictures `picture_height`
 /// pixels high, out of their draw range, or stood in for by an HLOD parent. If one of the two numbers is
 /// zero, no object is too small. Approximate.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_contribution(
     pipeline: *mut vis_pipeline,
     picture_height: f64,
-    least_pixels: f64,
+    min_pixels: f64,
 ) -> vis_status {
     // SAFETY: rule P1 of `visibility.h`.
-    border(|| unsafe { push(pipeline, ContributionCuller::new(picture_height, least_pixels)) })
+    border(|| unsafe { push(pipeline, ContributionCuller::new(picture_height, min_pixels)) })
 }
 
 /// Appends occlusion culling by a hierarchical z-buffer in software, which removes what objects with

@@ -52,7 +52,7 @@ const HYSTERESIS: f64 = 0.05;
 pub struct ContributionCuller {
     simd: Simd,
     picture_height: f64,
-    least_pixels: f64,
+    min_pixels: f64,
     /// Point of the world that distances are measured from, instead of the view's eye.
     distance_eye: Option<DVec3>,
     /// The scene that `far` and `near` belong to.
@@ -66,13 +66,13 @@ pub struct ContributionCuller {
 
 impl ContributionCuller {
     /// Makes a culler for pictures that are `picture_height` pixels high, which removes objects of less than
-    /// `least_pixels` pixels. If one of the two is NaN, zero or negative, no object is too small, and only
+    /// `min_pixels` pixels. If one of the two is NaN, zero or negative, no object is too small, and only
     /// draw ranges and HLOD parents count.
-    pub fn new(picture_height: f64, least_pixels: f64) -> Self {
+    pub fn new(picture_height: f64, min_pixels: f64) -> Self {
         Self {
             simd: Simd::best(),
             picture_height,
-            least_pixels,
+            min_pixels,
             distance_eye: None,
             scene: SceneCursor::START,
             far: Bits::EMPTY,
@@ -92,8 +92,8 @@ impl ContributionCuller {
     }
 
     /// Sets the least size in pixels of objects that stay, for later frames.
-    pub fn set_least_pixels(&mut self, least_pixels: f64) {
-        self.least_pixels = least_pixels;
+    pub fn set_min_pixels(&mut self, min_pixels: f64) {
+        self.min_pixels = min_pixels;
     }
 
     /// Sets the point of the world that distances for draw ranges and HLOD parents are measured from, for
@@ -209,7 +209,7 @@ impl Culler for ContributionCuller {
         self.near.grow(scene.index_limit());
         let scale = PixelScale::new(view, scene.origin(), self.picture_height);
         let eye = self.distance_eye.map_or(*scale.eye(), |eye| EyeBox::of_point(eye, scene.origin()));
-        let frame = Frame { size: scale.smaller_than(self.least_pixels), eye };
+        let frame = Frame { size: scale.smaller_than(self.min_pixels), eye };
         let mut walk = Walk::new(scene, &SceneHierarchy, visible);
         self.visit(&mut walk, None, &frame);
         walk.finish()

@@ -42,16 +42,16 @@ pub struct PolygonSettings<'a> {
     /// cover at least this fraction of the plane's section of the region. A covered area of at least 1/512
     /// of the square of the longest side of the bounding box also suffices, since even large walls cover
     /// a small fraction of a large region. Default 0.25.
-    pub least_share: f64,
+    pub min_share: f64,
     /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`, the
     /// default: 2^-13 of the square of the longest side of the bounding box.
-    pub least_area: Option<f64>,
+    pub min_area: Option<f64>,
     /// Distance, in world units, by which the outermost cells extend beyond the bounds of all polygons.
     /// Default 1.
     pub margin: f64,
     /// Maximum number of leaf regions, solid ones included. Regions are split breadth first until this
     /// number is reached. Default 16,384.
-    pub most_cells: usize,
+    pub max_cells: usize,
     /// Rule that decides which regions are solid. Default [`Solid::Nothing`].
     pub solid: Solid<'a>,
     /// For each polygon, whether it is drawn from its front alone, so that lines from behind pass it.
@@ -65,10 +65,10 @@ impl Default for PolygonSettings<'_> {
     fn default() -> Self {
         Self {
             tolerance: None,
-            least_share: 0.25,
-            least_area: None,
+            min_share: 0.25,
+            min_area: None,
             margin: 1.0,
-            most_cells: 1 << 14,
+            max_cells: 1 << 14,
             solid: Solid::Nothing,
             one_sided: &[],
         }
@@ -144,10 +144,10 @@ pub fn from_polygons(
     let side = (max - min).max_element();
     let limits = Limits {
         lengths: Lengths::new(tolerance, extent),
-        share: checked("the least share", settings.least_share)?,
-        area: checked("the least area", settings.least_area.unwrap_or(side * side / 8192.0))?,
+        share: checked("the least share", settings.min_share)?,
+        area: checked("the least area", settings.min_area.unwrap_or(side * side / 8192.0))?,
         large: side * side / 512.0,
-        leaves: settings.most_cells.clamp(1, CellGraph::LIMIT),
+        leaves: settings.max_cells.clamp(1, CellGraph::LIMIT),
     };
     let (fragments, planes) = fragments(polygons, settings.one_sided, &limits.lengths);
     let bsp = build(fragments, &planes, min, max, &limits);

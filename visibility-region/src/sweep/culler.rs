@@ -187,7 +187,7 @@ impl ExtendedProjectionCuller {
                     continue;
                 }
                 if let Child::Node(node) = item.child
-                    && self.sweep.map.may_hold(rect, window.least_pixels(job.direction, item.bounds.lo.z))
+                    && self.sweep.map.may_hold(rect, window.min_pixels(job.direction, item.bounds.lo.z))
                 {
                     job.open_node(node, list, stats);
                     continue;

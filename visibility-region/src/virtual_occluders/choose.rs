@@ -46,7 +46,7 @@ impl Candidate {
 }
 
 impl ExtendedProjectionCuller {
-    /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MOST`], chosen one by one so
+    /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MAX`], chosen one by one so
     /// that each hides the most objects that those before do not. All occluders of the scene count that are
     /// on a layer, so a view must draw all of them. None if the viewcell is empty or not
     /// finite, or if nothing is hidden.
@@ -64,7 +64,7 @@ impl ExtendedProjectionCuller {
         let objects: Vec<Aabb> = scene.ids().step_by(step).filter_map(|id| scene.bounds(id).ok()).collect();
         candidates.iter_mut().for_each(|candidate| candidate.test(&objects));
         let mut hidden = Bits::new(objects.len());
-        while chosen.len() < VirtualOccluders::MOST {
+        while chosen.len() < VirtualOccluders::MAX {
             // Of equal ones the nearest, since more may move behind it.
             let best = candidates
                 .iter()

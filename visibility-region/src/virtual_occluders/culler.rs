@@ -46,15 +46,15 @@ impl Default for VirtualSweepCuller {
 }
 
 impl VirtualSweepCuller {
-    /// Makes a culler with at most [`VirtualOccluders::MOST`] virtual occluders for each viewcell.
+    /// Makes a culler with at most [`VirtualOccluders::MAX`] virtual occluders for each viewcell.
     pub fn new() -> Self {
-        Self { sweep: ExtendedProjectionCuller::new(), last: None, most: VirtualOccluders::MOST }
+        Self { sweep: ExtendedProjectionCuller::new(), last: None, most: VirtualOccluders::MAX }
     }
 
     /// Sets the greatest number of virtual occluders for each viewcell. Numbers above
-    /// [`VirtualOccluders::MOST`] count as that.
+    /// [`VirtualOccluders::MAX`] count as that.
     #[must_use]
-    pub fn with_most(mut self, most: usize) -> Self {
+    pub fn with_max(mut self, most: usize) -> Self {
         self.most = most;
         self
     }
