@@ -33,7 +33,7 @@ use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
 };
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
-use visibility_portals::{CellBaker, PortalCuller, PortalEye, SceneCells, Settings};
+use visibility_portals::{BakerSettings, CellBaker, ChainTest, PortalCuller, PortalEye, SceneCells};
 use visibility_region::{ShrunkCuller, VirtualSweepCuller};
 
 #[global_allocator]
@@ -211,11 +211,8 @@ fn core_and_image_space() {
         assert!(Hom::new(64, count).is_err() || Hom::new(64, count).is_ok_and(|map| map.height() == count));
         check_memory(&what);
         for share in LENGTHS {
-            let criteria = OccluderCriteria {
-                min_size: share as f32,
-                max_triangles: count,
-                redundancy: share as f32,
-            };
+            let criteria =
+                OccluderCriteria { min_size: share as f32, max_triangles: count, redundancy: share as f32 };
             let database = OccluderDatabase::new(&world.scene, &criteria);
             assert!(database.occluders().len() <= world.scene.len());
         }
@@ -325,7 +322,8 @@ fn cells_and_portals() {
             show(&what, &world, PortalCuller::new(cells));
         }
         for steps in [0, 1, u64::MAX] {
-            let settings = Settings { clearance: Some(tolerance), steps_per_cell: steps, exact: steps > 1 };
+            let chain_test = if steps > 1 { ChainTest::Pluecker } else { ChainTest::Separators };
+            let settings = BakerSettings { clearance: Some(tolerance), steps_per_cell: steps, chain_test };
             if let Ok(baker) = CellBaker::new(&source.graph, settings) {
                 let mut bake = visibility_core::bake::Bake::new(baker);
                 while bake.advance().is_some() {}
@@ -341,13 +339,8 @@ fn cells_and_portals() {
                 let settings = WallSettings { tolerance: 1e-4, min_share, min_area, margin, max_cells };
                 drop(from_walls(&walls, &settings));
                 drop(from_walls(&walls, &WallSettings { tolerance, ..settings }));
-                let settings = PolygonSettings {
-                    min_share,
-                    min_area,
-                    margin,
-                    max_cells,
-                    ..PolygonSettings::default()
-                };
+                let settings =
+                    PolygonSettings { min_share, min_area, margin, max_cells, ..PolygonSettings::default() };
                 let polygons: Vec<_> = walls
                     .iter()
                     .map(|&[min, max]| {

@@ -5,7 +5,7 @@
 //!   walkable triangles](Grid::above).
 //! - [`SandwichBaker`] finds for each viewcell the objects that are seen for certain and those that are not
 //!   proven hidden, by methods from cheap to exact, until what lies between is below a stated
-//!   [gap](Settings::gap).
+//!   [gap](SandwichSettings::gap).
 //! - [`Shard`] is the result for a range of viewcells, as bytes that another process can [assemble].
 //! - [`BakeCache`] keeps results by what they depend on, so that a bake of an edited level works on what the
 //!   edit can have changed.
@@ -45,7 +45,7 @@ pub use grid::{Grid, GridError};
 pub use level_error::LevelError;
 pub use method_times::MethodTimes;
 pub use sandwich_baker::{BakeScratch, FoundCell, SandwichBaker, SandwichOutcome, bake_fingerprint};
-pub use settings::Settings;
+pub use settings::SandwichSettings;
 pub use shard::{AssembleError, Shard, assemble};
 pub use tiled_scene::{TiledScene, TiledSceneWriter};
 pub use visibility_core::level_version::level_version;

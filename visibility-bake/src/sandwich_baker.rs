@@ -9,7 +9,7 @@ use crate::level_file::lock;
 use crate::method_times::MethodTimes;
 use crate::near_to_far::{sweep_near_to_far, swept};
 use crate::search::{Method, Search};
-use crate::settings::Settings;
+use crate::settings::SandwichSettings;
 use crate::tiled_scene::{PreparedScene, TiledScene};
 use std::ops::Range;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -52,7 +52,7 @@ const PUT_OFF: u8 = 2;
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
 /// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
-/// first, until the [gap](Settings::gap) is met; then, where it is not met, for their triangles. So the bake
+/// first, until the [gap](SandwichSettings::gap) is met; then, where it is not met, for their triangles. So the bake
 /// has five items for each viewcell. In the later stages, of about as many viewcells as came before, the
 /// groups with the most costly open objects come first.
 ///
@@ -62,7 +62,7 @@ const PUT_OFF: u8 = 2;
 /// ([`with_cache`](Self::with_cache)).
 ///
 /// ```
-/// use visibility_bake::{SandwichBaker, Settings};
+/// use visibility_bake::{SandwichBaker, SandwichSettings};
 /// use visibility_core::{bake::Bake, glam::{DVec3, Vec3}, pvs::{Viewcell, Viewcells}, Aabb, Object, Scene};
 /// // A wall, and a plate behind it.
 /// let square = |x: f32, r: f32| {
@@ -76,7 +76,7 @@ const PUT_OFF: u8 = 2;
 ///     scene.set_triangles(id, triangles)?;
 /// }
 /// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-/// let outcome = Bake::new(SandwichBaker::new(&scene, &cells, Settings::default())).run();
+/// let outcome = Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings::default())).run();
 /// assert_eq!(outcome.cells[0].seen, [0]);
 /// assert!(outcome.cells[0].open.is_empty() && outcome.complete);
 /// # Ok::<(), visibility_core::scene::SceneError>(())
@@ -84,7 +84,7 @@ const PUT_OFF: u8 = 2;
 pub struct SandwichBaker<'a> {
     level: Arc<TiledScene<'a>>,
     viewcells: &'a Viewcells,
-    settings: Settings,
+    settings: SandwichSettings,
     range: Range<usize>,
     /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
     fingerprint: u64,
@@ -186,12 +186,16 @@ enum Content {
 
 impl<'a> SandwichBaker<'a> {
     /// Prepares a bake of all objects of a scene from all viewcells.
-    pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: Settings) -> Self {
+    pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: SandwichSettings) -> Self {
         Self::of_level(Arc::new(TiledScene::new(scene)), viewcells, settings)
     }
 
     /// Prepares a bake of all objects of a level from all viewcells.
-    pub fn of_level(level: Arc<TiledScene<'a>>, viewcells: &'a Viewcells, settings: Settings) -> Self {
+    pub fn of_level(
+        level: Arc<TiledScene<'a>>,
+        viewcells: &'a Viewcells,
+        settings: SandwichSettings,
+    ) -> Self {
         let groups = CellGroups::new(viewcells);
         let baker = Self {
             viewcells,
@@ -561,16 +565,16 @@ fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
 
 /// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
 /// same hash belong together. Time is linear in the numbers of triangles and viewcells.
-pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Settings) -> u64 {
+pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
     fingerprint(&TiledScene::new(scene), viewcells, settings)
 }
 
-fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &Settings) -> u64 {
+fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
     let hash = Fingerprint::new().with(METHODS).with_u64(level.version());
     viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
 }
 
-fn with_settings(hash: Fingerprint, settings: &Settings) -> Fingerprint {
+fn with_settings(hash: Fingerprint, settings: &SandwichSettings) -> Fingerprint {
     hash.with_u64(settings.gap.to_bits()).with_u64(settings.clearance.to_bits()).with(settings.rays)
 }
 

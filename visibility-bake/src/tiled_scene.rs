@@ -287,7 +287,7 @@ impl<'a> TiledScene<'a> {
 /// Writes a level to a file, object by object, so that it is never in memory as a whole.
 ///
 /// ```
-/// use visibility_bake::{SandwichBaker, Settings, TiledScene};
+/// use visibility_bake::{SandwichBaker, SandwichSettings, TiledScene};
 /// use visibility_core::{bake::Bake, glam::DVec3, pvs::{Viewcell, Viewcells}, Aabb, Object};
 /// let path = std::env::temp_dir().join(format!("tiles-{}", std::process::id()));
 /// let mut level = TiledScene::writer(&path, DVec3::ZERO)?;
@@ -295,7 +295,7 @@ impl<'a> TiledScene<'a> {
 /// // At most 512 MiB, of which the process has 10 in use.
 /// let level = level.finish(512 << 20, 10 << 20)?;
 /// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-/// let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, Settings::default())).run();
+/// let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, SandwichSettings::default())).run();
 /// assert_eq!((&*outcome.cells[0].reported(), outcome.error), (&[0][..], None));
 /// assert!(!path.exists());
 /// # Ok::<(), visibility_bake::LevelError>(())

@@ -71,12 +71,12 @@ mod view_volume;
 pub use bsp_order_culler::BspOrderCuller;
 pub use large_occluders::LargeOccludersCuller;
 pub use merge::{Solid, SolidError};
-pub use naylor::{NaylorCuller, Witness};
+pub use naylor::{NaylorCuller, VisiblePoint};
 pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
 pub use scene_tree::SceneTree;
 pub use shadow_frusta::{ShadowFrusta, ShadowFrustaCuller};
-pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Subtree, TraversalStack, Walk};
+pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Subtree, TraversalStack, TreeVisitor};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -11,7 +11,7 @@ use crate::polygon::Polygon;
 use crate::proof::Proof;
 use crate::rays::{in_triangle, on_cube};
 use crate::search::{Answer, Budget, Search, Segment};
-use crate::settings::Settings;
+use crate::settings::ExactSettings;
 use crate::sight::{CellBox, Target};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
@@ -101,21 +101,21 @@ impl Prices {
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, pvs::Viewcell, Aabb, Object, Scene};
-/// use visibility_exact::{CellQuery, Effort, SceneTriangles, Settings, Verdict};
+/// use visibility_exact::{CellQuery, Effort, SceneTriangles, ExactSettings, Verdict};
 /// let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|v| v + Vec3::Z * 9.0);
 /// let mut scene = Scene::new();
 /// let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
 /// scene.set_triangles(id, [triangle])?;
 /// let triangles = SceneTriangles::new(&scene);
 /// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
-/// let mut query = CellQuery::new(&triangles, &cell, Settings::new(Effort::Exact(1e-4))).unwrap();
+/// let mut query = CellQuery::new(&triangles, &cell, ExactSettings::new(Effort::Exact(1e-4))).unwrap();
 /// query.look(&|_| true);
 /// assert!(query.verdicts().all(|(_, verdict)| matches!(verdict, Verdict::Seen(_))));
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 pub struct CellQuery<'a> {
     search: Search<'a>,
-    settings: Settings,
+    settings: ExactSettings,
     random: Random,
     verdicts: Vec<Verdict>,
     proofs: Vec<ProvenHidden>,
@@ -127,7 +127,7 @@ pub struct CellQuery<'a> {
 impl<'a> CellQuery<'a> {
     /// Prepares a query. All objects are open. `None` for a viewcell that is empty, not finite, or beyond
     /// 1e30 metres from the scene's origin.
-    pub fn new(triangles: &'a SceneTriangles, cell: &Viewcell, settings: Settings) -> Option<Self> {
+    pub fn new(triangles: &'a SceneTriangles, cell: &Viewcell, settings: ExactSettings) -> Option<Self> {
         Some(Self::with_scratch(triangles, CellBox::new(cell, triangles.origin)?, settings, None))
     }
 
@@ -135,7 +135,7 @@ impl<'a> CellQuery<'a> {
     pub(crate) fn with_scratch(
         triangles: &'a SceneTriangles,
         cell: CellBox,
-        settings: Settings,
+        settings: ExactSettings,
         scratch: Option<ChainScratch>,
     ) -> Self {
         // A clearance within the error of positions would not part touching surfaces. What is hidden without

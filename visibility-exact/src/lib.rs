@@ -48,7 +48,7 @@ pub use cell_query::CellQuery;
 pub use check::ProofError;
 pub use culler::ExactCuller;
 pub use proof::Proof;
-pub use settings::{Effort, Settings};
+pub use settings::{Effort, ExactSettings};
 pub use triangles::SceneTriangles;
 pub use verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 

@@ -49,7 +49,7 @@ pub struct ProvenHidden {
 #[derive(Clone, PartialEq, Debug)]
 pub struct CellVerdicts {
     pub(crate) verdicts: Vec<Verdict>,
-    /// Proofs of the hidden objects. Empty unless they are [kept](crate::Settings::keep_proofs).
+    /// Proofs of the hidden objects. Empty unless they are [kept](crate::ExactSettings::keep_proofs).
     pub proofs: Vec<ProvenHidden>,
     /// Number of rays.
     pub rays: u64,

@@ -8,7 +8,7 @@ use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
-use visibility_portals::{CellBaker, Passage, SceneCells, Settings, prt};
+use visibility_portals::{CellBaker, Passage, SceneCells, BakerSettings, prt};
 
 /// A graph of convex cells and of the portals between them. It never changes.
 pub struct vis_graph(CellGraph);
@@ -106,7 +106,7 @@ pub unsafe extern "C" fn vis_graph_bake(
         // SAFETY: rules P1 and P2 of `visibility.h`.
         let (graph, place) = unsafe { (reference(graph, "graph")?, out(pvs, "pvs")?) };
         let clearance = (clearance != 0.0).then_some(clearance);
-        let settings = Settings { clearance, ..Settings::default() };
+        let settings = BakerSettings { clearance, ..BakerSettings::default() };
         let outcome = Bake::new(CellBaker::new(&graph.0, settings)?).run();
         create(place, vis_pvs(outcome.matrix.to_pvs(&graph.0)?));
         Ok(())

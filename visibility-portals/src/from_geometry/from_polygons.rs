@@ -21,7 +21,7 @@ use visibility_core::{
 
 /// Rule that decides which regions of the BSP tree are solid. Solid regions do not become cells.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Solid<'a> {
+pub enum SolidRule<'a> {
     /// No region is solid. The inside of a wall becomes a cell that no camera enters.
     Nothing,
     /// Regions are solid if no chain of portals joins them to the region of any of these points (world
@@ -52,8 +52,8 @@ pub struct PolygonSettings<'a> {
     /// Maximum number of leaf regions, solid ones included. Regions are split breadth first until this
     /// number is reached. Default 16,384.
     pub max_cells: usize,
-    /// Rule that decides which regions are solid. Default [`Solid::Nothing`].
-    pub solid: Solid<'a>,
+    /// Rule that decides which regions are solid. Default [`SolidRule::Nothing`].
+    pub solid: SolidRule<'a>,
     /// For each polygon, whether it is drawn from its front alone, so that lines from behind pass it.
     /// Polygons beyond the end block from both sides. Portals have no direction, so that regions from which
     /// lines pass polygons from behind, and all regions that portals join to these, do not become cells: from
@@ -69,7 +69,7 @@ impl Default for PolygonSettings<'_> {
             min_area: None,
             margin: 1.0,
             max_cells: 1 << 14,
-            solid: Solid::Nothing,
+            solid: SolidRule::Nothing,
             one_sided: &[],
         }
     }
@@ -154,9 +154,9 @@ pub fn from_polygons(
     let (leaves, portals) = bsp.portals(&limits.lengths);
 
     let solid = match settings.solid {
-        Solid::Nothing => alloc::vec![false; leaves.len()],
-        Solid::Backs => leaves.iter().map(|leaf| leaf.backs > 0.0 && leaf.fronts == 0.0).collect(),
-        Solid::Unreached(points) => {
+        SolidRule::Nothing => alloc::vec![false; leaves.len()],
+        SolidRule::Backs => leaves.iter().map(|leaf| leaf.backs > 0.0 && leaf.fronts == 0.0).collect(),
+        SolidRule::Unreached(points) => {
             let bodies = Viewcells::new(leaves.iter().map(|leaf| leaf.body.clone()));
             let starts = points.iter().filter_map(|&p| bodies.locate(p)).map(|cell| cell.0);
             // Without a start in any region, no region is solid.
