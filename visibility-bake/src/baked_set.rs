@@ -119,7 +119,15 @@ impl fmt::Display for BakedSetError {
     }
 }
 
-impl std::error::Error for BakedSetError {}
+impl std::error::Error for BakedSetError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Format(error) => Some(error),
+            Self::Pvs(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<FormatError> for BakedSetError {
     fn from(error: FormatError) -> Self {

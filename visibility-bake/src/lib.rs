@@ -17,6 +17,7 @@
 //! Visibility Culling", 2002; Fredo Durand, George Drettakis, Joelle Thollot and Claude Puech, "Conservative
 //! Visibility Preprocessing using Extended Projections", 2000, for the first upper bound.
 #![forbid(unsafe_code)]
+#![warn(missing_debug_implementations)]
 
 mod bake_cache;
 mod baked_set;

@@ -11,6 +11,7 @@ use crate::near_to_far::{sweep_near_to_far, swept};
 use crate::search::{Method, Search};
 use crate::settings::SandwichSettings;
 use crate::tiled_scene::{PreparedScene, TiledScene};
+use std::fmt;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -148,7 +149,7 @@ pub struct FoundCell {
 }
 
 /// Memory of one thread of a bake.
-#[derive(Default)]
+#[derive(Default, Debug)]
 pub struct BakeScratch {
     /// Sweep of the whole level, if it is small.
     whole: Option<ExtendedProjectionCuller>,
@@ -182,6 +183,12 @@ enum Content {
     Scene(Box<PreparedScene>),
     /// For later stages: each viewcell loads what its sweep has left.
     Objects,
+}
+
+impl fmt::Debug for SandwichBaker<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SandwichBaker").field("settings", &self.settings).finish_non_exhaustive()
+    }
 }
 
 impl<'a> SandwichBaker<'a> {

@@ -5,6 +5,7 @@ use crate::level_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock
 use crate::object_facts::{ObjectFacts, bounds_fingerprint};
 use crate::tile_tree::TileTree;
 use std::collections::HashMap;
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 use visibility_core::glam::{Affine3A, DVec3};
@@ -51,6 +52,12 @@ pub struct TiledScene<'a> {
     store: Store<'a>,
     /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
     whole: Mutex<Option<Arc<PreparedScene>>>,
+}
+
+impl fmt::Debug for TiledScene<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TiledScene").field("index_limit", &self.index_limit).finish_non_exhaustive()
+    }
 }
 
 /// Where the content of objects is.
@@ -304,6 +311,12 @@ pub struct TiledSceneWriter {
     origin: DVec3,
     objects: Vec<ObjectFacts>,
     content: ContentWriter,
+}
+
+impl fmt::Debug for TiledSceneWriter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TiledSceneWriter").field("origin", &self.origin).finish_non_exhaustive()
+    }
 }
 
 impl TiledSceneWriter {

@@ -45,6 +45,7 @@
 //! # Features
 //! `std` (default). Without `std`, the feature `libm` supplies the floating-point functions.
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 // Negated comparisons such as `!(a > b)` are deliberate: unlike `a <= b`, they also hold if an operand is
 // NaN.

@@ -36,6 +36,7 @@
 //! `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary functions.
 //! `bytemuck` makes [`Aabb`] and [`ObjectId`] `Pod`, and glam's vectors and matrices too.
 #![no_std]
+#![warn(missing_debug_implementations)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;

@@ -110,6 +110,12 @@ impl<'a> ExactBaker<'a> {
 #[derive(Default)]
 pub struct BakeScratch(Option<ChainScratch>);
 
+impl core::fmt::Debug for BakeScratch {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("BakeScratch").finish_non_exhaustive()
+    }
+}
+
 impl Baker for ExactBaker<'_> {
     type Scratch = BakeScratch;
     type Found = (BakedCell, u64);

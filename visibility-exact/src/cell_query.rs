@@ -124,6 +124,12 @@ pub struct CellQuery<'a> {
     prices: Prices,
 }
 
+impl core::fmt::Debug for CellQuery<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("CellQuery").field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
 impl<'a> CellQuery<'a> {
     /// Prepares a query. All objects are open. `None` for a viewcell that is empty, not finite, or beyond
     /// 1e30 metres from the scene's origin.

@@ -48,6 +48,12 @@ pub struct ExactCuller {
     stop: Option<Stop>,
 }
 
+impl core::fmt::Debug for ExactCuller {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("ExactCuller").field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
 /// A function that ends a search by returning true.
 type Stop = Box<dyn Fn() -> bool + Send + Sync>;
 

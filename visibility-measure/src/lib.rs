@@ -83,6 +83,7 @@
 //! # Features
 //! `std` (default) and `libm` are passed on to `visibility-core`, which needs one of them.
 #![no_std]
+#![warn(missing_debug_implementations)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;

@@ -49,7 +49,14 @@ impl fmt::Display for LevelFileError {
     }
 }
 
-impl core::error::Error for LevelFileError {}
+impl core::error::Error for LevelFileError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Format(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<FormatError> for LevelFileError {
     fn from(error: FormatError) -> Self {

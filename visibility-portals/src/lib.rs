@@ -62,6 +62,7 @@
 //! # Features
 //! `std` (default), or else `libm`. `rayon`: bakes on all threads of the current pool.
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]

@@ -39,6 +39,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]

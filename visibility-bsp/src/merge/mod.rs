@@ -65,7 +65,14 @@ impl fmt::Display for SolidError {
     }
 }
 
-impl core::error::Error for SolidError {}
+impl core::error::Error for SolidError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Boundary(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<BspError> for SolidError {
     fn from(error: BspError) -> Self {

@@ -13,7 +13,7 @@ use visibility_core::glam::DVec3;
 /// Scratch memory of the search through one directed portal, the source; reused by one search after another.
 /// A candidate is a directed portal that may be seen through the source. A candidate's index is its position
 /// in `candidates`; bitsets over the candidates have one bit for each, in this order.
-#[derive(Default)]
+#[derive(Default, Debug)]
 pub struct FlowScratch {
     /// Indices in `DirectedPortals::all` of the portals that may be seen through the source, ascending.
     pub(crate) candidates: Vec<u32>,
