@@ -76,6 +76,7 @@ pub struct BakedSet {
 
 /// Why a set cannot be made, read or used.
 #[derive(Clone, PartialEq, Debug)]
+#[non_exhaustive]
 pub enum BakedSetError {
     /// The bytes are damaged, or something else.
     Format(FormatError),

@@ -110,6 +110,7 @@ pub struct SandwichBaker<'a> {
 
 /// The result of a bake.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct SandwichOutcome {
     /// Number of the first viewcell.
     pub first: usize,

@@ -84,6 +84,7 @@ impl Shard {
 
 /// Shards that do not make a whole.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum AssembleError {
     /// The shard at this position of the list is of another bake than the first: of another scene, other
     /// viewcells or other settings.

@@ -220,5 +220,6 @@ fn polygons_that_cut_each_other_without_end_are_refused() {
         Err(BspError::TooManyFragments { polygons: count, limit }) => {
             assert!(count == polygons.len() && limit > count)
         }
+        Err(other) => panic!("{other}"),
     }
 }

@@ -21,6 +21,7 @@ pub struct BakedCell {
 
 /// Result of a bake.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct ExactOutcome {
     /// By viewcell. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<BakedCell>,

@@ -82,6 +82,7 @@ pub struct ConservativePlpCuller<S, M> {
 /// assert_eq!(visibility_plp::ConservativeStats::default().tests, 0);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct ConservativeStats {
     /// Number of boxes tested against the map: boxes of single cells and boxes around groups of cells.
     pub tests: u64,

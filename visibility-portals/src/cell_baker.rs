@@ -28,6 +28,7 @@ pub struct Fallback {
 
 /// Result of a bake of cell-to-cell visibility: the matrix of visible pairs, and how complete the search was.
 #[derive(Clone, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct Outcome {
     /// Cell-to-cell visibility. Conservative and symmetric; each cell sees itself.
     pub matrix: CellMatrix,

@@ -44,6 +44,7 @@ pub struct Solid {
 
 /// Reason why a solid cannot be made or merged.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum SolidError {
     /// No tree could be built from the boundary, for the enclosed reason.
     Boundary(BspError),

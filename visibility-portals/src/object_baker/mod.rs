@@ -32,6 +32,7 @@ use visibility_core::{
 /// Result of a bake of cell-to-object visibility: the objects seen from each cell, and how complete the
 /// search was. Conservative.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct ObjectOutcome {
     /// By index of the cell looked from: the [indices](ObjectId::index) of the objects seen from the cell,
     /// ascending.
