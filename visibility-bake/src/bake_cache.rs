@@ -101,7 +101,8 @@ impl GroupRecord {
 ///
 /// scene.set_bounds(id, Aabb::from_arrays([7.0; 3], [8.0; 3]))?;
 /// let cache = BakeCache::from_bytes(&kept)?;
-/// let second = Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_cache(cache)).run();
+/// let second = SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_cache(cache);
+/// let second = Bake::new(second).run();
 /// assert_eq!((first.reused, second.reused), (0, 0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -5,9 +5,9 @@ use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
 use crate::cell_groups::CellGroups;
 use crate::cell_sandwich::CellSandwich;
 use crate::level_error::LevelError;
-use crate::level_file::lock;
 use crate::method_times::MethodTimes;
 use crate::near_to_far::{sweep_near_to_far, swept};
+use crate::scratch_file::lock;
 use crate::search::{Method, Search};
 use crate::settings::SandwichSettings;
 use crate::tiled_scene::{PreparedScene, TiledScene};
@@ -53,9 +53,9 @@ const PUT_OFF: u8 = 2;
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
 /// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
-/// first, until the [gap](SandwichSettings::gap) is met; then, where it is not met, for their triangles. So the bake
-/// has five items for each viewcell. In the later stages, of about as many viewcells as came before, the
-/// groups with the most costly open objects come first.
+/// first, until the [gap](SandwichSettings::gap) is met; then, where it is not met, for their triangles. So
+/// the bake has five items for each viewcell. In the later stages, of about as many viewcells as came before,
+/// the groups with the most costly open objects come first.
 ///
 /// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
 /// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.

@@ -1,7 +1,7 @@
 //! A level in tiles: what is known of all objects, and the content of those that are asked for.
 
 use crate::level_error::LevelError;
-use crate::level_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
+use crate::scratch_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
 use crate::object_facts::{ObjectFacts, bounds_fingerprint};
 use crate::tile_tree::TileTree;
 use std::collections::HashMap;

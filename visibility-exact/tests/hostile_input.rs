@@ -86,7 +86,8 @@ fn settings_at_their_limits_decide_nothing_wrong() {
     assert_eq!(ExactCuller::new(triangles, rays).verdicts(&unit_cell()).counts(), [0, 0, 2]);
 }
 
-/// The fields of the settings are public: their values need not be those that [`ExactSettings::new`] lets through.
+/// The fields of the settings are public: their values need not be those that [`ExactSettings::new`] lets
+/// through.
 #[test]
 fn a_clearance_that_is_no_number_counts_as_none() {
     let plate = |y: f64| {

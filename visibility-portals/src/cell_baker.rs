@@ -34,14 +34,14 @@ pub struct Outcome {
     pub matrix: CellMatrix,
     /// Portals that a line may pass one after the other, for [`ObjectBaker`](crate::ObjectBaker).
     pub pairs: PortalPairs,
-    /// Cells whose search reached [`BakerSettings::steps_per_cell`](crate::BakerSettings::steps_per_cell), the limit
-    /// of inspected portal chains, in ascending order. Empty if no cell did.
+    /// Cells whose search reached [`BakerSettings::steps_per_cell`], the limit of inspected portal chains, in
+    /// ascending order. Empty if no cell did.
     pub fallbacks: Vec<Fallback>,
     /// Number of portal chains (sequences of portals that a line might pass) inspected, by index of the cell
     /// looked from.
     pub steps: Vec<u64>,
     /// Number of portal chains that only the test in Pluecker space excluded. 0 unless
-    /// [`BakerSettings::chain_test`](crate::BakerSettings::chain_test) is [`ChainTest::Pluecker`].
+    /// [`BakerSettings::chain_test`] is [`ChainTest::Pluecker`].
     pub rejected: u64,
     /// Whether the search from every portal was carried out. `false` if the bake was finished early: cells
     /// behind unsearched portals then count as visible unless already proven hidden.

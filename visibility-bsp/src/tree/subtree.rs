@@ -3,7 +3,8 @@
 use super::node::NONE;
 use visibility_core::Aabb;
 
-/// Bounds and owner of all fragments in a node and below it. Passed to [`TreeVisitor::enter`](crate::TreeVisitor::enter).
+/// Bounds and owner of all fragments in a node and below it. Passed to
+/// [`TreeVisitor::enter`](crate::TreeVisitor::enter).
 ///
 /// ```
 /// use visibility_bsp::{BspTree, Fragments, Subtree, TraversalStack, TreeVisitor};

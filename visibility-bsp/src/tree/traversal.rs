@@ -32,7 +32,8 @@ struct Step {
     /// Child visited second: the child on the far side of the node's plane, or on the near side in a
     /// back-to-front walk.
     far: u32,
-    /// The visitor's value for the node, returned by `TreeVisitor::enter` and passed on to `TreeVisitor::visit`.
+    /// The visitor's value for the node, returned by `TreeVisitor::enter` and passed on to
+    /// `TreeVisitor::visit`.
     marks: u32,
 }
 
@@ -84,7 +85,8 @@ impl BspTree {
     }
 
     /// Walks the nodes front to back as seen from `eye`, in the tree's coordinates. Skips the subtrees that
-    /// [`TreeVisitor::enter`] rejects, such as those outside the view or already hidden. `stack` is scratch memory.
+    /// [`TreeVisitor::enter`] rejects, such as those outside the view or already hidden. `stack` is scratch
+    /// memory.
     pub fn walk(&self, eye: Eye, stack: &mut TraversalStack, walk: &mut impl TreeVisitor) {
         self.walk_ordered(eye, false, stack, walk);
     }

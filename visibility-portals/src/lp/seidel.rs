@@ -334,7 +334,8 @@ impl SeidelSolver {
     }
 }
 
-/// Shuffles the rows into a random order that depends only on their number and on the seed (Fisher and Yates).
+/// Shuffles the rows into a random order that depends only on their number and on the seed (Fisher and
+/// Yates).
 fn shuffle<T>(rows: &mut [T], seed: u64) {
     let mut random = Random(seed);
     for i in (1..rows.len()).rev() {

@@ -34,7 +34,7 @@ pub fn known() -> impl Iterator<Item = &'static Known> {
     .flatten()
 }
 
-/// Returns the names of all cullers with what they do, for help texts and messages. Each culler begins a line.
+/// Returns the names of all cullers with what they do, for help texts and messages, each on a line.
 pub fn listing() -> String {
     let lines = known().map(|known| format!("\n  {}: {}", known.name, known.what));
     lines.fold("\n  frustum: boxes outside the view volume are hidden".to_owned(), |all, line| all + &line)
