@@ -1,8 +1,8 @@
 //! A level in tiles: what is known of all objects, and the content of those that are asked for.
 
 use crate::level_error::LevelError;
-use crate::scratch_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
 use crate::object_facts::{ObjectFacts, bounds_fingerprint};
+use crate::scratch_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
 use crate::tile_tree::TileTree;
 use std::collections::HashMap;
 use std::fmt;

@@ -1,7 +1,5 @@
 //! Sets of indices, one bit for each.
 
-use crate::scene::lanes;
-use crate::{Scene, VisibleSet};
 use alloc::vec::Vec;
 
 /// A set of indices below a limit. The limit is a multiple of 64, at least the one that was asked for.
@@ -15,16 +13,6 @@ impl Bits {
     /// Returns an empty set with a limit.
     pub fn new(limit: usize) -> Self {
         Self(alloc::vec![0; limit.div_ceil(64)])
-    }
-
-    /// Returns the indices of the objects that may occlude: the candidates flagged as occluders, as
-    /// [`VisibleSet::for_each_occluder`] lists them.
-    pub fn occluding(scene: &Scene, visible: &VisibleSet) -> Self {
-        let mut bits = Self::new(scene.index_limit());
-        visible.for_each_occluder(scene, |id| {
-            bits.insert(id.index());
-        });
-        bits
     }
 
     /// Removes all indices, and sets the limit.
@@ -104,10 +92,7 @@ impl Bits {
 
     /// Iterates over the indices, ascending.
     pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
-        self.0
-            .iter()
-            .zip((0..).step_by(64))
-            .flat_map(|(&word, first)| lanes(word).map(move |bit| first + bit))
+        core::iter::successors(self.next(0), |&index| self.next(index + 1))
     }
 
     /// Returns the words: index `i` is bit `i % 64` of word `i / 64`.

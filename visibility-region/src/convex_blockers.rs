@@ -10,6 +10,7 @@
 use crate::blocker::Blocker;
 use crate::remove::{cell_box, remove_hidden};
 use crate::solids::Solids;
+use crate::solids::occluding;
 use crate::umbra::Umbra;
 use alloc::vec::Vec;
 use visibility_core::bits::Bits;
@@ -141,7 +142,7 @@ fn candidates<'a>(
             list.push(Candidate { shape, rank, bounds });
         }
     };
-    let occluding = Bits::occluding(scene, visible);
+    let occluding = occluding(scene, visible);
     let mut has_solid = Bits::new(scene.index_limit());
     for solid in solids.list.iter().filter(|solid| occluding.contains(solid.id.index())) {
         has_solid.insert(solid.id.index());

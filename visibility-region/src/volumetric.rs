@@ -12,10 +12,10 @@
 use crate::blocker::Blocker;
 use crate::extent::quantile;
 use crate::remove::{cell_box, remove_hidden};
+use crate::solids::occluding;
 use crate::solids::{Solid, Solids};
 use crate::umbra::{Umbra, is_closed_from};
 use alloc::vec::Vec;
-use visibility_core::bits::Bits;
 use visibility_core::geometry::Containment;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
@@ -118,7 +118,7 @@ impl RegionCuller for VolumetricCuller {
         let Some((min, max)) = cell_box(cell, scene.origin()) else {
             return visible.retain(scene, |_, _| true);
         };
-        let occluding = Bits::occluding(scene, visible);
+        let occluding = occluding(scene, visible);
         let is_usable = |solid: &Solid| {
             occluding.contains(solid.id.index())
                 && !solid.meets(min, max)

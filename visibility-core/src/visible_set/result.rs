@@ -12,7 +12,6 @@ const WORDS_PER_ID: usize = 4;
 
 /// Why [`VisibleSet::write_bits`] failed. The slice is unchanged by a failed call.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[non_exhaustive]
 pub enum BitsError {
     /// The slice is too short.
     TooShort {

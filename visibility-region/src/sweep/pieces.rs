@@ -321,7 +321,7 @@ mod tests {
         let cell = CellBox::new(&CellExtent::new(&cell, DVec3::ZERO).unwrap(), &bounds, DVec3::AXES).unwrap();
         let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
         pieces.begin(&surfaces);
-        pieces.find(&surfaces, 0, &Bits::occluding(&scene, &VisibleSet::new()), &cell);
+        pieces.find(&surfaces, 0, &crate::solids::occluding(&scene, &VisibleSet::new()), &cell);
         pieces
             .pieces
             .iter()

@@ -3,6 +3,7 @@
 use super::rectangles::largest;
 use super::{VirtualOccluder, VirtualOccluders};
 use crate::ExtendedProjectionCuller;
+use crate::solids::occluding;
 use crate::sweep::direction::Direction;
 use crate::sweep::window::Window;
 use alloc::vec::Vec;
@@ -82,7 +83,7 @@ impl ExtendedProjectionCuller {
                 ends: [best.ends[0].map(|end| end + x), best.ends[1].map(|end| end + y)],
             });
         }
-        let occluding = Bits::occluding(scene, &VisibleSet::new());
+        let occluding = occluding(scene, &VisibleSet::new());
         let occluders = scene.ids().filter(|id| occluding.contains(id.index()));
         let mut layers: Vec<u32> =
             occluders.filter_map(|id| scene.object(id).ok()).map(|object| object.layers).collect();

@@ -3,8 +3,8 @@
 use super::VirtualOccluders;
 use crate::ExtendedProjectionCuller;
 use crate::remove::remove_hidden;
+use crate::solids::occluding;
 use crate::sweep::cell_extent::CellExtent;
-use visibility_core::bits::Bits;
 use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, OcclusionMap, RegionCuller, Scene, VisibleSet};
@@ -74,7 +74,7 @@ impl RegionCuller for VirtualSweepCuller {
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         let mut map = self.sweep.virtual_occluders(scene, cell);
         map.occluders.truncate(self.most);
-        if map.occluding.is_subset(&Bits::occluding(scene, visible))
+        if map.occluding.is_subset(&occluding(scene, visible))
             && let Some(start) = CellExtent::new(cell, scene.origin())
         {
             map.activate(&start, scene.origin());
