@@ -8,7 +8,7 @@ use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
-use visibility_portals::{CellBaker, Passage, SceneCells, BakerSettings, prt};
+use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
 
 /// A graph of convex cells and of the portals between them. It never changes.
 pub struct vis_graph(CellGraph);

@@ -14,7 +14,7 @@ use visibility_core::pvs::{PvsCuller, ScenePvs, Viewcell};
 use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::{Comparison, ItemBuffer};
-use visibility_portals::{CellBaker, PortalCuller, SceneCells, BakerSettings};
+use visibility_portals::{BakerSettings, CellBaker, PortalCuller, SceneCells};
 use visibility_web_scenes::{SceneSource, built_in, tolerance};
 
 /// Width over height of all pictures.
