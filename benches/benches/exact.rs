@@ -3,7 +3,7 @@
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::sync::Arc;
-use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
 use visibility_examples::region::{cells, world};
 
 fn viewcells(c: &mut Criterion) {
@@ -15,7 +15,7 @@ fn viewcells(c: &mut Criterion) {
     for (name, effort) in
         [("rays", Effort::Rays(200)), ("exact", Effort::Exact(1e-4)), ("conservative", Effort::Exact(0.0))]
     {
-        let mut culler = ExactCuller::new(triangles.clone(), Settings::new(effort));
+        let mut culler = ExactCuller::new(triangles.clone(), ExactSettings::new(effort));
         group.bench_function(BenchmarkId::new(name, "office"), |b| {
             b.iter(|| black_box(culler.verdicts(&cell)));
         });

@@ -82,7 +82,8 @@ fn slow_walks(c: &mut Criterion) {
                 .flat_map(|&(pose, _)| (0..40).map(move |frame| slowly(pose, step * f64::from(frame))))
                 .collect();
             for (memory, coherent) in [("with memory", true), ("without", false)] {
-                let culler = LargeOccludersCuller::new(occluders.clone()).with_coherence(coherent);
+                let culler = LargeOccludersCuller::new(occluders.clone());
+                let culler = if coherent { culler } else { culler.without_coherence() };
                 let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
                 let mut visible = VisibleSet::new();
                 let mut next = views.iter().cycle();

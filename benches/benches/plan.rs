@@ -70,7 +70,7 @@ fn plans(criterion: &mut Criterion) {
     for n in [7, 14, 24] {
         let random = &mut Random(n as u64);
         let walls = rooms(n, random);
-        let plan = Plan::with_margin(&walls, 8.0).unwrap();
+        let plan = Plan::from_walls(&walls, 8.0).unwrap();
         let side = f64::from(n * 128);
         let eyes: Vec<_> = (0..100).map(|_| [0, 1].map(|_| random.range(0.0, side))).collect();
         let mut group = criterion.benchmark_group(format!("rooms_{}", walls.len()));

@@ -56,8 +56,7 @@ fn frame(criterion: &mut Criterion) {
     for (name, solidity) in [("coverage", Solidity::Coverage), ("count", Solidity::Count)] {
         for percent in [1, 2, 5, 10] {
             let budget = Budget::Objects(scene.len() * percent / 100);
-            let mut culler =
-                PlpCuller::new(octree.clone(), budget).with_solidity(solidity).with_one_sided(true);
+            let mut culler = PlpCuller::new(octree.clone(), budget).with_solidity(solidity).with_one_sided();
             let mut visible = VisibleSet::new();
             let mut next = 0;
             group.bench_function(BenchmarkId::new(name, percent), |bencher| {

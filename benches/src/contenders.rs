@@ -370,7 +370,7 @@ impl Ours {
             scene,
             views: views.to_vec(),
             simd,
-            pipeline: Pipeline::new().with(FrustumCuller::with_simd(simd)),
+            pipeline: Pipeline::new().with(FrustumCuller::new().with_simd(simd)),
             set: VisibleSet::new(),
             listing,
             list: Vec::with_capacity(boxes.len()),

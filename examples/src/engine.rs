@@ -163,7 +163,7 @@ impl Engine {
         Ok(Self {
             eyes: [eye()?, eye()?],
             cascades: [cascade()?, cascade()?, cascade()?, cascade()?],
-            visible: VisibleSet::with_changes(),
+            visible: VisibleSet::new().with_changes(),
             lods: LodSelector::new(PICTURE_HEIGHT),
             levels: vec![0; scene.index_limit()],
             draws: DrawList::new(),

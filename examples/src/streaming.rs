@@ -158,7 +158,7 @@ mod tests {
         let mut late = Vec::new();
         for seconds in [0.0, 0.5] {
             let mut pipeline = Pipeline::new().with(PvsCuller::new(sets.clone()));
-            let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(3));
+            let (mut visible, mut cache) = (VisibleSet::new().with_changes(), Cache::new(3));
             let (mut prefetch, mut first) = (Prefetch::new(), 0);
             // At the end no viewcell is near that is never reached.
             for frame in 0..160 {
@@ -188,7 +188,7 @@ mod tests {
     fn what_is_visible_is_always_in_memory_and_the_rest_leaves() {
         let world = World::new(built_in("office").unwrap(), (64, 36), Some(300)).unwrap();
         let mut pipeline = cullers::parse("frustum", &world).unwrap().remove(0).1;
-        let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(5));
+        let (mut visible, mut cache) = (VisibleSet::new().with_changes(), Cache::new(5));
         for view in &world.views {
             pipeline.cull(&world.scene, view, &mut visible);
             cache.update(&world.scene, &visible);

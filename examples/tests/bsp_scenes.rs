@@ -5,7 +5,7 @@
 use crate::shared_scenes::scene;
 use glam::{DMat4, DQuat, DVec3};
 use std::collections::HashSet;
-use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, Witness};
+use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, VisiblePoint};
 use visibility_core::{Culler, ObjectId, View, VisibleSet};
 use visibility_examples::walkthrough::World;
 use visibility_examples::{SceneSource, built_in};
@@ -16,7 +16,7 @@ const JUDGE: (u32, u32) = (2560, 1440);
 
 /// Returns a view zoomed in on a witness of visibility: the witness is at the centre, and its width fills 0.3
 /// of half the picture.
-fn close_up(view: &View, world: &World, witness: Witness) -> View {
+fn close_up(view: &View, world: &World, witness: VisiblePoint) -> View {
     let scale = 0.3 / witness.width;
     let shift = DVec3::new(-witness.x * scale, -witness.y * scale, 0.0);
     let zoom = DMat4::from_scale_rotation_translation(DVec3::new(scale, scale, 1.0), DQuat::IDENTITY, shift);
@@ -72,7 +72,7 @@ fn explain(
 
 /// Tests whether the object is, on the view ray through the witness, no farther than the nearest opaque
 /// surface of another object, up to the rounding of the scene's f32 coordinates.
-fn is_tied(world: &World, view: &View, id: ObjectId, witness: Witness) -> bool {
+fn is_tied(world: &World, view: &View, id: ObjectId, witness: VisiblePoint) -> bool {
     let inverse = view.clip_from(world.origin()).inverse();
     let [near, far] = [0.9, 0.1].map(|depth| inverse.project_point3(DVec3::new(witness.x, witness.y, depth)));
     let direction = far - near;

@@ -4,7 +4,7 @@
 use crate::shared_scenes::scene;
 use std::sync::Arc;
 use visibility_core::{RegionCuller, VisibleSet};
-use visibility_exact::{Effort::Exact, ExactCuller, SceneTriangles, Settings, Verdict};
+use visibility_exact::{Effort::Exact, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::{cells, world};
 use visibility_examples::walkthrough::World;
@@ -28,7 +28,7 @@ fn proofs_in_stored_scenes_pass_their_check() {
     for name in ["oa_dm2", "denhaag", "alpine1"] {
         let world = world(scene(name));
         let triangles = Arc::new(SceneTriangles::new(&world.scene));
-        let settings = Settings { rays: 20_000, aimed_rays: 20, ..Settings::new(Exact(CLEARANCE)) };
+        let settings = ExactSettings { rays: 20_000, aimed_rays: 20, ..ExactSettings::new(Exact(CLEARANCE)) };
         let mut culler = ExactCuller::new(triangles.clone(), settings);
         let mut judge = Judge::new(&world, Effort { eyes: 5, side: 96, rays: 0 }).unwrap();
         let mut rays = SamplingCuller::new().with_rays(20_000).with_seed(7);

@@ -15,19 +15,20 @@ use visibility_core::{
 use visibility_examples::pvs::maps::{planted, rooms, rounded, turned};
 use visibility_examples::pvs::stabs::{Random, Verdict, directed_lines, goes_through, random_lines};
 use visibility_examples::pvs::{bake, read};
-use visibility_portals::{CellMatrix, Settings};
+use visibility_portals::{BakerSettings, CellMatrix, ChainTest};
 
 /// Settings with the test in Pluecker space and without a limit of steps.
-const EXACT: Settings = Settings { clearance: Some(1e-6), steps_per_cell: u64::MAX, exact: true };
+const EXACT: BakerSettings =
+    BakerSettings { clearance: Some(1e-6), steps_per_cell: u64::MAX, chain_test: ChainTest::Pluecker };
 
 /// Returns the cell-to-cell visibility of a map, baked with default settings on one thread.
 fn visible(graph: &CellGraph) -> CellMatrix {
-    visible_by(graph, Settings::default())
+    visible_by(graph, BakerSettings::default())
 }
 
 /// Returns the cell-to-cell visibility of a map, baked with the given settings on one thread. Fails unless
 /// the result is complete and symmetric.
-fn visible_by(graph: &CellGraph, settings: Settings) -> CellMatrix {
+fn visible_by(graph: &CellGraph, settings: BakerSettings) -> CellMatrix {
     let outcome = bake(graph, settings, 1, |_| {}).unwrap().outcome;
     assert!(outcome.complete && outcome.fallbacks.is_empty() && outcome.matrix.is_symmetric());
     outcome.matrix
@@ -183,7 +184,7 @@ fn the_answers_are_what_they_were() {
 #[test]
 fn any_number_of_threads_gives_the_same_answer() {
     let graph = rooms(7, 2, 5);
-    for settings in [Settings::default(), EXACT] {
+    for settings in [BakerSettings::default(), EXACT] {
         let [one, three] = [1, 3].map(|threads| bake(&graph, settings, threads, |_| {}).unwrap().outcome);
         assert_eq!(one, three);
     }
@@ -193,10 +194,10 @@ fn any_number_of_threads_gives_the_same_answer() {
 fn a_limit_and_a_stop_show_more_never_less_and_say_so() {
     let graph = rooms(6, 2, 4);
     let matrix = visible(&graph);
-    let settings = Settings { steps_per_cell: 30, ..Settings::default() };
+    let settings = BakerSettings { steps_per_cell: 30, ..BakerSettings::default() };
     let limited = bake(&graph, settings, 1, |_| {}).unwrap().outcome;
     assert!(limited.complete && !limited.fallbacks.is_empty());
-    let baker = visibility_portals::CellBaker::new(&graph, Settings::default()).unwrap();
+    let baker = visibility_portals::CellBaker::new(&graph, BakerSettings::default()).unwrap();
     let mut stopped = visibility_core::bake::Bake::new(baker);
     let nothing = stopped.clone().finish();
     assert!(!nothing.complete);

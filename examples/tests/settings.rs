@@ -33,7 +33,7 @@ use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
 };
 use visibility_portals::from_geometry::{PolygonSettings, WallSettings, from_polygons, from_walls};
-use visibility_portals::{CellBaker, PortalCuller, PortalEye, SceneCells, Settings};
+use visibility_portals::{BakerSettings, CellBaker, ChainTest, PortalCuller, PortalEye, SceneCells};
 use visibility_region::{ShrunkCuller, VirtualSweepCuller};
 
 #[global_allocator]
@@ -143,11 +143,9 @@ fn object_space() {
             &world,
             OcclusionCuller::new(OcclusionTree::new().with_polygons(count)).with_price(count as u32),
         );
-        for coherent in [false, true] {
-            let culler =
-                LargeOccludersCuller::new(occluders.clone()).with_polygons(count).with_coherence(coherent);
-            show(&what, &world, culler);
-        }
+        let coherent = LargeOccludersCuller::new(occluders.clone()).with_polygons(count);
+        show(&what, &world, coherent.clone().without_coherence());
+        show(&what, &world, coherent);
         for regions in [0, 1, 5] {
             let frusta = ShadowFrusta::new(&world.scene, (*occluders).clone(), regions, count);
             show(&what, &world, ShadowFrustaCuller::new(frusta.into()));
@@ -184,11 +182,11 @@ fn plans() {
         let all = HorizonCuller::new(occluders.clone()).with_crowns(world.scene.ids(), count as u8);
         show("crossings", &world, all);
         let cell = Viewcell::from_box(DVec3::new(-2.0, -2.0, 1.0), DVec3::new(2.0, 2.0, 2.0));
-        let mut culler = VirtualOccluderCuller::new(UpAxis::Z).with_most(count);
+        let mut culler = VirtualOccluderCuller::new(UpAxis::Z).with_max(count);
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
         assert!(culler.occluders().len() <= count);
         check_memory("virtual occluders");
-        let mut culler = VirtualSweepCuller::new().with_most(count);
+        let mut culler = VirtualSweepCuller::new().with_max(count);
         culler.cull(&world.scene, &cell, &mut VisibleSet::new());
         assert!(culler.last().unwrap().occluders().len() <= count);
         // Along one side only: in a cube of viewpoints the greatest number takes minutes.
@@ -213,11 +211,8 @@ fn core_and_image_space() {
         assert!(Hom::new(64, count).is_err() || Hom::new(64, count).is_ok_and(|map| map.height() == count));
         check_memory(&what);
         for share in LENGTHS {
-            let criteria = OccluderCriteria {
-                least_size: share as f32,
-                most_triangles: count,
-                redundancy: share as f32,
-            };
+            let criteria =
+                OccluderCriteria { min_size: share as f32, max_triangles: count, redundancy: share as f32 };
             let database = OccluderDatabase::new(&world.scene, &criteria);
             assert!(database.occluders().len() <= world.scene.len());
         }
@@ -248,7 +243,7 @@ fn core_and_image_space() {
             }
         }
         for two_sided in [false, true] {
-            let preparation = Preparation { sliver: share as f32, least_area: share as f32, two_sided };
+            let preparation = Preparation { sliver: share as f32, min_area: share as f32, two_sided };
             world.scene.prepare_occluders(&preparation);
             show(&what, &world, HzbCuller::new(Hzb::new(64, 64).unwrap()));
         }
@@ -289,9 +284,8 @@ fn budgets() {
     for count in COUNTS {
         for budget in [Budget::Objects(count), Budget::Cost(count as u64)] {
             let what = format!("{budget:?}");
-            for keep_all in [false, true] {
-                show(&what, &world, PlpCuller::new(octree.clone(), budget).with_all_kept(keep_all));
-            }
+            show(&what, &world, PlpCuller::new(octree.clone(), budget));
+            show(&what, &world, PlpCuller::new(octree.clone(), budget).with_all_kept());
             let map = Hzb::new(64, 64).unwrap();
             show(&what, &world, ConservativePlpCuller::new(octree.clone(), budget, map));
         }
@@ -303,8 +297,8 @@ fn budgets() {
             // The finest tessellation, of a scene with few objects.
             let mut scene = Scene::new();
             scene.insert_batch((0..4).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 0.5; 3])));
-            assert!(OctreeTessellation::with_fineness(&scene, fineness).memory() > 0);
-            assert!(DelaunayTessellation::with_fineness(&scene, fineness).memory() > 0);
+            assert!(OctreeTessellation::from_scene(&scene, fineness).memory() > 0);
+            assert!(DelaunayTessellation::from_scene(&scene, fineness).memory() > 0);
             check_memory(&what);
         }
     }
@@ -328,7 +322,8 @@ fn cells_and_portals() {
             show(&what, &world, PortalCuller::new(cells));
         }
         for steps in [0, 1, u64::MAX] {
-            let settings = Settings { clearance: Some(tolerance), steps_per_cell: steps, exact: steps > 1 };
+            let chain_test = if steps > 1 { ChainTest::Pluecker } else { ChainTest::Separators };
+            let settings = BakerSettings { clearance: Some(tolerance), steps_per_cell: steps, chain_test };
             if let Ok(baker) = CellBaker::new(&source.graph, settings) {
                 let mut bake = visibility_core::bake::Bake::new(baker);
                 while bake.advance().is_some() {}
@@ -337,20 +332,15 @@ fn cells_and_portals() {
         let walls: Vec<[DVec3; 2]> = (0..6)
             .map(|i| [DVec3::new(f64::from(i), 0.0, 0.0), DVec3::new(f64::from(i) + 0.1, 3.0, 3.0)])
             .collect();
-        for most_cells in COUNTS {
-            for (least_share, least_area, margin) in
+        for max_cells in COUNTS {
+            for (min_share, min_area, margin) in
                 [(tolerance, None, 1.0), (0.3, Some(tolerance), 1.0), (0.3, None, tolerance)]
             {
-                let settings = WallSettings { tolerance: 1e-4, least_share, least_area, margin, most_cells };
+                let settings = WallSettings { tolerance: 1e-4, min_share, min_area, margin, max_cells };
                 drop(from_walls(&walls, &settings));
                 drop(from_walls(&walls, &WallSettings { tolerance, ..settings }));
-                let settings = PolygonSettings {
-                    least_share,
-                    least_area,
-                    margin,
-                    most_cells,
-                    ..PolygonSettings::default()
-                };
+                let settings =
+                    PolygonSettings { min_share, min_area, margin, max_cells, ..PolygonSettings::default() };
                 let polygons: Vec<_> = walls
                     .iter()
                     .map(|&[min, max]| {

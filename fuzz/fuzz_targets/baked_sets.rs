@@ -6,7 +6,7 @@ use libfuzzer_sys::fuzz_target;
 use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec;
 use std::sync::{Arc, OnceLock};
-use visibility_bake::{BakedSet, SandwichBaker, Settings, Shard, assemble};
+use visibility_bake::{BakedSet, SandwichBaker, SandwichSettings, Shard, assemble};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Prefetch, PvsCuller, Viewcell, ViewcellId, Viewcells};
 use visibility_core::{Aabb, Pipeline, Pose, Scene, View, VisibleSet};
@@ -22,11 +22,13 @@ fn real() -> &'static Real {
     static REAL: OnceLock<Real> = OnceLock::new();
     REAL.get_or_init(|| {
         let mut scene = Scene::new();
-        scene.insert_batch((0..10).map(|i| Aabb::from_arrays([i as f32, 5.0, 0.0], [i as f32 + 0.5, 6.0, 1.0])));
+        scene.insert_batch(
+            (0..10).map(|i| Aabb::from_arrays([i as f32, 5.0, 0.0], [i as f32 + 0.5, 6.0, 1.0])),
+        );
         let cell = |x: f64| Viewcell::from_box(DVec3::splat(x), DVec3::splat(x + 1.0));
         let cells = Viewcells::new([0.0, 1.0, 2.0].map(cell));
         let rows = [vec![0, 1, 2, 3], vec![1, 2, 3, 7], vec![1, 2, 9]];
-        let shard = Shard::bake(SandwichBaker::new(&scene, &cells, Settings::default()));
+        let shard = Shard::bake(SandwichBaker::new(&scene, &cells, SandwichSettings::default()));
         let set = BakedSet::new(&scene, cells, &rows).expect("rows of the scene");
         let parts = |file: Vec<u8>| {
             let content = decompress_to_vec(&file[48..]).expect("own content");

@@ -3,10 +3,14 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use visibility_core::{cells::{CellGraph, CellId}, geometry::ConvexPolygon, glam::DVec3};
 use visibility_core::bake::Bake;
+use visibility_core::{
+    cells::{CellGraph, CellId},
+    geometry::ConvexPolygon,
+    glam::DVec3,
+};
 use visibility_fuzz::mend;
-use visibility_portals::{CellBaker, Settings};
+use visibility_portals::{BakerSettings, CellBaker, ChainTest};
 
 /// Makes nine rooms in a row, with doors alternately to the left and to the right.
 fn rooms() -> CellGraph {
@@ -22,7 +26,8 @@ fn rooms() -> CellGraph {
 fuzz_target!(|bytes: &[u8]| {
     let Some((&[rounds, settings], changes)) = bytes.split_first_chunk::<2>() else { return };
     let steps_per_cell = if settings & 1 == 0 { u64::MAX } else { 20 };
-    let settings = Settings { steps_per_cell, exact: settings & 2 != 0, ..Settings::default() };
+    let chain_test = if settings & 2 != 0 { ChainTest::Pluecker } else { ChainTest::Separators };
+    let settings = BakerSettings { steps_per_cell, chain_test, ..BakerSettings::default() };
     let graph = rooms();
     let mut bake = Bake::new(CellBaker::new(&graph, settings).expect("rooms that can be baked"));
     for _ in 0..rounds % 4 {

@@ -3,9 +3,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use visibility_core::cells::CellId;
 use visibility_core::bake::Bake;
-use visibility_portals::{CellBaker, CellMatrix, Settings, prt};
+use visibility_core::cells::CellId;
+use visibility_portals::{BakerSettings, CellBaker, CellMatrix, prt};
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
@@ -15,7 +15,7 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     }
     let _ = CellMatrix::from_bytes(cells, bytes);
-    let settings = Settings { steps_per_cell: 2_000, ..Settings::default() };
+    let settings = BakerSettings { steps_per_cell: 2_000, ..BakerSettings::default() };
     let Ok(baker) = CellBaker::new(&map.graph, settings) else { return };
     let mut bake = Bake::new(baker);
     while bake.advance().is_some() {}

@@ -5,7 +5,7 @@
 use libfuzzer_sys::fuzz_target;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
-use visibility_bake::{BakeCache, SandwichBaker, Settings, TiledScene};
+use visibility_bake::{BakeCache, SandwichBaker, SandwichSettings, TiledScene};
 use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::{Viewcell, Viewcells};
@@ -45,7 +45,7 @@ impl Real {
     }
 
     fn baker(&self) -> SandwichBaker<'_> {
-        let settings = Settings { rays: 1, gap: 0.0, ..Settings::default() };
+        let settings = SandwichSettings { rays: 1, gap: 0.0, ..SandwichSettings::default() };
         SandwichBaker::of_level(self.level.clone(), &self.viewcells, settings)
     }
 }

@@ -20,8 +20,8 @@ static STORED: LazyLock<(Scene, [Vec<u8>; 2])> = LazyLock::new(|| {
         scene.set_triangles(id, [[min, max, corner]]).expect("the object was just inserted");
     }
     let fineness = Fineness { vertices: 8, ..Fineness::default() };
-    let octree = OctreeTessellation::with_fineness(&scene, fineness).to_bytes(&scene);
-    let tetrahedra = DelaunayTessellation::with_fineness(&scene, fineness).to_bytes(&scene);
+    let octree = OctreeTessellation::from_scene(&scene, fineness).to_bytes(&scene);
+    let tetrahedra = DelaunayTessellation::from_scene(&scene, fineness).to_bytes(&scene);
     (scene, [octree, tetrahedra])
 });
 

@@ -86,15 +86,15 @@ impl<'a> Bytes<'a> {
     /// Reads triangles of nine numbers up to the end, as a scene of objects. A byte that is a multiple of 4
     /// before a triangle begins another object.
     pub fn scene(&mut self) -> SceneSource {
-        let mut objects = vec![SourceObject::new("0", Vec::new())];
+        let (mut objects, mut triangles) = (Vec::new(), Vec::new());
         while let Some(triangle) = self.numbers::<9>() {
             let corner = |i: usize| Vec3::new(triangle[i], triangle[i + 1], triangle[i + 2]);
             if self.peek().is_some_and(|byte| byte % 4 == 0) {
-                objects.push(SourceObject::new("another", Vec::new()));
+                objects.push(SourceObject::new("object", std::mem::take(&mut triangles)));
             }
-            let last = objects.len() - 1;
-            objects[last].triangles.push([corner(0), corner(3), corner(6)]);
+            triangles.push([corner(0), corner(3), corner(6)]);
         }
+        objects.push(SourceObject::new("last", triangles));
         SceneSource { objects, ..SceneSource::new("fuzz", Vec3::Z, 0.1) }
     }
 }

@@ -15,7 +15,7 @@ fn main() -> Result<(), PlanError> {
     walls.push(Wall::new([7.0, 0.0], [20.0, 0.0]));
     let gate = walls.len() as u32;
     walls.push(Wall::new([4.0, 0.0], [7.0, 0.0]));
-    let mut plan = Plan::with_margin(&walls, 6.0)?;
+    let mut plan = Plan::from_walls(&walls, 6.0)?;
 
     let guard = [4.5, 9.5];
     let mut answer = Visibility::new();

@@ -9,6 +9,7 @@
 //! - [`horizon`]: culls what is below the skyline of houses and crowns that stand on the ground.
 //! - [`virtual_occluders`]: a few upright rectangles that stand for all that houses hide from a viewcell.
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]

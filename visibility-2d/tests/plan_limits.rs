@@ -23,7 +23,7 @@ fn random_plan(random: &mut Random, count: usize) -> Plan {
             ]))
         })
         .collect();
-    Plan::with_margin(&walls, 1.0).unwrap()
+    Plan::from_walls(&walls, 1.0).unwrap()
 }
 
 /// Returns how many walls stop a line of sight, and the numbers of all that it crosses.
@@ -138,7 +138,7 @@ fn one_way_walls_and_doors_are_the_same_for_points_and_regions() {
             plan.set_opacity(wall, opacity).unwrap();
             assert_eq!(plan.stamp() == before, same);
         }
-        let fresh = Plan::with_margin(plan.walls(), 1.0).unwrap();
+        let fresh = Plan::from_walls(plan.walls(), 1.0).unwrap();
         assert!(plan.set_opacity(count as u32, Opacity::Clear).is_err());
         let [low, high] = plan.bounds();
         for _ in 0..20 {
@@ -200,7 +200,7 @@ fn range_decides_by_distance_alone_at_any_magnitude() {
     for scale in [1e-15, 1.0, 1e15] {
         for (a, b) in [([3.0, 4.0], [3.0, 9.0]), ([-2.0, 5.0], [7.0, 5.0])] {
             let wall = Wall::new(a.map(|x| x * scale), b.map(|x| x * scale));
-            let plan = Plan::with_margin(&[wall], 100.0 * scale).unwrap();
+            let plan = Plan::from_walls(&[wall], 100.0 * scale).unwrap();
             let mut answer = Visibility::new();
             for (range, seen) in [(5.0, true), (5.0 * (1.0 + 1e-15), true), (5.0 * (1.0 - 1e-14), false)] {
                 plan.look(&PlanView::new([0.0, 0.0]).with_range(range * scale), &mut answer).unwrap();

@@ -34,7 +34,7 @@ fn objects_seen_are_those_with_a_line_of_sight() {
     for seed in 0..200 {
         let mut random = Random(seed);
         let count = random.below(40);
-        let plan = Plan::with_margin(&random_walls(&mut random, count), 100.0).unwrap();
+        let plan = Plan::from_walls(&random_walls(&mut random, count), 100.0).unwrap();
         let mut objects = PlanObjects::new(&plan);
         let mut outlines: Vec<_> = (0..20).map(|_| outline(&mut random)).collect();
         for outline in &outlines {
@@ -168,7 +168,7 @@ fn heights_decide_as_whole_numbers_do() {
                 (ends, [low, low + i64::from(random.between(0, 9))])
             })
             .collect();
-        let plan = Plan::with_margin(
+        let plan = Plan::from_walls(
             &walls
                 .iter()
                 .map(|&(ends, [low, high])| {

@@ -133,7 +133,7 @@ fn hunt(rounds: u64, first_seed: u64, lines: usize) -> (usize, usize) {
         let size = [0.5, 6.0, 25.0][random.below(3)];
         let max = min + DVec3::new(size * random.fine_unit(), size * random.fine_unit(), 1.5);
         let mut visible = VisibleSet::new();
-        let mut culler = VirtualOccluderCuller::new(UpAxis::Z).with_most(64);
+        let mut culler = VirtualOccluderCuller::new(UpAxis::Z).with_max(64);
         culler.cull(&scene, &Viewcell::from_box(min, max), &mut visible);
         visible.finish(&scene);
         let is_blocked = |from: DVec3, to: DVec3| houses.iter().any(|house| house.blocks(from, to, 1e-9));
@@ -317,7 +317,7 @@ fn odd_viewcells_and_settings_are_taken() {
         assert_eq!(left(&scene, &cell(min.into(), max.into()), &mut culler).len(), 3);
     }
     assert_eq!(left(&scene, &cell([0.0, 5.0, 1.0].into(), [1.0, 10.0, 2.0].into()), &mut culler).len(), 3);
-    let mut none = VirtualOccluderCuller::new(UpAxis::Z).with_most(0);
+    let mut none = VirtualOccluderCuller::new(UpAxis::Z).with_max(0);
     assert_eq!(left(&scene, &cell(good[0], good[1]), &mut none).len(), 3);
     // An occluder that is no candidate hides nothing; neither does one that was removed.
     scene.remove(wall).unwrap();

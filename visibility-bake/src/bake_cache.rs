@@ -91,17 +91,18 @@ impl GroupRecord {
 /// sweep if that leaves the same. Objects may be inserted, removed or renumbered, and viewcells too.
 ///
 /// ```
-/// use visibility_bake::{BakeCache, SandwichBaker, Settings};
+/// use visibility_bake::{BakeCache, SandwichBaker, SandwichSettings};
 /// use visibility_core::{bake::Bake, glam::DVec3, pvs::{Viewcell, Viewcells}, Aabb, Scene};
 /// let mut scene = Scene::new();
 /// let id = scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
 /// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-/// let first = Bake::new(SandwichBaker::new(&scene, &cells, Settings::default())).run();
+/// let first = Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings::default())).run();
 /// let kept: Vec<u8> = first.cache.to_bytes();
 ///
 /// scene.set_bounds(id, Aabb::from_arrays([7.0; 3], [8.0; 3]))?;
 /// let cache = BakeCache::from_bytes(&kept)?;
-/// let second = Bake::new(SandwichBaker::new(&scene, &cells, Settings::default()).with_cache(cache)).run();
+/// let second = SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_cache(cache);
+/// let second = Bake::new(second).run();
 /// assert_eq!((first.reused, second.reused), (0, 0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

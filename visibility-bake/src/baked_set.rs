@@ -12,6 +12,7 @@ use crate::tiled_scene::TiledScene;
 use std::collections::HashMap;
 use std::fmt;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
+use visibility_core::bits::Bits;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{
@@ -75,6 +76,7 @@ pub struct BakedSet {
 
 /// Why a set cannot be made, read or used.
 #[derive(Clone, PartialEq, Debug)]
+#[non_exhaustive]
 pub enum BakedSetError {
     /// The bytes are damaged, or something else.
     Format(FormatError),
@@ -118,7 +120,15 @@ impl fmt::Display for BakedSetError {
     }
 }
 
-impl std::error::Error for BakedSetError {}
+impl std::error::Error for BakedSetError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Format(error) => Some(error),
+            Self::Pvs(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<FormatError> for BakedSetError {
     fn from(error: FormatError) -> Self {
@@ -218,9 +228,10 @@ impl BakedSet {
     pub fn row(&self, viewcell: ViewcellId) -> Vec<u32> {
         let mut bits = Vec::new();
         self.pvs.write_bits(viewcell, &mut bits);
+        let bits = Bits::from(bits);
         let mut row = Vec::new();
         for_each_in_classes(&self.classes, self.index_limit, |class, index| {
-            if bits[class / 64] >> (class % 64) & 1 == 1 {
+            if bits.contains(class) {
                 row.push(index);
             }
         });

@@ -51,6 +51,7 @@ impl Stop {
 
 /// Why a grid or its viewcells cannot be made.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub enum GridError {
     /// The size of a box is not positive and finite on each axis, or the origin is not finite.
     Size,

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 /// Why a level on disk cannot be written or read, or not within its memory.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum LevelError {
     /// The file cannot be written or read.
     File {

@@ -5,7 +5,7 @@
 //!   walkable triangles](Grid::above).
 //! - [`SandwichBaker`] finds for each viewcell the objects that are seen for certain and those that are not
 //!   proven hidden, by methods from cheap to exact, until what lies between is below a stated
-//!   [gap](Settings::gap).
+//!   [gap](SandwichSettings::gap).
 //! - [`Shard`] is the result for a range of viewcells, as bytes that another process can [assemble].
 //! - [`BakeCache`] keeps results by what they depend on, so that a bake of an edited level works on what the
 //!   edit can have changed.
@@ -17,6 +17,7 @@
 //! Visibility Culling", 2002; Fredo Durand, George Drettakis, Joelle Thollot and Claude Puech, "Conservative
 //! Visibility Preprocessing using Extended Projections", 2000, for the first upper bound.
 #![forbid(unsafe_code)]
+#![warn(missing_debug_implementations)]
 
 mod bake_cache;
 mod baked_set;
@@ -26,11 +27,11 @@ mod deflated;
 mod free_space;
 mod grid;
 mod level_error;
-mod level_file;
 mod method_times;
 mod near_to_far;
 mod object_facts;
 mod sandwich_baker;
+mod scratch_file;
 mod search;
 mod settings;
 mod shard;
@@ -45,7 +46,7 @@ pub use grid::{Grid, GridError};
 pub use level_error::LevelError;
 pub use method_times::MethodTimes;
 pub use sandwich_baker::{BakeScratch, FoundCell, SandwichBaker, SandwichOutcome, bake_fingerprint};
-pub use settings::Settings;
+pub use settings::SandwichSettings;
 pub use shard::{AssembleError, Shard, assemble};
 pub use tiled_scene::{TiledScene, TiledSceneWriter};
 pub use visibility_core::level_version::level_version;

@@ -5,12 +5,13 @@ use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
 use crate::cell_groups::CellGroups;
 use crate::cell_sandwich::CellSandwich;
 use crate::level_error::LevelError;
-use crate::level_file::lock;
 use crate::method_times::MethodTimes;
 use crate::near_to_far::{sweep_near_to_far, swept};
+use crate::scratch_file::lock;
 use crate::search::{Method, Search};
-use crate::settings::Settings;
+use crate::settings::SandwichSettings;
 use crate::tiled_scene::{PreparedScene, TiledScene};
+use std::fmt;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -52,9 +53,9 @@ const PUT_OFF: u8 = 2;
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
 /// find what is seen from them, and proofs are tried for the boxes of the open objects, the most costly
-/// first, until the [gap](Settings::gap) is met; then, where it is not met, for their triangles. So the bake
-/// has five items for each viewcell. In the later stages, of about as many viewcells as came before, the
-/// groups with the most costly open objects come first.
+/// first, until the [gap](SandwichSettings::gap) is met; then, where it is not met, for their triangles. So
+/// the bake has five items for each viewcell. In the later stages, of about as many viewcells as came before,
+/// the groups with the most costly open objects come first.
 ///
 /// Occluders are the objects that are flagged so: the sweeps use their meshes, the proofs their triangles.
 /// Objects that are [never culled](visibility_core::Object::never_cull), such as moving ones, count as seen.
@@ -62,7 +63,7 @@ const PUT_OFF: u8 = 2;
 /// ([`with_cache`](Self::with_cache)).
 ///
 /// ```
-/// use visibility_bake::{SandwichBaker, Settings};
+/// use visibility_bake::{SandwichBaker, SandwichSettings};
 /// use visibility_core::{bake::Bake, glam::{DVec3, Vec3}, pvs::{Viewcell, Viewcells}, Aabb, Object, Scene};
 /// // A wall, and a plate behind it.
 /// let square = |x: f32, r: f32| {
@@ -76,7 +77,7 @@ const PUT_OFF: u8 = 2;
 ///     scene.set_triangles(id, triangles)?;
 /// }
 /// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-/// let outcome = Bake::new(SandwichBaker::new(&scene, &cells, Settings::default())).run();
+/// let outcome = Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings::default())).run();
 /// assert_eq!(outcome.cells[0].seen, [0]);
 /// assert!(outcome.cells[0].open.is_empty() && outcome.complete);
 /// # Ok::<(), visibility_core::scene::SceneError>(())
@@ -84,7 +85,7 @@ const PUT_OFF: u8 = 2;
 pub struct SandwichBaker<'a> {
     level: Arc<TiledScene<'a>>,
     viewcells: &'a Viewcells,
-    settings: Settings,
+    settings: SandwichSettings,
     range: Range<usize>,
     /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
     fingerprint: u64,
@@ -109,6 +110,7 @@ pub struct SandwichBaker<'a> {
 
 /// The result of a bake.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct SandwichOutcome {
     /// Number of the first viewcell.
     pub first: usize,
@@ -152,7 +154,7 @@ pub struct FoundCell {
 }
 
 /// Memory of one thread of a bake.
-#[derive(Default)]
+#[derive(Default, Debug)]
 pub struct BakeScratch {
     /// Sweep of the whole level, if it is small.
     whole: Option<ExtendedProjectionCuller>,
@@ -191,14 +193,24 @@ enum Content {
     Objects,
 }
 
+impl fmt::Debug for SandwichBaker<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SandwichBaker").field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
 impl<'a> SandwichBaker<'a> {
     /// Prepares a bake of all objects of a scene from all viewcells.
-    pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: Settings) -> Self {
+    pub fn new(scene: &'a Scene, viewcells: &'a Viewcells, settings: SandwichSettings) -> Self {
         Self::of_level(Arc::new(TiledScene::new(scene)), viewcells, settings)
     }
 
     /// Prepares a bake of all objects of a level from all viewcells.
-    pub fn of_level(level: Arc<TiledScene<'a>>, viewcells: &'a Viewcells, settings: Settings) -> Self {
+    pub fn of_level(
+        level: Arc<TiledScene<'a>>,
+        viewcells: &'a Viewcells,
+        settings: SandwichSettings,
+    ) -> Self {
         let groups = CellGroups::new(viewcells);
         let baker = Self {
             viewcells,
@@ -615,16 +627,16 @@ fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
 
 /// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
 /// same hash belong together. Time is linear in the numbers of triangles and viewcells.
-pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &Settings) -> u64 {
+pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
     fingerprint(&TiledScene::new(scene), viewcells, settings)
 }
 
-fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &Settings) -> u64 {
+fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
     let hash = Fingerprint::new().with(METHODS).with_u64(level.version());
     viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
 }
 
-fn with_settings(hash: Fingerprint, settings: &Settings) -> Fingerprint {
+fn with_settings(hash: Fingerprint, settings: &SandwichSettings) -> Fingerprint {
     hash.with_u64(settings.gap.to_bits()).with_u64(settings.clearance.to_bits()).with(settings.rays)
 }
 

@@ -1,10 +1,10 @@
 //! The search for what is visible from one viewcell: rays, then proofs of what rays have not found.
 
 use crate::bake_cache::{HIDDEN, OPEN, SEEN};
-use crate::settings::Settings;
+use crate::settings::SandwichSettings;
 use visibility_core::Scene;
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{CellQuery, Effort, SceneTriangles, Settings as ExactSettings, Verdict};
+use visibility_exact::{CellQuery, Effort, ExactSettings, SceneTriangles, Verdict};
 
 /// The search for answers from one viewcell, in the scene of the objects that its sweep has left. The objects
 /// of such a scene have consecutive indices from 0.
@@ -36,7 +36,7 @@ impl<'a> Search<'a> {
         scene: &Scene,
         cell: &Viewcell,
         triangles: &'a SceneTriangles,
-        settings: &Settings,
+        settings: &SandwichSettings,
         mut answers: Vec<u8>,
         stop: &'a dyn Fn() -> bool,
     ) -> Self {

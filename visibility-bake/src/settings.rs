@@ -3,11 +3,11 @@
 /// Settings of a [`SandwichBaker`](crate::SandwichBaker).
 ///
 /// ```
-/// let settings = visibility_bake::Settings { gap: 0.0, ..Default::default() };
+/// let settings = visibility_bake::SandwichSettings { gap: 0.0, ..Default::default() };
 /// assert_eq!(settings.clearance, 1e-4);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Settings {
+pub struct SandwichSettings {
     /// Proofs for a viewcell end when the open objects have at most this part of the
     /// [cost](visibility_core::Object::cost) of all that are reported, from 0 to 1. 0 asks for a proof of
     /// every object that is not seen; 1 for none. NaN and numbers below 0 count as 0.
@@ -20,7 +20,7 @@ pub struct Settings {
     pub rays: u32,
 }
 
-impl Default for Settings {
+impl Default for SandwichSettings {
     /// A gap of 5 %, a clearance of a tenth of a millimetre, 200 rays at each object.
     fn default() -> Self {
         Self { gap: 0.05, clearance: 1e-4, rays: 200 }

@@ -14,13 +14,13 @@ const FORMAT: Format = Format { magic: *b"VISSHARD", version: 3 };
 /// [fingerprint of the whole bake](SandwichBaker::whole_fingerprint).
 ///
 /// ```
-/// use visibility_bake::{SandwichBaker, Settings, Shard, assemble};
+/// use visibility_bake::{SandwichBaker, SandwichSettings, Shard, assemble};
 /// use visibility_core::{glam::DVec3, pvs::{Viewcell, Viewcells}, Aabb, Scene};
 /// let mut scene = Scene::new();
 /// scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
 /// let cell = |x: f64| Viewcell::from_box(DVec3::splat(x), DVec3::splat(x + 1.0));
 /// let cells = Viewcells::new([cell(0.0), cell(1.0), cell(2.0)]);
-/// let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
+/// let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
 /// let shard = |range| Shard::bake(baker().with_range(range));
 /// let stored = [shard(2..3).to_bytes(), shard(0..2).to_bytes()];
 /// let shards = stored.iter().map(|bytes| Shard::from_bytes(bytes)).collect::<Result<Vec<_>, _>>()?;
@@ -84,6 +84,7 @@ impl Shard {
 
 /// Shards that do not make a whole.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum AssembleError {
     /// The shard at this position of the list is of another bake than the first: of another scene, other
     /// viewcells or other settings.

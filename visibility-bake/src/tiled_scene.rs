@@ -1,10 +1,11 @@
 //! A level in tiles: what is known of all objects, and the content of those that are asked for.
 
 use crate::level_error::LevelError;
-use crate::level_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
 use crate::object_facts::{ObjectFacts, bounds_fingerprint};
+use crate::scratch_file::{ContentWriter, LevelFile, Reserved, Working, facts, lock};
 use crate::tile_tree::TileTree;
 use std::collections::HashMap;
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 use visibility_core::glam::{Affine3A, DVec3};
@@ -58,6 +59,12 @@ pub struct TiledScene<'a> {
     store: Store<'a>,
     /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
     whole: Mutex<Option<Arc<PreparedScene>>>,
+}
+
+impl fmt::Debug for TiledScene<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TiledScene").field("index_limit", &self.index_limit).finish_non_exhaustive()
+    }
 }
 
 /// Where the content of objects is.
@@ -300,7 +307,7 @@ impl<'a> TiledScene<'a> {
 /// Writes a level to a file, object by object, so that it is never in memory as a whole.
 ///
 /// ```
-/// use visibility_bake::{SandwichBaker, Settings, TiledScene};
+/// use visibility_bake::{SandwichBaker, SandwichSettings, TiledScene};
 /// use visibility_core::{bake::Bake, glam::DVec3, pvs::{Viewcell, Viewcells}, Aabb, Object};
 /// let path = std::env::temp_dir().join(format!("tiles-{}", std::process::id()));
 /// let mut level = TiledScene::writer(&path, DVec3::ZERO)?;
@@ -308,7 +315,7 @@ impl<'a> TiledScene<'a> {
 /// // At most 512 MiB, of which the process has 10 in use.
 /// let level = level.finish(512 << 20, 10 << 20)?;
 /// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-/// let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, Settings::default())).run();
+/// let outcome = Bake::new(SandwichBaker::of_level(level.into(), &cells, SandwichSettings::default())).run();
 /// assert_eq!((&*outcome.cells[0].reported(), outcome.error), (&[0][..], None));
 /// assert!(!path.exists());
 /// # Ok::<(), visibility_bake::LevelError>(())
@@ -317,6 +324,12 @@ pub struct TiledSceneWriter {
     origin: DVec3,
     objects: Vec<ObjectFacts>,
     content: ContentWriter,
+}
+
+impl fmt::Debug for TiledSceneWriter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TiledSceneWriter").field("origin", &self.origin).finish_non_exhaustive()
+    }
 }
 
 impl TiledSceneWriter {

@@ -2,7 +2,7 @@
 //! and works on fewer viewcells.
 
 use std::sync::Arc;
-use visibility_bake::{BakeCache, Grid, SandwichBaker, SandwichOutcome, Settings, Shard};
+use visibility_bake::{BakeCache, Grid, SandwichBaker, SandwichOutcome, SandwichSettings, Shard};
 use visibility_core::bake::Bake;
 use visibility_core::binary_format::FormatError;
 use visibility_core::glam::{DVec3, Vec3};
@@ -71,7 +71,12 @@ fn viewcells(by: f64) -> Viewcells {
     Viewcells::new(grid.over(DVec3::new(0.0, by - 2.0, 1.0), DVec3::new(80.0, by + 2.0, 2.0)).unwrap())
 }
 
-fn baked(scene: &Scene, cells: &Viewcells, settings: Settings, cache: &Arc<BakeCache>) -> SandwichOutcome {
+fn baked(
+    scene: &Scene,
+    cells: &Viewcells,
+    settings: SandwichSettings,
+    cache: &Arc<BakeCache>,
+) -> SandwichOutcome {
     Bake::new(SandwichBaker::new(scene, cells, settings).with_cache(cache.clone())).run()
 }
 
@@ -79,7 +84,7 @@ fn baked(scene: &Scene, cells: &Viewcells, settings: Settings, cache: &Arc<BakeC
 fn an_edited_level_has_the_bytes_of_a_whole_bake() {
     let mut random = Random(31);
     let mut bricks = level(&mut random);
-    let mut settings = Settings { gap: 0.1, rays: 4, ..Settings::default() };
+    let mut settings = SandwichSettings { gap: 0.1, rays: 4, ..SandwichSettings::default() };
     let mut cells = viewcells(0.0);
     let none = Arc::new(BakeCache::default());
     let mut cache = none.clone();
@@ -133,7 +138,7 @@ fn what_moves_where_it_is_hidden_costs_sweeps_alone() {
     let mut bricks = level(&mut Random(8));
     // In a house.
     bricks.push(([3.0, -11.0, 1.0], [4.0, -10.0, 2.0], true, 12));
-    let (cells, settings) = (viewcells(0.0), Settings { rays: 4, ..Settings::default() });
+    let (cells, settings) = (viewcells(0.0), SandwichSettings { rays: 4, ..SandwichSettings::default() });
     let before = Bake::new(SandwichBaker::new(&scene(&bricks), &cells, settings)).run();
     bricks.last_mut().unwrap().1 = [4.5, -9.0, 3.0];
     let after = baked(&scene(&bricks), &cells, settings, &Arc::new(before.cache.clone()));
@@ -164,7 +169,8 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
         .collect();
     let street = bricks.len();
     bricks.extend(level(&mut random));
-    let (cells, settings) = (viewcells(0.0), Settings { rays: 4, gap: 0.3, ..Settings::default() });
+    let (cells, settings) =
+        (viewcells(0.0), SandwichSettings { rays: 4, gap: 0.3, ..SandwichSettings::default() });
     let none = Arc::new(BakeCache::default());
     let mut cache = none.clone();
     let mut reused = Vec::new();
@@ -196,7 +202,7 @@ fn a_level_of_many_tiles_has_the_bytes_of_a_whole_bake() {
 #[test]
 fn damaged_caches_are_refused_and_forged_ones_do_not_panic() {
     let (scene, cells) = (scene(&level(&mut Random(8))[..20]), viewcells(0.0));
-    let settings = Settings { rays: 4, ..Settings::default() };
+    let settings = SandwichSettings { rays: 4, ..SandwichSettings::default() };
     let bytes = Bake::new(SandwichBaker::new(&scene, &cells, settings)).run().cache.to_bytes();
     for at in 0..bytes.len() {
         assert!(BakeCache::from_bytes(&bytes[..at]).is_err(), "{at} bytes");

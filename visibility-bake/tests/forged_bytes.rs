@@ -5,7 +5,7 @@ use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use visibility_bake::{BakeCache, BakedSet, SandwichBaker, Settings, Shard, assemble};
+use visibility_bake::{BakeCache, BakedSet, SandwichBaker, SandwichSettings, Shard, assemble};
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
 use visibility_core::occlusion::Preparation;
@@ -83,7 +83,7 @@ fn ask(rounds: usize) -> [usize; 2] {
     let cell = |x: u32| Viewcell::from_box(DVec3::splat(x.into()), DVec3::splat(f64::from(x) + 1.0));
     let cells = Viewcells::new((0..6).map(cell));
     let rows: Vec<Vec<u32>> = (0..6).map(|_| (0..40).filter(|_| random.one_in(3)).collect()).collect();
-    let shard = Shard::bake(SandwichBaker::new(&scene, &cells, Settings::default())).to_bytes();
+    let shard = Shard::bake(SandwichBaker::new(&scene, &cells, SandwichSettings::default())).to_bytes();
     let set = BakedSet::new(&scene, cells, &rows).unwrap().to_bytes();
     let pose = Pose::look_at(DVec3::splat(0.5), DVec3::new(5.0, 5.0, 0.0), DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
@@ -122,7 +122,13 @@ fn go_on(rounds: usize) -> [usize; 2] {
     // In one group.
     let cell = |x: u32| Viewcell::from_box(DVec3::X * f64::from(x), DVec3::X * f64::from(x) + DVec3::ONE);
     let cells = Viewcells::new((0..4).map(cell));
-    let baker = || SandwichBaker::new(&scene, &cells, Settings { rays: 2, gap: 0.0, ..Settings::default() });
+    let baker = || {
+        SandwichBaker::new(
+            &scene,
+            &cells,
+            SandwichSettings { rays: 2, gap: 0.0, ..SandwichSettings::default() },
+        )
+    };
     let mut bake = Bake::new(baker());
     let begun = AtomicUsize::new(0);
     bake.advance_unless(|| begun.fetch_add(1, Relaxed) == 2, || false);

@@ -3,7 +3,7 @@
 use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec;
 use std::sync::Arc;
-use visibility_bake::{BakeCache, BakedSet, SandwichBaker, Settings, Shard, assemble};
+use visibility_bake::{BakeCache, BakedSet, SandwichBaker, SandwichSettings, Shard, assemble};
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Prefetch, Pvs, PvsCuller, PvsTargets, Viewcell, ViewcellId, Viewcells};
@@ -95,7 +95,8 @@ fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
 #[test]
 fn shards_states_and_caches_take_the_memory_of_their_bytes_and_their_scene() {
     let (scene, cells) = level();
-    let baker = || SandwichBaker::new(&scene, &cells, Settings { rays: 2, ..Settings::default() });
+    let baker =
+        || SandwichBaker::new(&scene, &cells, SandwichSettings { rays: 2, ..SandwichSettings::default() });
     let shard = Shard::bake(baker()).to_bytes();
     forge_compressed(&shard, |file| {
         if let Ok(shard) = Shard::from_bytes(file) {

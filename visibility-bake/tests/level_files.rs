@@ -5,8 +5,8 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 use visibility_bake::{
-    BakeCache, BakedSet, CellSandwich, Grid, LevelError, SandwichBaker, SandwichOutcome, Settings, Shard,
-    TiledScene, assemble,
+    BakeCache, BakedSet, CellSandwich, Grid, LevelError, SandwichBaker, SandwichOutcome, SandwichSettings,
+    Shard, TiledScene, assemble,
 };
 use visibility_core::bake::Bake;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -67,8 +67,8 @@ fn in_file(scene: &Scene, name: &str, memory: u64) -> Result<TiledScene<'static>
     writer.finish(memory, 0)
 }
 
-fn settings() -> Settings {
-    Settings { gap: 1.0, rays: 4, ..Settings::default() }
+fn settings() -> SandwichSettings {
+    SandwichSettings { gap: 1.0, rays: 4, ..SandwichSettings::default() }
 }
 
 fn bytes(outcome: &SandwichOutcome) -> Vec<u8> {

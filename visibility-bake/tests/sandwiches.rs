@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 use visibility_bake::{
     AssembleError, BakeCache, BakedSet, BakedSetError, CellSandwich, Grid, MethodTimes, SandwichBaker,
-    Settings, Shard, assemble,
+    SandwichSettings, Shard, assemble,
 };
 use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec3, Vec3};
@@ -52,14 +52,14 @@ fn insert(scene: &mut Scene, min: [f32; 3], max: [f32; 3], occluder: bool) {
     scene.set_triangles(id, triangles).unwrap();
 }
 
-fn baked(scene: &Scene, cells: &Viewcells, settings: Settings) -> Vec<CellSandwich> {
+fn baked(scene: &Scene, cells: &Viewcells, settings: SandwichSettings) -> Vec<CellSandwich> {
     Bake::new(SandwichBaker::new(scene, cells, settings)).run().cells
 }
 
 #[test]
 fn no_object_that_a_ray_reaches_is_left_out_and_few_are_reported() {
     let (scene, cells) = street();
-    let found = baked(&scene, &cells, Settings { gap: 0.0, ..Settings::default() });
+    let found = baked(&scene, &cells, SandwichSettings { gap: 0.0, ..SandwichSettings::default() });
     let mut random = Random(9);
     let mut hidden = 0;
     for (cell, sandwich) in cells.cells().iter().zip(&found) {
@@ -86,9 +86,9 @@ fn no_object_that_a_ray_reaches_is_left_out_and_few_are_reported() {
 #[test]
 fn a_gap_saves_work_and_is_met() {
     let (scene, cells) = street();
-    let all = baked(&scene, &cells, Settings { gap: 0.0, rays: 2, ..Settings::default() });
-    let some = baked(&scene, &cells, Settings { gap: 0.3, rays: 2, ..Settings::default() });
-    let none = baked(&scene, &cells, Settings { gap: 1.0, rays: 2, ..Settings::default() });
+    let all = baked(&scene, &cells, SandwichSettings { gap: 0.0, rays: 2, ..SandwichSettings::default() });
+    let some = baked(&scene, &cells, SandwichSettings { gap: 0.3, rays: 2, ..SandwichSettings::default() });
+    let none = baked(&scene, &cells, SandwichSettings { gap: 1.0, rays: 2, ..SandwichSettings::default() });
     let steps = |cells: &[CellSandwich]| cells.iter().map(|cell| cell.steps).sum::<u64>();
     assert!(steps(&none) < steps(&some) && steps(&some) < steps(&all));
     for ((some, none), all) in some.iter().zip(&none).zip(&all) {
@@ -112,7 +112,7 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
         Duration::from_secs(asked * (asked + 1) / 2)
     }
     let (scene, cells) = street();
-    let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let outcome = pool.install(|| {
         let mut bake = Bake::new(baker().with_clock(clock));
@@ -142,7 +142,7 @@ fn times_of_methods_outlast_a_stop_and_change_no_byte() {
 #[test]
 fn shards_threads_and_stops_give_the_same_bytes() {
     let (scene, cells) = street();
-    let settings = Settings { gap: 0.0, ..Settings::default() };
+    let settings = SandwichSettings { gap: 0.0, ..SandwichSettings::default() };
     let baker = || SandwichBaker::new(&scene, &cells, settings);
     let whole = Shard::bake(baker()).to_bytes();
     for threads in [1, 3] {
@@ -174,7 +174,7 @@ fn shards_threads_and_stops_give_the_same_bytes() {
     let [last, first, ..] = shards.clone();
     assert_eq!(assemble(10, [first.clone(), last.clone()]), Err(AssembleError::Missing(4, 7)));
     assert_eq!(assemble(9, [last.clone()]), Err(AssembleError::Range(0)));
-    let other = Shard::bake(SandwichBaker::new(&scene, &cells, Settings::default()).with_range(0..1));
+    let other = Shard::bake(SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_range(0..1));
     assert_eq!(assemble(10, [first.clone(), other]), Err(AssembleError::OtherBake(1)));
     let mut wrong = first.clone();
     wrong.cells[2].seen.pop();
@@ -184,7 +184,7 @@ fn shards_threads_and_stops_give_the_same_bytes() {
 #[test]
 fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
     let (scene, cells) = street();
-    let settings = Settings { gap: 0.0, rays: 20, ..Settings::default() };
+    let settings = SandwichSettings { gap: 0.0, rays: 20, ..SandwichSettings::default() };
     let baker = || SandwichBaker::new(&scene, &cells, settings);
     let whole = Shard::bake(baker()).to_bytes();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
@@ -222,7 +222,7 @@ fn a_viewcell_that_is_given_up_is_open_and_worked_on_again() {
 #[test]
 fn an_unfinished_bake_reports_all_that_is_not_hidden_yet() {
     let (scene, cells) = street();
-    let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
     let none = Bake::new(baker()).finish();
     assert!(!none.complete);
     assert!(none.cells.iter().all(|cell| cell.reported().len() == scene.len()));
@@ -257,7 +257,7 @@ fn little_time_is_divided_among_the_stages() {
         Duration::from_millis(ASKED.fetch_add(1, Ordering::Relaxed))
     }
     let (scene, cells) = street();
-    let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
     let whole = Bake::new(baker()).run();
     assert_eq!(whole.stages, [10; 5]);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
@@ -305,7 +305,7 @@ fn what_is_never_culled_is_reported_from_everywhere() {
     let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap();
     let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::splat(4.0)).unwrap());
     for gap in [0.0, 1.0] {
-        for cell in baked(&scene, &cells, Settings { gap, ..Settings::default() }) {
+        for cell in baked(&scene, &cells, SandwichSettings { gap, ..SandwichSettings::default() }) {
             assert_eq!((cell.seen, &*cell.open), (vec![0, 1, 3], &[][..]));
         }
     }
@@ -314,7 +314,7 @@ fn what_is_never_culled_is_reported_from_everywhere() {
 #[test]
 fn files_are_read_for_their_scene_alone_and_damage_is_found() {
     let (mut scene, cells) = street();
-    let found = baked(&scene, &cells, Settings::default());
+    let found = baked(&scene, &cells, SandwichSettings::default());
     let rows: Vec<_> = found.iter().map(CellSandwich::reported).collect();
     let set = BakedSet::new(&scene, cells, &rows).unwrap();
     let bytes = set.to_bytes();

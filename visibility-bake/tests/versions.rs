@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 use visibility_bake::{
-    BakeCache, BakedSet, BakedSetError, SandwichBaker, Settings, Shard, TiledScene, bake_fingerprint,
+    BakeCache, BakedSet, BakedSetError, SandwichBaker, SandwichSettings, Shard, TiledScene, bake_fingerprint,
     level_version,
 };
 use visibility_core::bake::Bake;
@@ -35,7 +35,7 @@ fn level() -> (Scene, Viewcells) {
 }
 
 fn baked(scene: &Scene, cells: &Viewcells) -> BakedSet {
-    let outcome = Bake::new(SandwichBaker::new(scene, cells, Settings::default())).run();
+    let outcome = Bake::new(SandwichBaker::new(scene, cells, SandwichSettings::default())).run();
     BakedSet::new(scene, cells.clone(), &outcome.cells.iter().map(|cell| cell.reported()).collect::<Vec<_>>())
         .unwrap()
 }
@@ -76,7 +76,7 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
     assert_eq!((level_version(&scene), TiledScene::new(&scene).version()), (version, version));
     let sets = set.clone().for_scene(&scene).unwrap();
     assert!(sets.is_checked() && PvsCuller::new(&sets).accuracy() == Accuracy::Conservative);
-    let whole = |scene: &Scene| bake_fingerprint(scene, &cells, &Settings::default());
+    let whole = |scene: &Scene| bake_fingerprint(scene, &cells, &SandwichSettings::default());
     for (name, edit) in edits() {
         let mut edited = scene.clone();
         edit(&mut edited);
@@ -86,7 +86,7 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
         assert_eq!(refused.err(), Some(BakedSetError::OtherVersion { baked: version, level }), "{name}");
         assert_ne!(whole(&edited), whole(&scene), "{name}: shards are of another bake");
         // The state of a bake is of the scene before the edit.
-        let baker = |scene| SandwichBaker::new(scene, &cells, Settings::default());
+        let baker = |scene| SandwichBaker::new(scene, &cells, SandwichSettings::default());
         assert!(Bake::resume(baker(&edited), &Bake::new(baker(&scene)).save()).is_err(), "{name}");
     }
 }
@@ -95,11 +95,12 @@ fn a_set_is_refused_after_an_edit_that_leaves_all_boxes() {
 #[test]
 fn a_cache_gives_nothing_that_an_edit_has_changed() {
     let (scene, cells) = level();
-    let cache = Arc::new(Bake::new(SandwichBaker::new(&scene, &cells, Settings::default())).run().cache);
+    let cache =
+        Arc::new(Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings::default())).run().cache);
     for (name, edit) in edits() {
         let mut edited = scene.clone();
         edit(&mut edited);
-        let baker = || SandwichBaker::new(&edited, &cells, Settings::default());
+        let baker = || SandwichBaker::new(&edited, &cells, SandwichSettings::default());
         let cached = Bake::new(baker().with_cache(cache.clone())).run();
         assert_eq!(cached.cells, Bake::new(baker()).run().cells, "{name}");
     }
@@ -158,7 +159,7 @@ fn what_was_not_compared_is_not_promised() {
 #[test]
 fn results_of_earlier_versions_are_refused_with_a_word() {
     let (scene, cells) = level();
-    let baker = || SandwichBaker::new(&scene, &cells, Settings::default());
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
     let mut bake = Bake::new(baker());
     bake.advance();
     let state = bake.save();

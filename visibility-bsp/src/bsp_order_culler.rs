@@ -1,7 +1,7 @@
 //! View-volume culling with a scene's BSP tree, and front-to-back ordering of the objects.
 
 use crate::scene_tree::{SceneTree, StaleObjects};
-use crate::tree::{Fragments, Subtree, TraversalStack, Walk};
+use crate::tree::{Fragments, Subtree, TraversalStack, TreeVisitor};
 use crate::view_volume::ViewVolume;
 use alloc::vec::Vec;
 use core::borrow::Borrow;
@@ -150,7 +150,7 @@ impl Frame<'_> {
     }
 }
 
-impl Walk for Frame<'_> {
+impl TreeVisitor for Frame<'_> {
     /// Returns a mask of the view planes that the whole subtree is inside of, given the parent's mask
     /// `inside`. Bit i stands for plane i of the view volume. `None` skips the subtree: it is outside the
     /// view, its only owner needs no rank or gets its rank here, or the node limit is reached.

@@ -410,15 +410,15 @@ fn inverse_error_bounds(forth: DMat3, back: DMat3) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_testing::Random;
 
     /// Generator of pseudo-random whole numbers.
-    struct Whole(u64);
+    struct Whole(Random);
 
     impl Whole {
         /// Returns a random whole number from -2^bits to 2^bits.
         fn next(&mut self, bits: u32) -> i64 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (self.0 >> (63 - bits)) as i64 - (1 << bits)
+            (self.0.bits() >> (63 - bits)) as i64 - (1 << bits)
         }
     }
 
@@ -434,7 +434,7 @@ mod tests {
     /// close together, so that products are rounded in `f64` while 128 bits hold the exact determinants.
     #[test]
     fn planes_through_close_directions_tell_sides_only_where_they_exactly_are() {
-        let mut whole = Whole(5);
+        let mut whole = Whole(Random(5));
         let unit = (1i64 << 40) as f64;
         let direction = |v: [i64; 3]| Direction { v: v.map(|x| x as f64 / unit), error: 0.0, size: 1.0 };
         let mut decided = 0;
@@ -460,7 +460,7 @@ mod tests {
     /// arithmetic.
     #[test]
     fn an_eye_is_before_a_plane_only_if_it_exactly_is() {
-        let mut whole = Whole(6);
+        let mut whole = Whole(Random(6));
         let mut before = 0;
         for round in 0..100_000 {
             let (n, p) = ([(); 3].map(|()| whole.next(50)), [(); 3].map(|()| whole.next(23)));

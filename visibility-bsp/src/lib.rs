@@ -45,6 +45,7 @@
 //! # Features
 //! `std` (default). Without `std`, the feature `libm` supplies the floating-point functions.
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 // Negated comparisons such as `!(a > b)` are deliberate: unlike `a <= b`, they also hold if an operand is
 // NaN.
@@ -71,12 +72,12 @@ mod view_volume;
 pub use bsp_order_culler::BspOrderCuller;
 pub use large_occluders::LargeOccludersCuller;
 pub use merge::{Solid, SolidError};
-pub use naylor::{NaylorCuller, Witness};
+pub use naylor::{NaylorCuller, VisiblePoint};
 pub use occluders::Occluders;
 pub use occlusion_tree::{OcclusionTree, OcclusionTreeCuller};
 pub use scene_tree::SceneTree;
 pub use shadow_frusta::{ShadowFrusta, ShadowFrustaCuller};
-pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Subtree, TraversalStack, Walk};
+pub use tree::{BspError, BspTree, Fragment, Fragments, Leaf, Subtree, TraversalStack, TreeVisitor};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

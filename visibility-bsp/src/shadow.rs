@@ -321,11 +321,8 @@ mod tests {
     #[test]
     fn points_are_behind_or_before_a_plane_only_if_they_exactly_are() {
         // Whole numbers whose products exceed the precision of a double, but fit in 128 bits.
-        let mut state = 7u64;
-        let mut whole = |bits: u32| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> (63 - bits)) as i64 - (1 << bits)
-        };
+        let mut random = visibility_testing::Random(7);
+        let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
         let mut decided = 0;
         for round in 0..100_000 {
             let (n, p) = ([whole(50), whole(50), whole(50)], [whole(23), whole(23), whole(23)]);

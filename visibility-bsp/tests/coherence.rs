@@ -40,7 +40,7 @@ fn memory_changes_no_answer_and_saves_most_of_the_work() {
         let soup = Soup::new(&mut random, 1.0, occluders);
         let polygons = Arc::new(Occluders::new(&soup.scene));
         let mut with = LargeOccludersCuller::new(polygons.clone());
-        let mut without = LargeOccludersCuller::new(polygons).with_coherence(false);
+        let mut without = LargeOccludersCuller::new(polygons).without_coherence();
         let (mut computed, mut all) = (0, 0);
         for frame in 0..400 {
             let view = walk(frame);

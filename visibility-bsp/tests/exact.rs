@@ -4,7 +4,7 @@
 use crate::shapes;
 
 use std::collections::HashSet;
-use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, Witness};
+use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, VisiblePoint};
 use visibility_core::glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use visibility_core::{
     Aabb, Culler, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
@@ -101,7 +101,7 @@ fn pixels(buffer: &mut ItemBuffer, scene: &Scene, view: &View) -> HashSet<u32> {
 
 /// Tests whether an object is visible in a 63 by 63 pixel image zoomed to its witness. False if the image has
 /// no pixel of the object.
-fn is_confirmed(scene: &Scene, view: &View, id: ObjectId, witness: Witness) -> bool {
+fn is_confirmed(scene: &Scene, view: &View, id: ObjectId, witness: VisiblePoint) -> bool {
     let scale = 0.3 / witness.width;
     let zoom = DMat4::from_scale_rotation_translation(
         DVec3::new(scale, scale, 1.0),

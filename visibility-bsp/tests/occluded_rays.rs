@@ -84,7 +84,7 @@ fn cullers(scene: &Scene) -> Vec<(&'static str, Box<dyn Culler>)> {
     vec![
         ("shadow-frusta", Box::new(ShadowFrustaCuller::new(frusta.into()))),
         ("large-occluders", Box::new(LargeOccludersCuller::new(occluders.clone()).with_polygons(100))),
-        ("incoherent", Box::new(LargeOccludersCuller::new(occluders.clone()).with_coherence(false))),
+        ("incoherent", Box::new(LargeOccludersCuller::new(occluders.clone()).without_coherence())),
         ("occlusion-tree", Box::new(OcclusionTreeCuller::new(occluders.clone()))),
         ("occlusion-tree:400", Box::new(OcclusionTreeCuller::new(occluders).with_polygons(400))),
         ("occlusion-tree of meshes", Box::new(OcclusionCuller::new(OcclusionTree::new().with_polygons(300)))),

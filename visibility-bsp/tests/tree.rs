@@ -3,7 +3,7 @@
 
 use crate::shapes::{box_faces, polygons};
 use std::collections::HashSet;
-use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Subtree, TraversalStack, Walk};
+use visibility_bsp::{BspError, BspTree, Fragments, Leaf, Subtree, TraversalStack, TreeVisitor};
 use visibility_core::{Aabb, glam::DVec3, view::Eye};
 use visibility_testing::Random;
 
@@ -117,7 +117,7 @@ fn leaves_inside_solids_are_solid() {
 #[test]
 fn walks_enter_only_what_they_want() {
     struct Counting(usize, Aabb);
-    impl Walk for Counting {
+    impl TreeVisitor for Counting {
         fn enter(&mut self, subtree: &Subtree, levels: u32) -> Option<u32> {
             let outside =
                 self.1.classify_aabb(subtree.bounds()) == visibility_core::geometry::Containment::Outside;
@@ -220,5 +220,6 @@ fn polygons_that_cut_each_other_without_end_are_refused() {
         Err(BspError::TooManyFragments { polygons: count, limit }) => {
             assert!(count == polygons.len() && limit > count)
         }
+        Err(other) => panic!("{other}"),
     }
 }

@@ -42,12 +42,12 @@ impl Default for FrustumCuller {
 impl FrustumCuller {
     /// Creates a culler that uses the widest SIMD instructions of the processor.
     pub fn new() -> Self {
-        Self::with_simd(Simd::best())
+        Self { simd: Simd::best() }
     }
 
-    /// Creates a culler that uses the given SIMD instructions, for tests and comparisons. Results are the
-    /// same with all.
-    pub const fn with_simd(simd: Simd) -> Self {
+    /// Sets the SIMD instructions, for tests and comparisons. Results are the same with all.
+    #[must_use]
+    pub const fn with_simd(self, simd: Simd) -> Self {
         Self { simd }
     }
 }

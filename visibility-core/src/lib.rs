@@ -36,6 +36,7 @@
 //! `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary functions.
 //! `bytemuck` makes [`Aabb`] and [`ObjectId`] `Pod`, and glam's vectors and matrices too.
 #![no_std]
+#![warn(missing_debug_implementations)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
@@ -45,6 +46,7 @@ compile_error!("visibility-core needs floating point: enable the feature `std` o
 
 pub mod bake;
 pub mod binary_format;
+pub mod bits;
 pub mod cells;
 mod cull_stats;
 pub mod culler;
@@ -56,6 +58,7 @@ pub mod level_version;
 pub mod occlusion;
 pub mod pipeline;
 pub mod pvs;
+pub mod random;
 mod region_culler;
 pub mod scene;
 mod serial;

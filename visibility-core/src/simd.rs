@@ -264,12 +264,9 @@ mod tests {
     #[test]
     #[allow(unsafe_code)]
     fn all_ways_to_gather_signs_agree() {
-        let mut seed = 1u64;
+        let mut random = visibility_testing::Random(1);
         for _ in 0..1000 {
-            let values: [f32; 64] = core::array::from_fn(|_| {
-                seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                f32::from_bits((seed >> 32) as u32)
-            });
+            let values: [f32; 64] = core::array::from_fn(|_| random.bits32());
             let expected = (0..64).fold(0, |mask, lane| mask | u64::from(values[lane] < 0.0) << lane);
             let parts = values.as_chunks::<16>().0.iter().enumerate();
             assert_eq!(parts.fold(0, |mask, (i, part)| mask | signs_portable(part) << (16 * i)), expected);

@@ -44,7 +44,7 @@ use leaf_walk::{LeafWalk, lanes_on_layers};
 /// # let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0)?;
 /// let mut scene = Scene::new();
 /// let id = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 1.0, 1.0]));
-/// let mut visible = VisibleSet::with_changes(); // also tells what appeared and vanished
+/// let mut visible = VisibleSet::new().with_changes(); // also tells what appeared and vanished
 /// let mut pipeline = Pipeline::new().with(FrustumCuller::new());
 /// pipeline.cull(&scene, &view, &mut visible);
 /// assert!(visible.contains(&scene, id));
@@ -127,11 +127,11 @@ impl VisibleSet {
         }
     }
 
-    /// Creates a set like [`new`](Self::new) that also records which objects became
-    /// [visible](Self::newly_visible) and [hidden](Self::newly_hidden) since the frame before. This costs a
-    /// few nanoseconds per visible object and frame.
-    pub fn with_changes() -> Self {
-        Self { changes: Some(Changes::NONE), ..Self::new() }
+    /// Also records which objects became [visible](Self::newly_visible) and [hidden](Self::newly_hidden)
+    /// since the frame before. This costs a few nanoseconds per visible object and frame.
+    #[must_use]
+    pub fn with_changes(self) -> Self {
+        Self { changes: Some(Changes::NONE), ..self }
     }
 
     /// Replaces the content of the set with every object on the view's layers and drops the order. Takes
@@ -179,7 +179,7 @@ impl VisibleSet {
     /// // A pipeline and a set an eye, kept from frame to frame, and a set for both.
     /// let mut pipelines = [(); 2].map(|_| Pipeline::new().with(FrustumCuller::new()));
     /// let mut sets = [(); 2].map(|_| VisibleSet::new());
-    /// let mut both = VisibleSet::with_changes();
+    /// let mut both = VisibleSet::new().with_changes();
     /// // Each frame:
     /// both.clear(&scene);
     /// for ((pipeline, eye), set) in pipelines.iter_mut().zip(&eyes).zip(&mut sets) {

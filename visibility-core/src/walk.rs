@@ -99,6 +99,7 @@ pub trait BoxHierarchy {
 }
 
 mod sealed {
+    #[derive(Debug)]
     pub struct OfScene;
 }
 
@@ -165,11 +166,13 @@ pub fn unculled_blocks(scene: &Scene) -> impl Iterator<Item = Block<'_>> {
 }
 
 /// A block of at most 64 sibling boxes of a hierarchy, one per lane.
+#[derive(Debug)]
 pub struct Block<'a> {
     boxes: &'a Boxes64,
     children: Children<'a>,
 }
 
+#[derive(Debug)]
 enum Children<'a> {
     /// A node of the scene's own hierarchy: its tree, its index there, and whether it is a leaf, whose lanes
     /// are objects (`leaf` true), or an inner node, whose lanes are nodes (false). Data other than boxes is
@@ -277,6 +280,7 @@ fn first_lanes(count: usize) -> u64 {
 /// above(&mut walk, None);
 /// assert_eq!(walk.finish().visible, 60);
 /// ```
+#[derive(Debug)]
 pub struct Walk<'a, H> {
     scene: &'a Scene,
     hierarchy: &'a H,

@@ -70,7 +70,7 @@ fn boxes_matrices_and_origins_of_any_bits_cause_no_panic() {
         }
         let origin = any_vector(&mut rng);
         assert_eq!(scene.set_origin(origin).is_ok(), origin.is_finite());
-        let mut visible = VisibleSet::with_changes();
+        let mut visible = VisibleSet::new().with_changes();
         let mut pipeline = Pipeline::new().with(FrustumCuller::new());
         for _ in 0..10 {
             let depth = rng.pick(&DEPTHS);

@@ -229,7 +229,7 @@ fn a_union_holds_what_either_set_holds() {
             both.union(&scene, other);
             assert_eq!(ids(&scene, &both), expected);
         }
-        let mut both = VisibleSet::with_changes();
+        let mut both = VisibleSet::new().with_changes();
         both.clear(&scene);
         assert_eq!(both.count(&scene), 0);
         both.union(&scene, &a);
@@ -292,7 +292,7 @@ fn eight_cullers_on_threads_find_what_they_find_alone() {
             Pipeline::new().with(FrustumCuller::new()),
             Pipeline::new().with(FrustumCuller::new()).with(FrustumCuller::new()),
         ];
-        let mut visible = VisibleSet::with_changes();
+        let mut visible = VisibleSet::new().with_changes();
         let mut seen = Vec::new();
         for view in &walks[thread] {
             for pipeline in &mut pipelines {

@@ -64,7 +64,7 @@ impl World {
 fn check_frames(teleports: bool, changes: bool, sort: bool, warm: usize) {
     for size in [40, 1000, 20_000] {
         let mut world = World::new(size, size / 50, teleports);
-        let mut visible = if changes { VisibleSet::with_changes() } else { VisibleSet::new() };
+        let mut visible = if changes { VisibleSet::new().with_changes() } else { VisibleSet::new() };
         let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(FrustumCuller::new());
         for _ in 0..warm {
             world.frame(&mut pipeline, &mut visible, sort);
@@ -145,7 +145,7 @@ fn many_views_allocate_nothing_once_warm() {
     let mut world = World::new(20_000, 100, false);
     let clip = Plane::new(DVec3::new(1.0, 1.0, 0.0), 60.0);
     let mut eyes = [(); 2].map(|_| (Pipeline::new().with(FrustumCuller::new()), VisibleSet::new()));
-    let (mut both, mut moved) = (VisibleSet::with_changes(), VisibleSet::new());
+    let (mut both, mut moved) = (VisibleSet::new().with_changes(), VisibleSet::new());
     let mut before = 0;
     for frame in 0..300 {
         if frame == 100 {

@@ -105,7 +105,7 @@ fn occluders_are_made_of_what_is_worth_it() {
     let all = [good, sliver, broken, small];
     assert_eq!(count(&all, Preparation::default()), 2);
     assert_eq!(count(&all, Preparation { sliver: 0.0, ..Preparation::default() }), 3);
-    assert_eq!(count(&all, Preparation { least_area: 0.5, ..Preparation::default() }), 1);
+    assert_eq!(count(&all, Preparation { min_area: 0.5, ..Preparation::default() }), 1);
     assert_eq!(count(&[broken], Preparation::default()), 0);
 
     let mut scene = Scene::new();

@@ -278,7 +278,7 @@ fn a_turning_camera_is_told_what_appears_and_what_vanishes() {
     let mut rng = Random(5);
     let mut scene = Scene::new();
     let mut ids = scene.insert_batch((0..3000).map(|_| random_box(&mut rng)));
-    let mut visible = VisibleSet::with_changes();
+    let mut visible = VisibleSet::new().with_changes();
     let mut pipeline = frustum();
     let mut before: HashSet<ObjectId> = HashSet::new();
     let (mut appeared, mut removed_while_visible, mut reused_while_visible) = (0, 0, 0);
@@ -316,7 +316,7 @@ fn in_another_scene_everything_is_new() {
     let (mut scene, mut pipeline) = (Scene::new(), frustum());
     let ids = scene.insert_batch([at(5.0, 0.0, 0.0), at(6.0, 0.0, 0.0), at(-5.0, 0.0, 0.0)]);
     let (copy, view) = (scene.clone(), looking_at(DVec3::X));
-    let mut visible = VisibleSet::with_changes();
+    let mut visible = VisibleSet::new().with_changes();
     let mut told = |scene: &Scene| {
         pipeline.cull(scene, &view, &mut visible);
         (set_of(visible.newly_visible()), set_of(visible.newly_hidden()))
@@ -465,7 +465,7 @@ fn a_set_of_another_scene_causes_no_panic_and_hides_nothing() {
     };
     let (small, large) = (build(100), build(5000));
     for (first, second) in [(&small, &large), (&large, &small)] {
-        let mut visible = VisibleSet::with_changes();
+        let mut visible = VisibleSet::new().with_changes();
         frustum().cull(first, &looking_at(DVec3::X), &mut visible);
         let second_set = read(second, &visible);
         assert_eq!(second_set.len(), second.len(), "nothing of another scene is hidden");

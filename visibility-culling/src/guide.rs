@@ -25,7 +25,7 @@ pub mod which_culler {}
 pub mod portals {}
 
 #[doc = include_str!("../guide/baking.md")]
-#[cfg(feature = "baked")]
+#[cfg(feature = "bake")]
 pub mod baking {}
 
 #[doc = include_str!("../guide/large_worlds.md")]
@@ -43,7 +43,7 @@ pub mod levels_of_detail {}
 #[doc = picture!("region-london-20m.svg")]
 #[doc = picture!("guide/plpcity-missed-by-rays.png")]
 #[doc = include_str!("../guide/regions.md")]
-#[cfg(all(feature = "2d", feature = "region"))]
+#[cfg(all(feature = "two_d", feature = "region"))]
 pub mod regions {}
 
 #[doc = include_str!("../guide/c_library.md")]

@@ -4,7 +4,7 @@
 //! needs are at the root: the [`Scene`], the [`View`], the [`Pipeline`] of cullers and the [`VisibleSet`]
 //! that the pipeline narrows down. What an engine does around culling is here too: [levels of detail](lod),
 //! [casters], [backface], [clusters], [motion], [queries], [draw lists](draw_list). Each further family of
-//! cullers is a module behind a feature of the same name (`two_d` behind `2d`).
+//! cullers is a module behind a feature of the same name.
 //!
 //! # Which culler for which scene
 //!
@@ -14,11 +14,11 @@
 //! | rooms and corridors | `portals::PortalCuller` | `portals` | conservative | cells and portals, or walls to make them from |
 //! | rooms and corridors, if frame time matters more than the last hidden object | [`PvsCuller`](pvs::PvsCuller) | `portals` bakes its visible sets | conservative | a PVS baked beforehand from cells and portals |
 //! | streets, terrain, any large opaque objects | `hzb::HzbCuller` | `hzb` | conservative | occluder meshes; the scene's own triangles suffice |
-//! | houses and towers on the ground, seen from the street | `two_d::horizon::HorizonCuller` | `2d` | conservative | occluder meshes |
+//! | houses and towers on the ground, seen from the street | `two_d::horizon::HorizonCuller` | `two_d` | conservative | occluder meshes |
 //! | what can be seen from anywhere in a region | `region::ExtendedProjectionCuller` | `region` | conservative | occluder meshes |
 //! | the same, with a line of sight or a proof for each object | `exact::ExactCuller` | `exact` | exact | triangles |
-//! | walls on a floor plan: fog of war, guards | `two_d::cdt::Plan` | `2d` | exact | segments |
-//! | occluders whose outlines overlap, where a map without a resolution is wanted | [`OcclusionCuller`] over `two_d::view_cdt::ViewCdt` | `2d` | conservative | occluder meshes |
+//! | walls on a floor plan: fog of war, guards | `two_d::cdt::Plan` | `two_d` | exact | segments |
+//! | occluders whose outlines overlap, where a map without a resolution is wanted | [`OcclusionCuller`] over `two_d::view_cdt::ViewCdt` | `two_d` | conservative | occluder meshes |
 //! | few, large, flat occluders | `bsp::OcclusionTreeCuller` | `bsp` | conservative | occluder meshes |
 //! | a fixed budget of triangles | `plp::PlpCuller` | `plp` | approximate | triangles, and a tessellation made from them |
 //! | exact visibility, at higher cost | `bsp::NaylorCuller` | `bsp` | exact | triangles |
@@ -55,10 +55,15 @@ pub mod guide;
 pub use visibility_core::*;
 pub use visibility_frame::*;
 
-#[cfg(feature = "2d")]
+/// Bakes in rounds over threads, and, behind the feature `bake`, from a level to a file.
+pub mod bake {
+    #[cfg(feature = "bake")]
+    pub use visibility_bake::*;
+    pub use visibility_core::bake::*;
+}
+
+#[cfg(feature = "two_d")]
 pub use visibility_2d as two_d;
-#[cfg(feature = "baked")]
-pub use visibility_bake as baked;
 #[cfg(feature = "bsp")]
 pub use visibility_bsp as bsp;
 #[cfg(feature = "exact")]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, Scene};
-use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let cell = Viewcell::from_box(DVec3::new(0.0, -0.5, 1.0), DVec3::new(1.0, 0.5, 2.0));
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             add([plate(x, -30.0, slit - width / 2.0), plate(x, slit + width / 2.0, 30.0)].concat())?;
         }
         let triangles = Arc::new(SceneTriangles::new(&scene));
-        let settings = Settings { keep_proofs: true, ..Settings::new(Effort::Exact(1e-4)) };
+        let settings = ExactSettings { keep_proofs: true, ..ExactSettings::new(Effort::Exact(1e-4)) };
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
         let verdict = found.iter(&triangles).find(|(id, _)| *id == picture).map(|(_, verdict)| verdict);
         match verdict {

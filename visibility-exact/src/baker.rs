@@ -2,7 +2,7 @@
 
 use crate::chain_scratch::ChainScratch;
 use crate::culler::query;
-use crate::settings::Settings;
+use crate::settings::ExactSettings;
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, Verdict};
 use alloc::{vec, vec::Vec};
@@ -21,6 +21,7 @@ pub struct BakedCell {
 
 /// Result of a bake.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct ExactOutcome {
     /// By viewcell. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<BakedCell>,
@@ -69,14 +70,14 @@ impl ExactOutcome {
 ///
 /// ```
 /// use visibility_core::{bake::Bake, glam::{DVec3, Vec3}, pvs::{Viewcell, Viewcells}, Aabb, Object, Scene};
-/// use visibility_exact::{Effort, ExactBaker, SceneTriangles, Settings};
+/// use visibility_exact::{Effort, ExactBaker, SceneTriangles, ExactSettings};
 /// let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|v| v + Vec3::Z * 9.0);
 /// let mut scene = Scene::new();
 /// let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
 /// scene.set_triangles(id, [triangle])?;
 /// let triangles = SceneTriangles::new(&scene);
 /// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-/// let baker = ExactBaker::new(&triangles, &cells, Settings::new(Effort::Exact(1e-4)));
+/// let baker = ExactBaker::new(&triangles, &cells, ExactSettings::new(Effort::Exact(1e-4)));
 /// let outcome = Bake::new(baker).run();
 /// assert_eq!((outcome.cells[0].seen.as_slice(), outcome.gap()), (&[0][..], 0.0));
 /// # Ok::<(), visibility_core::scene::SceneError>(())
@@ -85,14 +86,14 @@ impl ExactOutcome {
 pub struct ExactBaker<'a> {
     triangles: &'a SceneTriangles,
     viewcells: &'a Viewcells,
-    settings: Settings,
+    settings: ExactSettings,
     done: Vec<Option<(BakedCell, u64)>>,
 }
 
 impl<'a> ExactBaker<'a> {
     /// Prepares a bake of all objects from all viewcells. Proofs are not kept.
-    pub fn new(triangles: &'a SceneTriangles, viewcells: &'a Viewcells, settings: Settings) -> Self {
-        let settings = Settings { keep_proofs: false, ..settings };
+    pub fn new(triangles: &'a SceneTriangles, viewcells: &'a Viewcells, settings: ExactSettings) -> Self {
+        let settings = ExactSettings { keep_proofs: false, ..settings };
         Self { triangles, viewcells, settings, done: vec![None; viewcells.cells().len()] }
     }
 
@@ -109,6 +110,12 @@ impl<'a> ExactBaker<'a> {
 /// Memory of one thread of a bake.
 #[derive(Default)]
 pub struct BakeScratch(Option<ChainScratch>);
+
+impl core::fmt::Debug for BakeScratch {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("BakeScratch").finish_non_exhaustive()
+    }
+}
 
 impl Baker for ExactBaker<'_> {
     type Scratch = BakeScratch;
@@ -173,7 +180,7 @@ impl Baker for ExactBaker<'_> {
     }
 
     fn fingerprint(&self) -> u64 {
-        let Settings { rays, aimed_rays, proves, share, clearance, .. } = self.settings;
+        let ExactSettings { rays, aimed_rays, proves, share, clearance, .. } = self.settings;
         let vector = |v: visibility_core::glam::DVec3| v.to_array().map(f64::to_bits);
         let cells = self.viewcells.cells().iter().flat_map(|cell| {
             let planes = cell

@@ -9,9 +9,9 @@ use crate::chain_scratch::ChainScratch;
 use crate::half::Half;
 use crate::polygon::Polygon;
 use crate::proof::Proof;
-use crate::rays::Random;
+use crate::rays::{in_triangle, on_cube};
 use crate::search::{Answer, Budget, Search, Segment};
-use crate::settings::Settings;
+use crate::settings::ExactSettings;
 use crate::sight::{CellBox, Target};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
@@ -19,6 +19,7 @@ use alloc::{vec, vec::Vec};
 use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
+use visibility_core::random::Random;
 
 /// Nodes for a group of objects, a single object's box, one triangle, and all triangles of an object.
 ///
@@ -100,21 +101,21 @@ impl Prices {
 ///
 /// ```
 /// use visibility_core::{glam::{DVec3, Vec3}, pvs::Viewcell, Aabb, Object, Scene};
-/// use visibility_exact::{CellQuery, Effort, SceneTriangles, Settings, Verdict};
+/// use visibility_exact::{CellQuery, Effort, SceneTriangles, ExactSettings, Verdict};
 /// let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|v| v + Vec3::Z * 9.0);
 /// let mut scene = Scene::new();
 /// let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
 /// scene.set_triangles(id, [triangle])?;
 /// let triangles = SceneTriangles::new(&scene);
 /// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
-/// let mut query = CellQuery::new(&triangles, &cell, Settings::new(Effort::Exact(1e-4))).unwrap();
+/// let mut query = CellQuery::new(&triangles, &cell, ExactSettings::new(Effort::Exact(1e-4))).unwrap();
 /// query.look(&|_| true);
 /// assert!(query.verdicts().all(|(_, verdict)| matches!(verdict, Verdict::Seen(_))));
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 pub struct CellQuery<'a> {
     search: Search<'a>,
-    settings: Settings,
+    settings: ExactSettings,
     random: Random,
     verdicts: Vec<Verdict>,
     proofs: Vec<ProvenHidden>,
@@ -123,10 +124,16 @@ pub struct CellQuery<'a> {
     prices: Prices,
 }
 
+impl core::fmt::Debug for CellQuery<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("CellQuery").field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
 impl<'a> CellQuery<'a> {
     /// Prepares a query. All objects are open. `None` for a viewcell that is empty, not finite, or beyond
     /// 1e30 metres from the scene's origin.
-    pub fn new(triangles: &'a SceneTriangles, cell: &Viewcell, settings: Settings) -> Option<Self> {
+    pub fn new(triangles: &'a SceneTriangles, cell: &Viewcell, settings: ExactSettings) -> Option<Self> {
         Some(Self::with_scratch(triangles, CellBox::new(cell, triangles.origin)?, settings, None))
     }
 
@@ -134,7 +141,7 @@ impl<'a> CellQuery<'a> {
     pub(crate) fn with_scratch(
         triangles: &'a SceneTriangles,
         cell: CellBox,
-        settings: Settings,
+        settings: ExactSettings,
         scratch: Option<ChainScratch>,
     ) -> Self {
         // A clearance within the error of positions would not part touching surfaces. What is hidden without
@@ -301,7 +308,7 @@ impl<'a> CellQuery<'a> {
                     self.rays += 1;
                     let part = self.random.unit();
                     let wider = 1.05 + 2.0 * part * part;
-                    let to = center + half * wider * self.random.on_cube();
+                    let to = center + half * wider * on_cube(&mut self.random);
                     let from = self.search.cell.exit(p, to);
                     found.extend(self.see_first(from, to - from).map(|object| (from, object)));
                 }
@@ -345,7 +352,7 @@ impl<'a> CellQuery<'a> {
                 }
                 self.rays += 1;
                 let t = first + self.random.below(count) as u32;
-                let to = self.random.in_triangle(&self.search.triangles.corners(t));
+                let to = in_triangle(&mut self.random, &self.search.triangles.corners(t));
                 let from = self.search.cell.towards(to, &mut self.random);
                 self.see(from, to, t);
             }
@@ -368,7 +375,7 @@ impl<'a> CellQuery<'a> {
             for _ in 0..self.settings.aimed_rays {
                 self.rays += 1;
                 let t = first + self.random.below(count as usize) as u32;
-                let to = self.random.in_triangle(&self.search.triangles.corners(t));
+                let to = in_triangle(&mut self.random, &self.search.triangles.corners(t));
                 let from = self.search.cell.towards(to, &mut self.random);
                 let unsure = self.search.triangles.tree.crossed(from, to, t, 1, &mut hits);
                 let is_shown = self.search.triangles.shows(t, from);

@@ -23,6 +23,7 @@ use core::fmt;
 
 /// Why a [`Proof`] does not hold.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum ProofError {
     /// The proof has too few or too many nodes, numbers that are out of range, or a target that is seen from
     /// less than the clearance over its plane.

@@ -2,7 +2,7 @@
 
 use crate::cell_query::CellQuery;
 use crate::chain_scratch::ChainScratch;
-use crate::settings::Settings;
+use crate::settings::ExactSettings;
 use crate::sight::CellBox;
 use crate::triangles::{SceneTriangles, TargetObject};
 use crate::verdict::{CellVerdicts, Verdict};
@@ -22,7 +22,7 @@ use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 /// ```
 /// use std::sync::Arc;
 /// use visibility_core::{glam::{DVec3, Vec3}, pvs::Viewcell, Aabb, Object, Scene};
-/// use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings};
+/// use visibility_exact::{Effort, ExactCuller, SceneTriangles, ExactSettings};
 /// // A wall, and a plate behind it.
 /// let square = |x: f32, r: f32| {
 ///     let [a, b, c, d] = [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(y, z)| Vec3::new(x, y, z));
@@ -35,17 +35,23 @@ use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 ///     scene.set_triangles(id, triangles)?;
 /// }
 /// let triangles = Arc::new(SceneTriangles::new(&scene));
-/// let mut culler = ExactCuller::new(triangles, Settings::new(Effort::Exact(1e-4)));
+/// let mut culler = ExactCuller::new(triangles, ExactSettings::new(Effort::Exact(1e-4)));
 /// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
 /// assert_eq!(culler.verdicts(&cell).counts(), [1, 1, 0]);
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 pub struct ExactCuller {
     triangles: Arc<SceneTriangles>,
-    settings: Settings,
+    settings: ExactSettings,
     scratch: Option<ChainScratch>,
     last: Option<CellVerdicts>,
     stop: Option<Stop>,
+}
+
+impl core::fmt::Debug for ExactCuller {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("ExactCuller").field("settings", &self.settings).finish_non_exhaustive()
+    }
 }
 
 /// A function that ends a search by returning true.
@@ -53,7 +59,7 @@ type Stop = Box<dyn Fn() -> bool + Send + Sync>;
 
 impl ExactCuller {
     /// Makes a culler for the triangles of a scene.
-    pub fn new(triangles: Arc<SceneTriangles>, settings: Settings) -> Self {
+    pub fn new(triangles: Arc<SceneTriangles>, settings: ExactSettings) -> Self {
         Self { triangles, settings, scratch: None, last: None, stop: None }
     }
 
@@ -65,7 +71,7 @@ impl ExactCuller {
     }
 
     /// Returns the settings.
-    pub fn settings(&self) -> &Settings {
+    pub fn settings(&self) -> &ExactSettings {
         &self.settings
     }
 
@@ -101,7 +107,7 @@ impl ExactCuller {
 /// Prepares a query in the memory of the one before. `None` if the viewcell cannot be used.
 pub(crate) fn query<'a>(
     triangles: &'a SceneTriangles,
-    settings: &Settings,
+    settings: &ExactSettings,
     cell: &Viewcell,
     scratch: &mut Option<ChainScratch>,
 ) -> Option<CellQuery<'a>> {
@@ -117,7 +123,7 @@ impl CellVerdicts {
     }
 
     /// Returns whether an object stays.
-    pub(crate) fn keeps(&self, place: usize, object: &TargetObject, settings: &Settings) -> bool {
+    pub(crate) fn keeps(&self, place: usize, object: &TargetObject, settings: &ExactSettings) -> bool {
         match self.verdicts[place] {
             Verdict::Seen(_) => true,
             Verdict::Hidden | Verdict::Hardly(_) => false,
@@ -131,7 +137,7 @@ impl CellVerdicts {
 
 impl RegionCuller for ExactCuller {
     fn accuracy(&self) -> Accuracy {
-        let Settings { proves, share, clearance, .. } = self.settings;
+        let ExactSettings { proves, share, clearance, .. } = self.settings;
         match (proves, share > 0.0, clearance > 0.0 && clearance.is_finite()) {
             (_, true, _) => Accuracy::Approximate,
             (false, false, _) => Accuracy::Aggressive,

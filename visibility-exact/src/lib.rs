@@ -14,6 +14,7 @@
 //! search for an unblocked line ends as soon as it has found one, and divides the lines only where no proof
 //! for all of them is found.
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
@@ -48,7 +49,7 @@ pub use cell_query::CellQuery;
 pub use check::ProofError;
 pub use culler::ExactCuller;
 pub use proof::Proof;
-pub use settings::{Effort, Settings};
+pub use settings::{Effort, ExactSettings};
 pub use triangles::SceneTriangles;
 pub use verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 

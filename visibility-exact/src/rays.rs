@@ -5,59 +5,32 @@
 
 use crate::sight::CellBox;
 use visibility_core::glam::DVec3;
+use visibility_core::random::Random;
 
-/// Pseudorandom numbers: SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators",
-/// 2014).
-#[derive(Clone, Debug)]
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    /// Returns a number from 0 to 1, exclusive.
-    pub(crate) fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Returns an index below `limit`, which must not be 0.
-    pub(crate) fn below(&mut self, limit: usize) -> usize {
-        (self.bits() % limit as u64) as usize
-    }
-
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.unit(), self.unit(), self.unit())
-    }
-
-    /// Returns a unit vector of uniform direction.
-    pub(crate) fn direction(&mut self) -> DVec3 {
-        loop {
-            let v = self.vector() * 2.0 - 1.0;
-            let square = v.length_squared();
-            if square > 0.01 && square <= 1.0 {
-                return v.normalize();
-            }
+/// Returns a unit vector of uniform direction.
+fn direction(random: &mut Random) -> DVec3 {
+    loop {
+        let v = random.point() * 2.0 - 1.0;
+        let square = v.length_squared();
+        if square > 0.01 && square <= 1.0 {
+            return v.normalize();
         }
     }
+}
 
-    /// Returns a point on the cube from -1 to 1.
-    pub(crate) fn on_cube(&mut self) -> DVec3 {
-        let mut x = self.vector() * 2.0 - 1.0;
-        let side = self.below(6);
-        x[side / 2] = if side % 2 == 1 { 1.0 } else { -1.0 };
-        x
-    }
+/// Returns a point on the cube from -1 to 1.
+pub(crate) fn on_cube(random: &mut Random) -> DVec3 {
+    let mut x = random.point() * 2.0 - 1.0;
+    let side = random.below(6);
+    x[side / 2] = if side % 2 == 1 { 1.0 } else { -1.0 };
+    x
+}
 
-    /// Returns a point of a triangle, uniform by area.
-    pub(crate) fn in_triangle(&mut self, t: &[DVec3; 3]) -> DVec3 {
-        let (a, b) = (self.unit(), self.unit());
-        let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
-        t[0] + (t[1] - t[0]) * a + (t[2] - t[0]) * b
-    }
+/// Returns a point of a triangle, uniform by area.
+pub(crate) fn in_triangle(random: &mut Random, t: &[DVec3; 3]) -> DVec3 {
+    let (a, b) = (random.unit(), random.unit());
+    let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
+    t[0] + (t[1] - t[0]) * a + (t[2] - t[0]) * b
 }
 
 impl CellBox {
@@ -75,9 +48,9 @@ impl CellBox {
             left -= areas[k];
         }
         let is_upper = random.bits() & 1 == 1;
-        let mut p = (self.min + size * random.vector()).clamp(self.min, self.max);
+        let mut p = (self.min + size * random.point()).clamp(self.min, self.max);
         p[axis] = if is_upper { self.max[axis] } else { self.min[axis] };
-        let mut d = random.direction();
+        let mut d = direction(random);
         if (d[axis] > 0.0) != is_upper {
             d = -d;
         }
@@ -86,7 +59,7 @@ impl CellBox {
 
     /// Returns where a segment from a random point of the box to a point q leaves the box.
     pub(crate) fn towards(&self, q: DVec3, random: &mut Random) -> DVec3 {
-        let p = self.min + (self.max - self.min) * random.vector();
+        let p = self.min + (self.max - self.min) * random.point();
         self.exit(p, q)
     }
 

@@ -3,8 +3,8 @@
 /// How much an [`ExactCuller`](crate::ExactCuller) finds out.
 ///
 /// ```
-/// use visibility_exact::{Effort, Settings};
-/// let settings = Settings::new(Effort::Exact(1e-4));
+/// use visibility_exact::{Effort, ExactSettings};
+/// let settings = ExactSettings::new(Effort::Exact(1e-4));
 /// assert_eq!(settings.clearance, 1e-4);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -18,7 +18,7 @@ pub enum Effort {
     /// of segments from faces of the viewcell to faces of the object's box, measured by area, that is not
     /// proven blocked. An object is removed if it is hidden, or if the bound is at most this share, seen by a
     /// ray or not: it is hardly visible. Approximate. The clearance is 1e-4 metres unless the
-    /// [`Settings`] change it. A share that is negative or NaN counts as 0.
+    /// [`ExactSettings`] change it. A share that is negative or NaN counts as 0.
     Share(f64),
     /// Rays, then proofs. What is neither seen nor proven hidden stays. The number is the clearance in
     /// metres: an object is removed if no segment to it keeps a distance of six times the clearance from all
@@ -29,7 +29,7 @@ pub enum Effort {
 
 /// Settings of an [`ExactCuller`](crate::ExactCuller), made from an [`Effort`].
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Settings {
+pub struct ExactSettings {
     /// Number of rays in all directions.
     pub rays: u32,
     /// Most rays aimed at each object that no ray has found.
@@ -45,7 +45,7 @@ pub struct Settings {
     pub keep_proofs: bool,
 }
 
-impl Settings {
+impl ExactSettings {
     /// Returns the settings for an effort. A clearance that is negative, NaN or infinite counts as 0.
     pub fn new(effort: Effort) -> Self {
         let (rays, aimed_rays, proves, clearance, share) = match effort {

@@ -47,9 +47,10 @@ pub struct ProvenHidden {
 /// The objects of a scene from one viewcell: seen, hidden or open. A sandwich of the true answer: the visible
 /// objects are at least those seen, and at most those seen and those open.
 #[derive(Clone, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct CellVerdicts {
     pub(crate) verdicts: Vec<Verdict>,
-    /// Proofs of the hidden objects. Empty unless they are [kept](crate::Settings::keep_proofs).
+    /// Proofs of the hidden objects. Empty unless they are [kept](crate::ExactSettings::keep_proofs).
     pub proofs: Vec<ProvenHidden>,
     /// Number of rays.
     pub rays: u64,

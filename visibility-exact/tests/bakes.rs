@@ -6,7 +6,7 @@ use visibility_core::bake::{Bake, Baker};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::{Viewcell, ViewcellId, Viewcells};
 use visibility_core::{Aabb, Scene};
-use visibility_exact::{BakeScratch, CellQuery, Effort, ExactBaker, SceneTriangles, Settings, Verdict};
+use visibility_exact::{BakeScratch, CellQuery, Effort, ExactBaker, ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::{Random, forge_counts, mend_header};
 
 /// Blocks on a plain, and viewcells between them.
@@ -26,8 +26,8 @@ fn town() -> (SceneTriangles, Viewcells) {
     (SceneTriangles::new(&scene(&objects)), Viewcells::new((0..20).map(cell)))
 }
 
-fn settings() -> Settings {
-    Settings { rays: 300, aimed_rays: 5, ..Settings::new(Effort::Exact(1e-4)) }
+fn settings() -> ExactSettings {
+    ExactSettings { rays: 300, aimed_rays: 5, ..ExactSettings::new(Effort::Exact(1e-4)) }
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn state_of_another_bake_and_damaged_state_are_refused() {
     let mut bake = Bake::new(ExactBaker::new(&triangles, &cells, settings()));
     bake.advance().unwrap();
     let saved = bake.save();
-    let other = Settings { clearance: 2e-4, ..settings() };
+    let other = ExactSettings { clearance: 2e-4, ..settings() };
     assert!(Bake::resume(ExactBaker::new(&triangles, &cells, other), &saved).is_err());
     let fewer = Viewcells::new(cells.cells()[1..].to_vec());
     assert!(Bake::resume(ExactBaker::new(&triangles, &fewer, settings()), &saved).is_err());

@@ -4,7 +4,7 @@
 use crate::common::{Triangle, check, clearance, cuboid, few_rays, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
 /// A wall of four planks at x = 6, around a hole of the given half width through which p sees q.
@@ -27,7 +27,7 @@ fn decide(objects: &[Vec<Triangle>], p: DVec3, q: DVec3) -> bool {
     assert!(clearance(objects, 0, p, q) > 1e-3);
     let triangles = prepared(objects);
     let settings =
-        Settings { rays: 0, aimed_rays: 0, keep_proofs: true, ..Settings::new(Effort::Exact(0.0)) };
+        ExactSettings { rays: 0, aimed_rays: 0, keep_proofs: true, ..ExactSettings::new(Effort::Exact(0.0)) };
     let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell());
     check(objects, &triangles, &found);
     let (_, verdict) = found.iter(&triangles).next().unwrap();
@@ -77,7 +77,8 @@ fn planks_through_the_plane_of_a_target_hide_it() {
         };
         let objects = [vec![t], plank(5.0, [-40.0, 0.2]), plank(6.0, [-0.2, 40.0])];
         let triangles = prepared(&objects);
-        let settings = Settings { keep_proofs: true, ..few_rays(Settings::new(Effort::Exact(1e-4))) };
+        let settings =
+            ExactSettings { keep_proofs: true, ..few_rays(ExactSettings::new(Effort::Exact(1e-4))) };
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell());
         check(&objects, &triangles, &found);
         let (_, verdict) = found.iter(&triangles).next().unwrap();

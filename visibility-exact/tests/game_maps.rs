@@ -5,7 +5,7 @@
 use crate::common::{Triangle, check, few_rays, prepared};
 use visibility_core::glam::{DQuat, DVec3};
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings};
+use visibility_exact::{Effort, ExactCuller, ExactSettings};
 use visibility_testing::Random;
 
 /// Triangles of a map, each coordinate a multiple of `grid` metres before the map is turned; 0 is no grid.
@@ -96,7 +96,7 @@ fn decide(maps: std::ops::Range<u64>, c: f64) -> [usize; 4] {
     for number in maps {
         let (cell, objects) = map(number);
         let triangles = prepared(&objects);
-        let settings = few_rays(Settings::new(Effort::Exact(c)));
+        let settings = few_rays(ExactSettings::new(Effort::Exact(c)));
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
         for (sum, count) in counts.iter_mut().zip(found.counts()) {
             *sum += count;
@@ -147,7 +147,7 @@ fn wall_and_sill() -> (Vec<Vec<[DVec3; 3]>>, [DVec3; 2]) {
 /// and open.
 fn decide_from([a, b]: [DVec3; 2], objects: &[Vec<Triangle>]) -> (usize, [usize; 3]) {
     let triangles = prepared(objects);
-    let settings = few_rays(Settings::new(Effort::Exact(1e-4)));
+    let settings = few_rays(ExactSettings::new(Effort::Exact(1e-4)));
     let found =
         ExactCuller::new(triangles.clone(), settings).verdicts(&Viewcell::from_box(a.min(b), a.max(b)));
     (check(objects, &triangles, &found), found.counts())

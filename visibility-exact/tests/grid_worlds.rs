@@ -5,7 +5,7 @@ use crate::common::grid::{FINE, misses_triangle, on_grid, rounded, triangle_on_g
 use crate::common::{Triangle, check, clearance, cuboid, faces, few_rays, prepared};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -118,7 +118,7 @@ fn decide(kind: Kind, worlds: std::ops::Range<u64>, c: f64, shots: usize) -> [us
     for number in worlds {
         let (cell, objects) = world(kind, number);
         let triangles = prepared(&objects);
-        let mut culler = ExactCuller::new(triangles.clone(), few_rays(Settings::new(Effort::Exact(c))));
+        let mut culler = ExactCuller::new(triangles.clone(), few_rays(ExactSettings::new(Effort::Exact(c))));
         let found = culler.verdicts(&cell);
         counts[4] += check(&objects, &triangles, &found);
         let (_, verdict) = found.iter(&triangles).next().unwrap();

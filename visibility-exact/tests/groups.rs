@@ -3,7 +3,7 @@
 use crate::common::{cuboid, prepared};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings};
+use visibility_exact::{Effort, ExactCuller, ExactSettings};
 
 /// A fence of overlapping slats, one behind the other, that only hide together, and rows of boxes behind it.
 /// With sixteen times the boxes the search takes a few times as many nodes.
@@ -19,7 +19,7 @@ fn many_objects_behind_one_fence_cost_little_more_than_few() {
             cuboid(min, min + 1.0)
         });
         let triangles = prepared(&slats.chain(boxes).collect::<Vec<_>>());
-        let mut culler = ExactCuller::new(triangles, Settings::new(Effort::Exact(1e-4)));
+        let mut culler = ExactCuller::new(triangles, ExactSettings::new(Effort::Exact(1e-4)));
         let found = culler.verdicts(&Viewcell::from_box(DVec3::splat(-1.5), DVec3::splat(1.5)));
         let [_, hidden, open] = found.counts();
         assert!(hidden >= 8 * rows as usize && open == 0, "{:?}", found.counts());

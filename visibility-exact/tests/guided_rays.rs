@@ -3,7 +3,7 @@
 use crate::common::{cuboid, prepared};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings};
+use visibility_exact::{Effort, ExactCuller, ExactSettings};
 
 /// A far cluster of 400 boxes in a two thousandth of the sphere of directions: of twenty thousand rays in all
 /// directions a few meet a box, and those past what they find see most others.
@@ -14,7 +14,7 @@ fn few_rays_find_most_of_a_far_cluster() {
         cuboid(min, min + 0.25)
     });
     let triangles = prepared(&boxes.collect::<Vec<_>>());
-    let settings = Settings { rays: 20_000, ..Settings::new(Effort::Rays(0)) };
+    let settings = ExactSettings { rays: 20_000, ..ExactSettings::new(Effort::Rays(0)) };
     let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
     let [seen, _, open] = ExactCuller::new(triangles, settings).verdicts(&cell).counts();
     assert!(seen > 200 && seen + open == 400, "{seen}");

@@ -8,7 +8,7 @@ use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_core::{Aabb, Accuracy, Object, Pose, RegionCuller, Scene, View, VisibleSet, geometry::Plane};
-use visibility_exact::{Effort, ExactBaker, ExactCuller, SceneTriangles, Settings, Verdict};
+use visibility_exact::{Effort, ExactBaker, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::Random;
 
 fn all(scene: &Scene) -> VisibleSet {
@@ -60,7 +60,7 @@ fn bits_of_any_kind_are_decided_or_open() {
             2 => Effort::Exact(1e-4),
             _ => Effort::Exact(f64::from_bits(random.bits())),
         };
-        let mut culler = ExactCuller::new(triangles.clone(), few_rays(Settings::new(effort)));
+        let mut culler = ExactCuller::new(triangles.clone(), few_rays(ExactSettings::new(effort)));
         for proof in culler.verdicts(&cell).proofs.iter().flat_map(|hidden| &hidden.proofs) {
             proof.check(&triangles).unwrap();
         }
@@ -72,21 +72,22 @@ fn bits_of_any_kind_are_decided_or_open() {
 fn settings_at_their_limits_decide_nothing_wrong() {
     let triangles = prepared(&wall_and_plate());
     for c in [f64::NAN, -1.0, f64::INFINITY, 0.0, 1e-300, 1e-7, 1e-2] {
-        let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(c)) };
+        let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(c)) };
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&unit_cell());
         assert_eq!(found.counts(), [1, 1, 0], "{c}");
     }
     // A clearance as wide as the world says nothing, but does not fail.
     for c in [3.0, 1e10, 1e300] {
-        let settings = few_rays(Settings::new(Effort::Exact(c)));
+        let settings = few_rays(ExactSettings::new(Effort::Exact(c)));
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&unit_cell());
         assert_eq!(found.counts().iter().sum::<usize>(), 2);
     }
-    let rays = Settings::new(Effort::Rays(0));
+    let rays = ExactSettings::new(Effort::Rays(0));
     assert_eq!(ExactCuller::new(triangles, rays).verdicts(&unit_cell()).counts(), [0, 0, 2]);
 }
 
-/// The fields of the settings are public: their values need not be those that [`Settings::new`] lets through.
+/// The fields of the settings are public: their values need not be those that [`ExactSettings::new`] lets
+/// through.
 #[test]
 fn a_clearance_that_is_no_number_counts_as_none() {
     let plate = |y: f64| {
@@ -95,7 +96,8 @@ fn a_clearance_that_is_no_number_counts_as_none() {
     };
     let triangles = prepared(&[plate(-2.0), plate(2.0)]);
     for clearance in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0] {
-        let settings = Settings { clearance, rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(1e-4)) };
+        let settings =
+            ExactSettings { clearance, rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(1e-4)) };
         let mut culler = ExactCuller::new(triangles.clone(), settings);
         assert_eq!(culler.verdicts(&unit_cell()).counts()[1], 0, "{clearance}");
         assert_eq!(culler.accuracy(), Accuracy::Conservative, "{clearance}");
@@ -106,7 +108,7 @@ fn a_clearance_that_is_no_number_counts_as_none() {
 #[test]
 fn a_target_nearer_than_the_clearance_is_not_hidden() {
     let t = [[1.005, 0.2, 0.2], [1.005, 0.8, 0.2], [1.005, 0.2, 0.8]].map(Vec3::from);
-    let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(0.01)) };
+    let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(0.01)) };
     // A triangle, and cubes of which nothing but the face at the viewcell can be seen. The advanced face of
     // the second is as large as the viewcell's and behind it, so that no segment between the two is left.
     let cube = |r: f64| cuboid(DVec3::new(1.005, 0.5 - r, 0.5 - r), DVec3::new(1.5, 0.5 + r, 0.5 + r));
@@ -122,7 +124,7 @@ fn a_target_nearer_than_the_clearance_is_not_hidden() {
 fn a_table_top_at_the_height_of_a_low_viewcell_is_not_hidden() {
     let at = |x: f64, y: f64| DVec3::new(x, y, 0.995);
     let table = quad(at(3.0, -1.0), at(4.0, -1.0), at(4.0, 1.0), at(3.0, 1.0));
-    let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(0.01)) };
+    let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(0.01)) };
     let cell = Viewcell::from_box(DVec3::new(0.0, 0.0, 0.992), DVec3::ONE);
     let found = ExactCuller::new(prepared(&[table]), settings).verdicts(&cell);
     assert_eq!(found.counts()[1], 0);
@@ -135,7 +137,7 @@ fn an_object_on_no_layer_does_not_occlude() {
     for effort in [Effort::Exact(0.0), Effort::Exact(1e-4)] {
         let triangles = Arc::new(SceneTriangles::new(&scene));
         assert_eq!(triangles.occluder_count(), 2);
-        let found = ExactCuller::new(triangles, few_rays(Settings::new(effort))).verdicts(&unit_cell());
+        let found = ExactCuller::new(triangles, few_rays(ExactSettings::new(effort))).verdicts(&unit_cell());
         assert_eq!(found.counts()[1], 0);
     }
 }
@@ -159,7 +161,8 @@ fn huge_bounds_are_not_proven_hidden_with_the_margins_of_small_triangles() {
         let ocean = scene.insert(Aabb::from_arrays([-far, -far, -3.0], [far * 0.7, far * 0.7, -2.0]));
         for c in [0.0, 1e-4] {
             let triangles = Arc::new(SceneTriangles::new(&scene));
-            let mut culler = ExactCuller::new(triangles.clone(), few_rays(Settings::new(Effort::Exact(c))));
+            let mut culler =
+                ExactCuller::new(triangles.clone(), few_rays(ExactSettings::new(Effort::Exact(c))));
             let cell = Viewcell::from_box(DVec3::new(-1.0, -1.0, 0.02), DVec3::ONE);
             let found = culler.verdicts(&cell);
             let verdict = found.iter(&triangles).find(|(id, _)| *id == ocean).unwrap().1;
@@ -172,7 +175,7 @@ fn huge_bounds_are_not_proven_hidden_with_the_margins_of_small_triangles() {
 #[test]
 fn viewcells_without_a_box_decide_nothing() {
     let triangles = prepared(&wall_and_plate());
-    let mut culler = ExactCuller::new(triangles, few_rays(Settings::new(Effort::Exact(1e-4))));
+    let mut culler = ExactCuller::new(triangles, few_rays(ExactSettings::new(Effort::Exact(1e-4))));
     let nan = DVec3::splat(f64::NAN);
     for (min, max) in [
         (nan, nan),
@@ -186,12 +189,12 @@ fn viewcells_without_a_box_decide_nothing() {
         let triangles = Arc::new(SceneTriangles::new(&scene));
         for effort in [Effort::Rays(100), Effort::Exact(1e-4), Effort::Share(0.5)] {
             let mut visible = all(&scene);
-            ExactCuller::new(triangles.clone(), Settings::new(effort)).cull(&scene, &cell, &mut visible);
+            ExactCuller::new(triangles.clone(), ExactSettings::new(effort)).cull(&scene, &cell, &mut visible);
             visible.finish(&scene);
             assert_eq!(visible.count(&scene), 2, "{effort:?}");
         }
         let cells = Viewcells::new([cell]);
-        let baker = ExactBaker::new(&triangles, &cells, Settings::new(Effort::Rays(100)));
+        let baker = ExactBaker::new(&triangles, &cells, ExactSettings::new(Effort::Rays(100)));
         assert_eq!(Bake::new(baker).run().cells[0].open, [0, 1]);
     }
     // A single point and a flat cell are viewcells like others.
@@ -217,7 +220,7 @@ fn what_is_not_known_stays() {
         (Effort::Rays(100), Accuracy::Aggressive),
     ] {
         let triangles = Arc::new(SceneTriangles::new(&scene));
-        let mut culler = ExactCuller::new(triangles, Settings::new(effort));
+        let mut culler = ExactCuller::new(triangles, ExactSettings::new(effort));
         assert_eq!(culler.accuracy(), accuracy);
         let mut visible = all(&scene);
         culler.cull(&scene, &unit_cell(), &mut visible);
@@ -240,7 +243,7 @@ fn glass_does_not_occlude() {
     let mut scene = scene(&objects);
     scene.set_occluder(scene.id_at(0).unwrap(), false).unwrap();
     let triangles = Arc::new(SceneTriangles::new(&scene));
-    let mut culler = ExactCuller::new(triangles.clone(), Settings::new(Effort::Exact(1e-4)));
+    let mut culler = ExactCuller::new(triangles.clone(), ExactSettings::new(Effort::Exact(1e-4)));
     assert_eq!(culler.verdicts(&unit_cell()).counts()[1], 0);
     assert_eq!(triangles.occluder_count(), 2);
 }
@@ -250,7 +253,7 @@ fn an_object_in_the_viewcell_is_seen() {
     let inside = DVec3::splat(0.4);
     let objects = vec![cuboid(inside, inside + 0.1), cuboid(-DVec3::ONE * 3.0, DVec3::ONE * 3.0)];
     let triangles = prepared(&objects);
-    let mut culler = ExactCuller::new(triangles.clone(), Settings::new(Effort::Exact(1e-4)));
+    let mut culler = ExactCuller::new(triangles.clone(), ExactSettings::new(Effort::Exact(1e-4)));
     let found = culler.verdicts(&unit_cell());
     assert!(found.iter(&triangles).all(|(_, verdict)| matches!(verdict, Verdict::Seen(_))));
     // A triangle through the cell that has no corner in it.
@@ -261,6 +264,6 @@ fn an_object_in_the_viewcell_is_seen() {
         DVec3::new(0.5, -9.0, 9.0),
     )];
     let triangles = prepared(&across);
-    let mut culler = ExactCuller::new(triangles, Settings::new(Effort::Exact(0.0)));
+    let mut culler = ExactCuller::new(triangles, ExactSettings::new(Effort::Exact(0.0)));
     assert_eq!(culler.verdicts(&unit_cell()).counts(), [1, 0, 0]);
 }

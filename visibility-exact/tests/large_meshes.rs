@@ -3,7 +3,7 @@
 use crate::common::{Triangle, check, clearance, cuboid, prepared, quad};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{CellQuery, Effort, ExactCuller, Settings, Verdict};
+use visibility_exact::{CellQuery, Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
 /// Crumpled sheets of a thousand triangles each behind both wings of a wall, which are one object, and a
@@ -30,8 +30,12 @@ fn world(with_corner_in_gap: bool) -> Vec<Vec<Triangle>> {
 
 fn verdict(objects: &[Vec<Triangle>]) -> (Verdict, u64, usize) {
     let triangles = prepared(objects);
-    let settings =
-        Settings { rays: 0, aimed_rays: 0, keep_proofs: true, ..Settings::new(Effort::Exact(1e-4)) };
+    let settings = ExactSettings {
+        rays: 0,
+        aimed_rays: 0,
+        keep_proofs: true,
+        ..ExactSettings::new(Effort::Exact(1e-4))
+    };
     let mut culler = ExactCuller::new(triangles.clone(), settings);
     let found = culler.verdicts(&Viewcell::from_box(DVec3::splat(-0.2), DVec3::splat(0.2)));
     let proofs = check(objects, &triangles, &found);
@@ -105,7 +109,7 @@ fn a_mesh_seen_through_a_missing_plate_is_not_hidden() {
     });
     let objects: Vec<Vec<Triangle>> = [sheet.collect()].into_iter().chain(plates).collect();
     let triangles = prepared(&objects);
-    let settings = Settings { rays: 0, aimed_rays: 0, ..Settings::new(Effort::Exact(1e-4)) };
+    let settings = ExactSettings { rays: 0, aimed_rays: 0, ..ExactSettings::new(Effort::Exact(1e-4)) };
     let cell = Viewcell::from_box(DVec3::new(-40.0, -0.1, -0.1), DVec3::new(-39.9, 0.1, 0.1));
     let mut query = CellQuery::new(&triangles, &cell, settings).unwrap();
     query.prove_triangles(&|id| id.index() == 0);

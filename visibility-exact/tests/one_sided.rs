@@ -8,7 +8,7 @@ use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, OccluderMesh, Scene};
-use visibility_exact::{CellVerdicts, Effort, ExactCuller, SceneTriangles, Settings, Verdict};
+use visibility_exact::{CellVerdicts, Effort, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::{Random, distance};
 
 /// An object: its triangles, and whether it is one-sided.
@@ -130,7 +130,7 @@ fn prepared(objects: &[Made], all_sides: bool) -> Arc<SceneTriangles> {
 }
 
 fn verdicts(cell: &Viewcell, triangles: &Arc<SceneTriangles>, c: f64) -> CellVerdicts {
-    ExactCuller::new(triangles.clone(), few_rays(Settings::new(Effort::Exact(c)))).verdicts(cell)
+    ExactCuller::new(triangles.clone(), few_rays(ExactSettings::new(Effort::Exact(c)))).verdicts(cell)
 }
 
 fn decide(worlds: std::ops::Range<u64>, c: f64, shots: usize) -> [usize; 5] {

@@ -4,7 +4,7 @@
 use crate::common::{Triangle, check, clearance, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
 /// The cell about the origin, the target (object 0) at x = 30, and walls between.
@@ -48,8 +48,8 @@ fn decide(gap: f64, worlds: std::ops::Range<u64>) -> [[usize; 3]; 2] {
     for (number, closed) in worlds.flat_map(|number| [(number, false), (number, true)]) {
         let (cell, objects, [p, q]) = world(&mut Random(number), gap, closed);
         let triangles = prepared(&objects);
-        let settings = Settings::new(Effort::Exact((gap * 0.05).min(1e-4)));
-        let settings = Settings { rays: 50, aimed_rays: 5, keep_proofs: true, ..settings };
+        let settings = ExactSettings::new(Effort::Exact((gap * 0.05).min(1e-4)));
+        let settings = ExactSettings { rays: 50, aimed_rays: 5, keep_proofs: true, ..settings };
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
         check(&objects, &triangles, &found);
         let verdict = found.iter(&triangles).next().unwrap().1;
@@ -97,8 +97,12 @@ fn surfaces_that_overlap_themselves_are_no_proof() {
         let objects = [vec![target], frame.collect()];
         let triangles = prepared(&objects);
         let cell = Viewcell::from_box(DVec3::new(-0.01, -0.002, -0.002), DVec3::new(0.0, 0.002, 0.002));
-        let settings =
-            Settings { rays: 0, aimed_rays: 0, keep_proofs: true, ..Settings::new(Effort::Exact(c)) };
+        let settings = ExactSettings {
+            rays: 0,
+            aimed_rays: 0,
+            keep_proofs: true,
+            ..ExactSettings::new(Effort::Exact(c))
+        };
         check(&objects, &triangles, &ExactCuller::new(triangles.clone(), settings).verdicts(&cell));
     }
 }

@@ -4,7 +4,7 @@ use crate::common::{prepared, quad};
 use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{CellQuery, Effort, Settings, Verdict};
+use visibility_exact::{CellQuery, Effort, ExactSettings, Verdict};
 
 /// A wall of overlapping plates, one before the other, and three plates behind it: one is seen past the wall,
 /// one is hidden by few plates of the wall, and one by a thousand.
@@ -24,7 +24,7 @@ fn a_quick_look_leaves_open_what_takes_long() {
     let behind = [plate(0.5, 30.0, 1.0), plate(0.5, 0.5, 1.0), plate(0.5, -19.0, 38.0)];
     let triangles = prepared(&behind.into_iter().chain(wall).collect::<Vec<_>>());
     let cell = Viewcell::from_box(DVec3::new(-40.0, -0.1, -0.1), DVec3::new(-39.9, 0.1, 0.1));
-    let mut query = CellQuery::new(&triangles, &cell, Settings::new(Effort::Exact(1e-4))).unwrap();
+    let mut query = CellQuery::new(&triangles, &cell, ExactSettings::new(Effort::Exact(1e-4))).unwrap();
     let is_behind = |id: ObjectId| id.index() < 3;
     let answers = |query: &CellQuery<'_>| -> Vec<Verdict> {
         query.verdicts().map(|(_, verdict)| verdict).take(3).collect()

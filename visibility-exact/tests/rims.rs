@@ -6,7 +6,7 @@ use crate::common::grid::{FINE, misses_box, misses_triangle, on_grid, rounded, t
 use crate::common::{Triangle, check, cuboid, prepared, quad};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
 /// A world with a clear segment from p to q, which is inside object 0, and none far from this one.
@@ -108,8 +108,12 @@ impl World {
     /// Decides object 0 without rays. Panics if the object is proven hidden, or if a proof does not hold.
     fn is_seen(&self, c: f64) -> bool {
         let triangles = prepared(&self.objects);
-        let settings =
-            Settings { rays: 0, aimed_rays: 0, keep_proofs: true, ..Settings::new(Effort::Exact(c)) };
+        let settings = ExactSettings {
+            rays: 0,
+            aimed_rays: 0,
+            keep_proofs: true,
+            ..ExactSettings::new(Effort::Exact(c))
+        };
         let found = ExactCuller::new(triangles.clone(), settings).verdicts(&self.cell);
         check(&self.objects, &triangles, &found);
         let verdict = found.iter(&triangles).next().unwrap().1;
@@ -199,8 +203,12 @@ fn boxes_at_a_distance_within_rounding_are_not_hidden() {
             let objects = vec![cuboid(from, to), shell];
             let cell = Viewcell::from_box(DVec3::ZERO, max);
             let is_seen = from.cmple(max + f64::EPSILON * 1e4).all() && to.cmpge(DVec3::ZERO).all();
-            let settings =
-                Settings { rays: 0, aimed_rays: 0, keep_proofs: true, ..Settings::new(Effort::Exact(0.0)) };
+            let settings = ExactSettings {
+                rays: 0,
+                aimed_rays: 0,
+                keep_proofs: true,
+                ..ExactSettings::new(Effort::Exact(0.0))
+            };
             let triangles = prepared(&objects);
             let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
             check(&objects, &triangles, &found);

@@ -5,7 +5,7 @@ use crate::common;
 use common::{clearance, cuboid, few_rays, prepared, quad};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_exact::{Effort, ExactCuller, Settings, Verdict};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, Verdict};
 use visibility_testing::Random;
 
 /// Returns the share of segments from the face of the cell at x = 0 to the face of the box at x = 10 that are
@@ -28,7 +28,7 @@ fn bounds_are_above_samples_and_near() {
         let triangles = prepared(&objects);
         let truth = sampled(&objects);
         for (share, is_hardly) in [(truth * 1.4 + 0.02, true), (truth * 0.8, false)] {
-            let settings = few_rays(Settings::new(Effort::Share(share)));
+            let settings = few_rays(ExactSettings::new(Effort::Share(share)));
             let found = ExactCuller::new(triangles.clone(), settings).verdicts(&cell);
             let verdict = found.iter(&triangles).next().unwrap().1;
             if let Verdict::Hardly(bound) = verdict {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use visibility_core::{Accuracy, OccluderMesh, RegionCuller, VisibleSet};
-use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
 use visibility_testing::SlotScene;
 
 /// Returns how many targets are seen, how many are behind closed screens, and how many of these are hidden.
@@ -16,7 +16,7 @@ fn search(numbers: std::ops::Range<usize>) -> [usize; 3] {
         let triangles = Arc::new(SceneTriangles::new(&world.scene));
         assert!(triangles.occluder_count() > 0, "{number}");
         // Few rays, so that proofs have to decide.
-        let settings = Settings { rays: 20, aimed_rays: 2, ..Settings::new(Effort::Exact(0.0)) };
+        let settings = ExactSettings { rays: 20, aimed_rays: 2, ..ExactSettings::new(Effort::Exact(0.0)) };
         let mut culler = ExactCuller::new(triangles, settings);
         assert_eq!(culler.accuracy(), Accuracy::Conservative);
         let mut visible = VisibleSet::new();

@@ -42,6 +42,7 @@
 //! `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary functions.
 //! `bytemuck` makes the [draw commands](draw_list) `Pod`.
 #![no_std]
+#![warn(missing_debug_implementations)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;

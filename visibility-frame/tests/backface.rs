@@ -310,14 +310,14 @@ fn every_path_says_the_same_of_a_hundred_thousand_cones() {
             _ => Eye::Point(rng.vector(200.0)),
         };
         let mut expected = vec![0; 40];
-        Cones::with_simd(cones.iter().copied(), Simd::PORTABLE).back_facing(&eye, &mut expected);
+        Cones::new(cones.iter().copied()).with_simd(Simd::PORTABLE).back_facing(&eye, &mut expected);
         let one_by_one = cones.iter().map(|cone| cone.facing(&eye) == Facing::Back);
         for (i, back) in one_by_one.enumerate() {
             assert_eq!(expected[i / 64] >> (i % 64) & 1 == 1, back, "{i}");
         }
         for simd in Simd::available() {
             let mut found = vec![u64::MAX; 40];
-            Cones::with_simd(cones.iter().copied(), simd).back_facing(&eye, &mut found);
+            Cones::new(cones.iter().copied()).with_simd(simd).back_facing(&eye, &mut found);
             assert_eq!(found, expected, "{simd:?}");
         }
         hash = expected.iter().fold(hash, |hash, word| fnv(hash, &word.to_le_bytes()));

@@ -40,7 +40,7 @@ fn a_scene_under_random_changes_hides_backs_only() {
     let mut rng = Random(1);
     let (mut scene, mut culler) = (Scene::new(), BackfaceCuller::new());
     assert_eq!(culler.accuracy(), Accuracy::Conservative);
-    let mut other = BackfaceCuller::with_simd(Simd::PORTABLE);
+    let mut other = BackfaceCuller::new().with_simd(Simd::PORTABLE);
     let mut objects: Vec<(ObjectId, Triangle)> = Vec::new();
     let (mut hidden, mut kept) = (0, 0);
     for frame in 0..200 {

@@ -174,7 +174,7 @@ fn it_equals_brute_force_over_all_objects() {
             let camera = camera(&mut rng, scene.origin());
             let least = rng.pick(&[0.0, 1.0, 2.5, 20.0, 300.0]);
             let mut answers = Simd::available().map(|simd| {
-                let mut culler = ContributionCuller::with_simd(simd, 1080.0, least);
+                let mut culler = ContributionCuller::new(1080.0, least).with_simd(simd);
                 cull(&mut culler, &scene, &camera.view).0
             });
             let seen = answers.next().unwrap();
@@ -282,9 +282,9 @@ fn an_object_exactly_as_large_as_the_limit_stays() {
         let pixels = (a * k) as f64 * f64::from(scale);
         let mut in_flat = ContributionCuller::new(2.0 * k as f64, pixels);
         assert!(cull(&mut in_flat, &scene, &flat).0.contains(&id));
-        in_flat.set_least_pixels(pixels * (1.0 + 1e-6));
+        in_flat.set_min_pixels(pixels * (1.0 + 1e-6));
         assert!(!cull(&mut in_flat, &scene, &flat).0.contains(&id));
-        culler.set_least_pixels(least as f64 * (1.0 + 1e-6));
+        culler.set_min_pixels(least as f64 * (1.0 + 1e-6));
         let seen = cull(&mut culler, &scene, &view).0.contains(&id);
         assert_eq!(seen, a * k > b * least);
     }
@@ -312,7 +312,7 @@ fn a_picture_far_off_the_axis_does_not_lose_an_object() {
         let id = scene.insert(Aabb::from_arrays([0.0, 0.0, away], [length, 0.0, away]));
         let mut culler = ContributionCuller::new(2.0 * k as f64, least as f64);
         assert!(cull(&mut culler, &scene, &view).0.contains(&id), "{k} {least} {part}");
-        culler.set_least_pixels(least as f64 * (1.0 + 1e-5));
+        culler.set_min_pixels(least as f64 * (1.0 + 1e-5));
         assert!(!cull(&mut culler, &scene, &view).0.contains(&id), "{k} {least} {part}");
     }
 }

@@ -69,6 +69,7 @@
 //! - `std` (default) finds out at run time which vector instructions the processor has.
 //! - `libm` stands in for `std` in the few functions that core needs.
 #![no_std]
+#![warn(missing_debug_implementations)]
 // Index loops over lanes compile to vector instructions. Negated comparisons make the treatment of NaN
 // explicit.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]

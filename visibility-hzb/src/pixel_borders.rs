@@ -7,7 +7,7 @@ use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::hom::depth_estimate::{DepthBoundary, DepthEstimate};
 use crate::hom::opacity_pyramid::OpacityPyramid;
-use crate::hom::overlap_test::is_opaque;
+use crate::hom::overlap::is_opaque;
 use crate::hom::tile_range::TileRange;
 use crate::query::box_projection::{ScreenProjection32, project};
 use crate::query::occluder_query::rectangle_may_be_seen;

@@ -47,7 +47,7 @@ fn what_is_small_complex_or_backed_by_a_wall_is_left_out() {
     assert!([clock, pole, cup, curtain, not_flagged].into_iter().all(|id| !flagged(id)));
     assert!([wall, sign, crate_on_the_floor].into_iter().all(flagged));
 
-    let all = OccluderCriteria { least_size: 0.0, most_triangles: usize::MAX, redundancy: 1.1 };
+    let all = OccluderCriteria { min_size: 0.0, max_triangles: usize::MAX, redundancy: 1.1 };
     scene.set_occluder(clock, true).unwrap();
     assert_eq!(OccluderDatabase::new(&scene, &all).occluders().len(), 4);
     scene.remove(clock).unwrap();

@@ -207,7 +207,7 @@ impl<'a> Advisor<'a> {
     /// Returns the *ideal*, a lower bound on a candidate's total time per view in microseconds: the time to
     /// draw the visible objects' visible triangles, with no culling time. A candidate's
     /// [`total_us`](CullerTrial::total_us) divided by it is its *cost over the ideal*.
-    pub fn least_us(&self) -> f64 {
+    pub fn min_us(&self) -> f64 {
         self.draw.of(self.facts.visible_objects, self.facts.visible_triangles)
     }
 
@@ -341,7 +341,7 @@ mod tests {
         ];
         let (best, trial) = advisor.best(&mut candidates, || 0.0).unwrap();
         assert_eq!((best, trial.objects, trial.false_hidden), (4, 1.0, 0));
-        assert!(trial.total_us <= advisor.least_us() + 1e-9);
+        assert!(trial.total_us <= advisor.min_us() + 1e-9);
         assert_eq!(advisor.best(&mut candidates[..2], || 0.0).unwrap().0, 1);
         assert!(advisor.best(&mut candidates[2..4], || 0.0).is_none());
     }

@@ -24,6 +24,7 @@ use alloc::vec::Vec;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct Comparison {
     /// Number of objects that the culler reported.
     pub reported_objects: u32,

@@ -10,6 +10,7 @@ use core::fmt;
 /// assert_eq!(refused, Some(MeasureError::Size { width: 0, height: 360 }));
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum MeasureError {
     /// A side is zero or above [`MAX_SIDE`](crate::MAX_SIDE), or memory for the pixels cannot be allocated.
     Size {

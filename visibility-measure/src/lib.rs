@@ -23,7 +23,7 @@
 //! its kind: 1 is the best. Cullers that test triangles, and sets baked by proofs, may report fewer. The
 //! limit is sampled at the same pixel centres as V, and V is part of it.
 //!
-//! The *ideal* ([`Advisor::least_us`]) draws the visible triangles alone and takes no time to cull. The *cost
+//! The *ideal* ([`Advisor::min_us`]) draws the visible triangles alone and takes no time to cull. The *cost
 //! over the ideal* of a culler is the time to cull and to draw what it reports, divided by the ideal, with
 //! one [`DrawCost`] for both. It tells culling time and objects reported in vain in one figure.
 //!
@@ -83,6 +83,7 @@
 //! # Features
 //! `std` (default) and `libm` are passed on to `visibility-core`, which needs one of them.
 #![no_std]
+#![warn(missing_debug_implementations)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;

@@ -49,7 +49,14 @@ impl fmt::Display for LevelFileError {
     }
 }
 
-impl core::error::Error for LevelFileError {}
+impl core::error::Error for LevelFileError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Format(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<FormatError> for LevelFileError {
     fn from(error: FormatError) -> Self {
@@ -87,8 +94,8 @@ impl LevelOccluders {
         out.u32(self.vertices().len() as u32);
         out.u32s(self.vertices().iter().flat_map(|p| p.to_array()).map(f32::to_bits));
         out.u32(self.polygons().len() as u32);
-        for OccluderPolygon { normal, extent, area, least_cosine, .. } in self.polygons() {
-            let shape = [normal.x, normal.y, normal.z, extent[0], extent[1], *area, *least_cosine];
+        for OccluderPolygon { normal, extent, area, min_cosine, .. } in self.polygons() {
+            let shape = [normal.x, normal.y, normal.z, extent[0], extent[1], *area, *min_cosine];
             out.u64s(shape.map(f64::to_bits));
         }
         let mut numbers = Vec::new();
@@ -205,14 +212,14 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
         let first_polygon = polygons.len() as u32;
         let mut area = 0.0;
         for _ in 0..polygon_count {
-            let [x, y, z, low, high, own_area, least_cosine] =
+            let [x, y, z, low, high, own_area, min_cosine] =
                 shapes.next().ok_or("more polygons than there are normals")?;
             let normal = DVec3::new(x, y, z);
             let flat = low <= high && low.is_finite() && high.is_finite() && own_area.is_finite();
             if !((normal.length_squared() - 1.0).abs() <= NORMAL_ERROR && flat && own_area >= 0.0) {
                 return Err("a polygon has no plane or no area");
             }
-            if !(0.0 < least_cosine && least_cosine <= 1.0 + NORMAL_ERROR) {
+            if !(0.0 < min_cosine && min_cosine <= 1.0 + NORMAL_ERROR) {
                 return Err("a polygon has faces that do not face its front");
             }
             let edge_count = number()?;
@@ -243,7 +250,7 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
                 normal,
                 extent: [low, high],
                 area: own_area,
-                least_cosine,
+                min_cosine,
                 edges: [first, end],
                 two_sided,
             });

@@ -74,7 +74,7 @@ pub struct OccluderPolygon {
     pub area: f64,
     /// Least cosine of the angle between `normal` and the normal of the front of any of the polygon's faces,
     /// above 0.
-    pub least_cosine: f64,
+    pub min_cosine: f64,
     /// Range of the polygon's edges in [`LevelOccluders::edges`], half-open.
     pub edges: [u32; 2],
     /// True if the polygon hides from both sides, false if from its front only.
@@ -289,7 +289,7 @@ impl LevelOccluders {
                 normal: region.normal,
                 extent: [region.extent[0] - rounding, region.extent[1] + rounding],
                 area: region.area,
-                least_cosine: region.least_cosine,
+                min_cosine: region.min_cosine,
                 edges: [first, self.edges.len() as u32],
                 two_sided: region.two_sided,
             });

@@ -7,6 +7,7 @@
 //! out the smallest, and puts the others in clusters. What the polygons hide, the triangles hide: nothing is
 //! moved or closed.
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]

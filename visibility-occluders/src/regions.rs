@@ -22,7 +22,7 @@ pub(crate) struct Region {
     /// Sum of the areas of the faces in square metres.
     pub(crate) area: f64,
     /// Least cosine of the angle between `normal` and the normal of any of the faces, once turned.
-    pub(crate) least_cosine: f64,
+    pub(crate) min_cosine: f64,
     /// True if all faces are two-sided, false if none is.
     pub(crate) two_sided: bool,
 }
@@ -49,11 +49,11 @@ impl Region {
     /// Sets all that follows from the `normal`, the faces and which of them are turned: `members`.
     pub(crate) fn measure(&mut self, faces: &Faces, members: &[Member]) {
         (self.extent, self.area) = ([f64::INFINITY, f64::NEG_INFINITY], 0.0);
-        self.least_cosine = 1.0;
+        self.min_cosine = 1.0;
         for member in members {
             let face = &faces.faces[member.face as usize];
             self.area += face.area;
-            self.least_cosine = self.least_cosine.min(self.normal.dot(member.normal(face)));
+            self.min_cosine = self.min_cosine.min(self.normal.dot(member.normal(face)));
             for &vertex in faces.corners_of(face) {
                 let along = self.normal.dot(faces.at(vertex));
                 self.extent = [self.extent[0].min(along), self.extent[1].max(along)];
@@ -117,7 +117,7 @@ impl Regions {
                 normal: faces.faces[seed as usize].normal,
                 extent: [f64::INFINITY, f64::NEG_INFINITY],
                 area: faces.faces[seed as usize].area,
-                least_cosine: 1.0,
+                min_cosine: 1.0,
                 two_sided: faces.faces[seed as usize].two_sided,
             };
             let plane = region.normal.dot(faces.at(faces.corners_of(&faces.faces[seed as usize])[0]));

@@ -118,7 +118,7 @@ fn is_in_slab(polygon: &OccluderPolygon, triangle: &LevelTriangle) -> bool {
 /// comes from the back of all the polygon's faces, 1, or from their front, -1. 0 for other lines.
 fn side(polygon: &OccluderPolygon, line: &Line) -> i32 {
     let along = Vec3::from_array(line.along.map(|x| x as f32)).as_dvec3().normalize();
-    let sine = (1.0 - polygon.least_cosine * polygon.least_cosine).max(0.0).sqrt();
+    let sine = (1.0 - polygon.min_cosine * polygon.min_cosine).max(0.0).sqrt();
     let facing = along.dot(polygon.normal);
     if facing.abs() > sine + 1e-6 { facing.signum() as i32 } else { 0 }
 }

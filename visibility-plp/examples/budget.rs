@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     // Finer than the default, since a box has only eight corners.
     let fineness = Fineness { vertices: 32, ..Fineness::default() };
-    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, fineness));
+    let cells = Arc::new(OctreeTessellation::from_scene(&scene, fineness));
     println!("{} objects in {} cells", scene.len(), cells.content().cell_count());
 
     // The view along the street after the sixth row of houses.

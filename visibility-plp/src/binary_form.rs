@@ -55,8 +55,8 @@ fn write_array(writer: &mut Writer, words: impl ExactSizeIterator<Item = u32>) {
 fn write_content(writer: &mut Writer, content: &Content) {
     write_array(writer, content.starts.iter().copied());
     write_array(writer, content.cover.iter().map(|cover| u32::from_le_bytes(*cover)));
-    writer.u32(content.held.len() as u32 * 2);
-    writer.u64s(content.held.iter().copied());
+    writer.u32(content.held.words().len() as u32 * 2);
+    writer.u64s(content.held.words().iter().copied());
     writer.u32(content.lists.len() as u32);
     writer.bytes(&content.lists);
 }
@@ -113,7 +113,7 @@ fn read_content(reader: &mut Reader, scene: &Scene, cells: usize) -> Result<Cont
     if cover.len() != cells {
         return Err(reader.content_error("there are more or fewer lists than cells"));
     }
-    Content::from_arrays(scene, starts, cover, lists, held.collect())
+    Content::from_arrays(scene, starts, cover, lists, held.collect::<Vec<u64>>().into())
         .map_err(|problem| reader.content_error(problem))
 }
 

@@ -82,6 +82,7 @@ pub struct ConservativePlpCuller<S, M> {
 /// assert_eq!(visibility_plp::ConservativeStats::default().tests, 0);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct ConservativeStats {
     /// Number of boxes tested against the map: boxes of single cells and boxes around groups of cells.
     pub tests: u64,
@@ -111,12 +112,12 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M
         self
     }
 
-    /// Sets whether objects of one to four triangles are dropped when all their triangles certainly face away
-    /// from the eye, see [`PlpCuller::with_one_sided`](crate::PlpCuller::with_one_sided). False by default.
-    /// Conservative only if the scene is drawn with back-face culling.
+    /// Drops objects of one to four triangles when all their triangles certainly face away from the eye, see
+    /// [`PlpCuller::with_one_sided`](crate::PlpCuller::with_one_sided). Conservative only if the scene is
+    /// drawn with back-face culling.
     #[must_use]
-    pub fn with_one_sided(mut self, one_sided: bool) -> Self {
-        self.settings.one_sided = one_sided;
+    pub fn with_one_sided(mut self) -> Self {
+        self.settings.one_sided = true;
         self
     }
 

@@ -7,6 +7,7 @@ use crate::openness::openness_by_index;
 use crate::surface_class::{MaxLean, SurfaceClass, UNKNOWN_LEAN};
 use alloc::vec::Vec;
 use core::fmt::Debug;
+use visibility_core::bits::Bits;
 use visibility_core::{
     ObjectId, Scene,
     scene::{Changes, SceneCursor},
@@ -56,7 +57,7 @@ pub struct Content {
     pub(crate) index_limit: u32,
     /// One bit for each object index. Set while the object is listed in all cells that it meets; cleared for
     /// objects that changed since the cells were filled.
-    pub(crate) held: Vec<u64>,
+    pub(crate) held: Bits,
     /// Normals of the objects of one triangle, in bins, by which most of those that face away from the eye
     /// are skipped.
     pub(crate) normals: NormalBins,
@@ -66,11 +67,6 @@ pub struct Content {
     cursor: SceneCursor,
     /// Identity of the cells' lists. Changes of `strays` do not change the stamp.
     stamp: Stamp,
-}
-
-/// Tests bit `index` of a bitset. False beyond the last word.
-pub(crate) fn bit(words: &[u64], index: usize) -> bool {
-    words.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
 }
 
 impl Content {
@@ -92,12 +88,12 @@ impl Content {
         let classes = classes_of(scene);
         let mut lists = Vec::new();
         let mut side_count = 0;
-        let mut held = alloc::vec![0u64; scene.index_limit().div_ceil(64)];
+        let mut held = Bits::new(scene.index_limit());
         for cell in 0..cells {
             let list = &mut items[starts[cell] as usize..starts[cell + 1] as usize];
             starts[cell] = lists.len() as u32;
             for &mut object in &mut *list {
-                held[object as usize / 64] |= 1 << (object % 64);
+                held.insert(object as usize);
             }
             side_count += push_list(&mut lists, list, &classes);
             cover[cell][3] = u8::from(!list.is_empty());
@@ -109,13 +105,7 @@ impl Content {
 
     /// Makes content from arrays, which become the fields of the same names. Objects without a bit in `held`
     /// become strays, objects in no cell. The caller sets `max_count` and `side_count`, which are 0 here.
-    fn of_arrays(
-        scene: &Scene,
-        starts: Vec<u32>,
-        cover: Vec<[u8; 4]>,
-        lists: Vec<u8>,
-        held: Vec<u64>,
-    ) -> Self {
+    fn of_arrays(scene: &Scene, starts: Vec<u32>, cover: Vec<[u8; 4]>, lists: Vec<u8>, held: Bits) -> Self {
         Self {
             starts,
             lists,
@@ -124,7 +114,7 @@ impl Content {
             side_count: 0,
             index_limit: scene.index_limit() as u32,
             normals: NormalBins::new(scene),
-            strays: scene.ids().filter(|id| !bit(&held, id.index())).collect(),
+            strays: scene.ids().filter(|id| !held.contains(id.index())).collect(),
             held,
             cursor: SceneCursor::at(scene),
             stamp: Stamp::new(),
@@ -139,14 +129,14 @@ impl Content {
         starts: Vec<u32>,
         cover: Vec<[u8; 4]>,
         lists: Vec<u8>,
-        held: Vec<u64>,
+        held: Bits,
     ) -> Result<Self, &'static str> {
         let mut content = Self::of_arrays(scene, starts, cover, lists, held);
         let cells = content.cover.len();
         if !are_list_starts(&content.starts, cells, content.lists.len()) {
             return Err("the lists of cells do not fit together");
         }
-        if content.held.len() != scene.index_limit().div_ceil(64) {
+        if content.held.words().len() != scene.index_limit().div_ceil(64) {
             return Err("the marks of objects are of another number of objects");
         }
         let (mut objects, mut side_count) = (Vec::new(), 0);
@@ -251,7 +241,7 @@ impl Content {
     /// [`sync`](crate::OctreeTessellation::sync) or build. Ignores the id's generation. False for an index
     /// beyond the [`index_limit`](Self::index_limit).
     pub fn holds(&self, id: ObjectId) -> bool {
-        bit(&self.held, id.index())
+        self.held.contains(id.index())
     }
 
     /// Returns [`Scene::index_limit`] as of the filling of the cells: one more than the largest object index.
@@ -278,9 +268,7 @@ impl Content {
     pub(crate) fn sync(&mut self, scene: &Scene) -> bool {
         let Changes::Objects(changed) = self.changes(scene) else { return false };
         for &id in changed {
-            if let Some(word) = self.held.get_mut(id.index() / 64) {
-                *word &= !(1 << (id.index() % 64));
-            }
+            self.held.remove(id.index());
         }
         self.strays.extend_from_slice(changed);
         self.strays.retain(|&id| scene.contains(id));
@@ -295,10 +283,10 @@ impl Content {
     pub(crate) fn synced(&self, scene: &Scene) -> Self {
         let mut content = self.clone();
         if let Changes::Everything = content.changes(scene) {
-            content.held.fill(0);
+            content.held.clear();
         }
         content.sync(scene);
-        content.held.resize(scene.index_limit().div_ceil(64), 0);
+        content.held.grow(scene.index_limit());
         content
     }
 
@@ -307,7 +295,7 @@ impl Content {
         size_of_val(&self.starts[..])
             + size_of_val(&self.lists[..])
             + size_of_val(&self.cover[..])
-            + size_of_val(&self.held[..])
+            + self.held.memory()
             + self.normals.memory()
             + size_of_val(&self.strays[..])
     }

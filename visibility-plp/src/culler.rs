@@ -69,20 +69,20 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
         self
     }
 
-    /// Sets whether objects of one to four triangles are dropped when all their triangles certainly face away
-    /// from the eye. For scenes that are drawn with back-face culling and triangles that are anticlockwise
-    /// seen from the front. Undecided triangles count as facing the eye. False by default.
+    /// Drops objects of one to four triangles when all their triangles certainly face away from the eye. For
+    /// scenes that are drawn with back-face culling and triangles that are anticlockwise seen from the front.
+    /// Undecided triangles count as facing the eye.
     #[must_use]
-    pub fn with_one_sided(mut self, one_sided: bool) -> Self {
-        self.settings.one_sided = one_sided;
+    pub fn with_one_sided(mut self) -> Self {
+        self.settings.one_sided = true;
         self
     }
 
-    /// Sets whether objects beyond the budget stay in the set. If true, the culler only sorts: the objects
-    /// within the budget come first, the other objects follow. False by default.
+    /// Keeps objects beyond the budget in the set. The culler then only sorts: the objects within the budget
+    /// come first, the other objects follow.
     #[must_use]
-    pub fn with_all_kept(mut self, keep_all: bool) -> Self {
-        self.keep_all = keep_all;
+    pub fn with_all_kept(mut self) -> Self {
+        self.keep_all = true;
         self
     }
 

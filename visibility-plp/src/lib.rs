@@ -48,6 +48,7 @@
 //! Visible Set Estimation", 2000; "Efficient Conservative Visibility Culling Using the Prioritized-Layered
 //! Projection Algorithm", 2001.
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]

@@ -62,7 +62,7 @@ impl Default for Fineness {
 /// let mut scene = Scene::new();
 /// let box_at = |x: f32| Aabb::from_arrays([x, 0.0, 0.0], [x + 0.5, 1.0, 1.0]);
 /// scene.insert_batch((0..100).map(|i| box_at(i as f32)));
-/// let cells = OctreeTessellation::with_fineness(&scene, Fineness { vertices: 16, halvings: 7 });
+/// let cells = OctreeTessellation::from_scene(&scene, Fineness { vertices: 16, halvings: 7 });
 /// assert!(cells.content().cell_count() > 50);
 /// ```
 #[derive(Clone, Debug)]
@@ -166,12 +166,12 @@ impl OctreeTessellation {
     /// Partitions a scene into cubic cells at the default fineness. Objects whose bounds are not finite
     /// become [strays](Content::strays), which count as visible.
     pub fn new(scene: &Scene) -> Self {
-        Self::with_fineness(scene, Fineness::default())
+        Self::from_scene(scene, Fineness::default())
     }
 
     /// Partitions a scene into cubic cells, the leaves of an octree with the given limits. Objects whose
     /// bounds are not finite become [strays](Content::strays), which count as visible.
-    pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
+    pub fn from_scene(scene: &Scene, fineness: Fineness) -> Self {
         let Subdivision { grid, nodes, codes, leaf_positions, .. } = Subdivision::new(scene, fineness);
         let (neighbours, boundary) = find_neighbours(&codes, &leaf_positions);
         let content = assign_objects(scene, &grid, &nodes, leaf_positions.len());
@@ -181,7 +181,7 @@ impl OctreeTessellation {
     /// Partitions a scene anew at the same fineness, replacing all cells. Afterwards only objects whose
     /// bounds are not finite are strays (in no cell).
     pub fn rebuild(&mut self, scene: &Scene) {
-        *self = Self::with_fineness(scene, self.fineness);
+        *self = Self::from_scene(scene, self.fineness);
     }
 
     /// Makes all objects that changed since the last call or build [strays](Content::strays), which count as
@@ -440,8 +440,7 @@ mod tests {
             }
         }
         let ids: Vec<_> = boxes.iter().map(|&bounds| scene.insert(Object::new(bounds))).collect();
-        let tessellation =
-            OctreeTessellation::with_fineness(&scene, Fineness { vertices: 4, halvings: DEPTH });
+        let tessellation = OctreeTessellation::from_scene(&scene, Fineness { vertices: 4, halvings: DEPTH });
         assert_eq!(tessellation.grid, grid);
         let cells = tessellation.content().cell_count() as u32;
         let mut touched = 0;

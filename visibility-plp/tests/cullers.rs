@@ -34,8 +34,8 @@ fn surely_in_view(scene: &Scene, view: &View) -> Vec<ObjectId> {
 #[test]
 fn without_a_budget_everything_in_view_is_reached() {
     let scene = triangles(7, 1200);
-    let octree = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
-    let delaunay = Arc::new(DelaunayTessellation::with_fineness(&scene, FINE));
+    let octree = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
+    let delaunay = Arc::new(DelaunayTessellation::from_scene(&scene, FINE));
     let mut found = 0;
     for view in views() {
         let near = Plane::through(DVec3::new(0.0, 0.0, -5.0), DVec3::new(0.1, 0.2, 1.0));
@@ -65,8 +65,8 @@ fn without_a_budget_everything_in_view_is_reached() {
 #[test]
 fn an_eye_in_the_plane_of_a_face_sees_both_sides_of_it() {
     let scene = triangles(7, 600);
-    let octree = OctreeTessellation::with_fineness(&scene, FINE);
-    let delaunay = DelaunayTessellation::with_fineness(&scene, FINE);
+    let octree = OctreeTessellation::from_scene(&scene, FINE);
+    let delaunay = DelaunayTessellation::from_scene(&scene, FINE);
     let all = Budget::Objects(usize::MAX);
     let mut found = 0;
     for cells in [&octree as &dyn Tessellation, &delaunay] {
@@ -98,7 +98,7 @@ fn an_eye_in_the_plane_of_a_face_sees_both_sides_of_it() {
 #[test]
 fn budgets_are_kept_and_more_is_a_longer_list() {
     let scene = triangles(8, 2000);
-    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let cells = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
     for solidity in [Solidity::Coverage, Solidity::Count] {
         for view in views() {
             let order = |budget| {
@@ -118,7 +118,7 @@ fn budgets_are_kept_and_more_is_a_longer_list() {
 #[test]
 fn backs_and_what_is_out_of_view_cost_nothing() {
     let scene = triangles(9, 2000);
-    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let cells = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
     let (mut backs, mut kept) = (0, 0);
     for view in views() {
         let planes = view.planes(DVec3::ZERO);
@@ -129,7 +129,7 @@ fn backs_and_what_is_out_of_view_cost_nothing() {
                 |p: &visibility_core::view::ViewPlane| p.plane.classify_aabb(&bounds) == Containment::Outside;
             assert!(!planes.as_slice().iter().any(outside), "{id} is out of view");
         }
-        let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(usize::MAX)).with_one_sided(true);
+        let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(usize::MAX)).with_one_sided();
         let fronts: BTreeSet<_> = run(&mut culler, &scene, &view).into_iter().collect();
         for id in all {
             let [a, b, c] = scene.triangles(id).unwrap().get(0).unwrap().map(|p| p.as_dvec3());
@@ -155,13 +155,13 @@ fn what_is_before_a_wall_comes_before_what_is_behind_it() {
         let view = looking_along_x(1.0);
         let kept = if tessellation {
             run(
-                &mut PlpCuller::new(Arc::new(OctreeTessellation::with_fineness(&scene, FINE)), budget),
+                &mut PlpCuller::new(Arc::new(OctreeTessellation::from_scene(&scene, FINE)), budget),
                 &scene,
                 &view,
             )
         } else {
             run(
-                &mut PlpCuller::new(Arc::new(DelaunayTessellation::with_fineness(&scene, FINE)), budget),
+                &mut PlpCuller::new(Arc::new(DelaunayTessellation::from_scene(&scene, FINE)), budget),
                 &scene,
                 &view,
             )
@@ -175,7 +175,7 @@ fn what_is_before_a_wall_comes_before_what_is_behind_it() {
 #[test]
 fn the_conservative_form_stops_at_walls_and_loses_nothing_before_them() {
     let (scene, walls, things) = rooms(12);
-    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let cells = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
     for room in [0, 3, 8] {
         for budget in [0, 100, 1000] {
             let view = looking_along_x(room as f64 * 10.0 + 0.5);
@@ -204,7 +204,7 @@ fn the_conservative_form_stops_at_walls_and_loses_nothing_before_them() {
 fn what_no_cell_holds_is_kept() {
     let (mut scene, walls, things) = rooms(12);
     let nan = scene.insert(Aabb::from_arrays([f32::NAN; 3], [1.0; 3]));
-    let cells = OctreeTessellation::with_fineness(&scene, FINE);
+    let cells = OctreeTessellation::from_scene(&scene, FINE);
     // Moved to a place where no cell lists the object, without a `sync` of the cells.
     scene.set_bounds(things[200], Aabb::from_arrays([30.0, 0.0, 0.0], [31.0, 1.0, 1.0])).unwrap();
     let new = scene.insert(Aabb::from_arrays([55.0, 0.0, 0.0], [56.0, 1.0, 1.0]));
@@ -236,15 +236,15 @@ fn a_nan_triangle_in_finite_bounds_is_not_lost() {
     let mut scene = triangles(10, 400);
     let odd = scene.insert(Aabb::from_arrays([-3.0; 3], [3.0; 3]));
     scene.set_triangles(odd, [[Vec3::NAN, Vec3::ONE, Vec3::X]]).unwrap();
-    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
-    let mut culler = ConservativePlpCuller::new(cells, Budget::Cost(10), Blank).with_one_sided(true);
+    let cells = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
+    let mut culler = ConservativePlpCuller::new(cells, Budget::Cost(10), Blank).with_one_sided();
     assert!(run(&mut culler, &scene, &looking_along_x(-20.0)).contains(&odd));
 }
 
 #[test]
 fn the_same_frames_give_the_same_answers_whatever_was_before() {
     let scene = triangles(11, 1500);
-    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let cells = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
     let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(200));
     let mut hash = 0u64;
     for view in views().into_iter().chain(views()) {
@@ -260,10 +260,10 @@ fn the_same_frames_give_the_same_answers_whatever_was_before() {
 #[test]
 fn an_order_alone_takes_nothing_out() {
     let scene = triangles(12, 500);
-    let cells = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
+    let cells = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
     for view in views() {
         let first = run(&mut PlpCuller::new(cells.clone(), Budget::Objects(30)), &scene, &view);
-        let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(30)).with_all_kept(true);
+        let mut culler = PlpCuller::new(cells.clone(), Budget::Objects(30)).with_all_kept();
         assert!(culler.accuracy().never_hides());
         let all = run(&mut culler, &scene, &view);
         assert_eq!((all.len(), &all[..first.len()]), (500, &first[..]));
@@ -293,12 +293,12 @@ fn what_has_something_close_before_it_comes_last() {
     // Cells that hold many panels of both kinds.
     const COARSE: Fineness = Fineness { vertices: 10_000, halvings: 0 };
     let view = looking_along_x(0.0);
-    let octree = Arc::new(OctreeTessellation::with_fineness(&scene, COARSE));
-    let delaunay = Arc::new(DelaunayTessellation::with_fineness(&scene, COARSE));
+    let octree = Arc::new(OctreeTessellation::from_scene(&scene, COARSE));
+    let delaunay = Arc::new(DelaunayTessellation::from_scene(&scene, COARSE));
     let all = Budget::Objects(usize::MAX);
     let cullers: [Box<dyn Culler>; 2] = [
-        Box::new(PlpCuller::new(octree, all).with_one_sided(true)),
-        Box::new(PlpCuller::new(delaunay, all).with_one_sided(true)),
+        Box::new(PlpCuller::new(octree, all).with_one_sided()),
+        Box::new(PlpCuller::new(delaunay, all).with_one_sided()),
     ];
     for mut culler in cullers {
         let order = run(&mut *culler, &scene, &view);

@@ -13,12 +13,12 @@ use visibility_testing::allocations::ALLOCATIONS;
 fn a_warm_culler_allocates_nothing_at_new_views() {
     const FINE: Fineness = Fineness { vertices: 100, halvings: 6 };
     let scene = triangles(20, 3000);
-    let octree = Arc::new(OctreeTessellation::with_fineness(&scene, FINE));
-    let delaunay = Arc::new(DelaunayTessellation::with_fineness(&scene, FINE));
+    let octree = Arc::new(OctreeTessellation::from_scene(&scene, FINE));
+    let delaunay = Arc::new(DelaunayTessellation::from_scene(&scene, FINE));
     let all = Budget::Objects(usize::MAX);
     let cullers: [Box<dyn Culler>; 7] = [
-        Box::new(PlpCuller::new(octree.clone(), Budget::Objects(500)).with_one_sided(true)),
-        Box::new(PlpCuller::new(octree.clone(), Budget::Cost(500)).with_all_kept(true)),
+        Box::new(PlpCuller::new(octree.clone(), Budget::Objects(500)).with_one_sided()),
+        Box::new(PlpCuller::new(octree.clone(), Budget::Cost(500)).with_all_kept()),
         Box::new(PlpCuller::new(octree.clone(), all)),
         Box::new(PlpCuller::new(delaunay.clone(), Budget::Objects(500))),
         Box::new(PlpCuller::new(delaunay.clone(), all)),

@@ -27,9 +27,9 @@ impl Cells {
     fn new(scene: &Scene, number: usize) -> Self {
         let fineness = FINENESS[number / 2 % 2];
         if number.is_multiple_of(2) {
-            Self::Octree(Arc::new(OctreeTessellation::with_fineness(scene, fineness)))
+            Self::Octree(Arc::new(OctreeTessellation::from_scene(scene, fineness)))
         } else {
-            Self::Delaunay(Arc::new(DelaunayTessellation::with_fineness(scene, fineness)))
+            Self::Delaunay(Arc::new(DelaunayTessellation::from_scene(scene, fineness)))
         }
     }
 
@@ -66,9 +66,9 @@ impl Live {
     fn new(cells: Shared, kind: usize) -> Self {
         let all = Budget::Objects(usize::MAX);
         match kind {
-            0 => Self::Plp(PlpCuller::new(cells, all).with_one_sided(true)),
+            0 => Self::Plp(PlpCuller::new(cells, all).with_one_sided()),
             1 => Self::Plp(PlpCuller::new(cells, Budget::Objects(60)).with_solidity(Solidity::Count)),
-            2 => Self::Plp(PlpCuller::new(cells, Budget::Cost(50)).with_all_kept(true)),
+            2 => Self::Plp(PlpCuller::new(cells, Budget::Cost(50)).with_all_kept()),
             _ => Self::Conservative(ConservativePlpCuller::new(cells, Budget::Objects(20), Blank)),
         }
     }
@@ -191,7 +191,7 @@ fn live_cullers_answer_as_fresh_ones_whatever_is_swapped() {
 fn cells_are_of_one_scene_at_a_time() {
     let mut scene = triangles(5, 300);
     let clone = scene.clone();
-    let mut cells = OctreeTessellation::with_fineness(&scene, FINENESS[0]);
+    let mut cells = OctreeTessellation::from_scene(&scene, FINENESS[0]);
     assert!(cells.sync(&scene) && !cells.sync(&clone) && cells.sync(&scene));
     let stamp = cells.content().stamp();
     let id = scene.ids().next().unwrap();

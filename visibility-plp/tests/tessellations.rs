@@ -96,8 +96,8 @@ fn check(scene: &Scene, cells: &dyn Tessellation) {
 fn cells_hold_what_meets_them() {
     let scenes = [triangles(1, 1500), rooms(12).0];
     for scene in &scenes {
-        check(scene, &OctreeTessellation::with_fineness(scene, FINE));
-        check(scene, &DelaunayTessellation::with_fineness(scene, FINE));
+        check(scene, &OctreeTessellation::from_scene(scene, FINE));
+        check(scene, &DelaunayTessellation::from_scene(scene, FINE));
     }
 }
 
@@ -105,8 +105,8 @@ fn cells_hold_what_meets_them() {
 fn strange_scenes_are_cut_too() {
     let mut scene = Scene::new();
     let cut = |scene: &Scene| {
-        let cells = OctreeTessellation::with_fineness(scene, FINE);
-        let tetrahedra = DelaunayTessellation::with_fineness(scene, FINE);
+        let cells = OctreeTessellation::from_scene(scene, FINE);
+        let tetrahedra = DelaunayTessellation::from_scene(scene, FINE);
         (cells.content().strays().len(), tetrahedra.content().strays().len())
     };
     assert_eq!(cut(&scene), (0, 0));
@@ -157,7 +157,7 @@ fn pairs_of_unknown_cells_or_objects_are_left_out() {
 #[test]
 fn changed_objects_are_strays() {
     let (mut scene, walls, _) = rooms(12);
-    let mut cells = OctreeTessellation::with_fineness(&scene, FINE);
+    let mut cells = OctreeTessellation::from_scene(&scene, FINE);
     scene.set_bounds(walls[3], Aabb::from_arrays([500.0; 3], [501.0; 3])).unwrap();
     scene.remove(walls[5]).unwrap();
     let new = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
@@ -200,12 +200,12 @@ fn stored(scene: &Scene, bytes: &[u8], load: fn(&[u8], &Scene) -> Option<FormatE
 fn stored_cells_come_back_or_are_refused() {
     let scene = triangles(3, 300);
     let (octree, delaunay) =
-        (OctreeTessellation::with_fineness(&scene, FINE), DelaunayTessellation::with_fineness(&scene, FINE));
+        (OctreeTessellation::from_scene(&scene, FINE), DelaunayTessellation::from_scene(&scene, FINE));
     let (bytes, fours) = (octree.to_bytes(&scene), delaunay.to_bytes(&scene));
     let few = triangles(3, 50);
-    let small = OctreeTessellation::with_fineness(&few, FINE).to_bytes(&few);
+    let small = OctreeTessellation::from_scene(&few, FINE).to_bytes(&few);
     stored(&few, &small, |bytes, scene| OctreeTessellation::from_bytes(bytes, scene).err());
-    let small = DelaunayTessellation::with_fineness(&few, FINE).to_bytes(&few);
+    let small = DelaunayTessellation::from_scene(&few, FINE).to_bytes(&few);
     stored(&few, &small, |bytes, scene| DelaunayTessellation::from_bytes(bytes, scene).err());
     assert_eq!(
         OctreeTessellation::from_bytes(&fours, &scene).err(),
@@ -219,7 +219,7 @@ fn stored_cells_come_back_or_are_refused() {
 #[test]
 fn what_has_changed_is_stored_as_strays() {
     let mut scene = triangles(3, 100);
-    let octree = OctreeTessellation::with_fineness(&scene, FINE);
+    let octree = OctreeTessellation::from_scene(&scene, FINE);
     let id = scene.ids().nth(7).unwrap();
     scene.set_bounds(id, Aabb::from_arrays([900.0; 3], [901.0; 3])).unwrap();
     let loaded = OctreeTessellation::from_bytes(&octree.to_bytes(&scene), &scene).unwrap();
@@ -239,7 +239,7 @@ fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> 
             refused += 1;
             continue;
         };
-        let mut culler = PlpCuller::new(&cells, Budget::Objects(1000)).with_one_sided(true);
+        let mut culler = PlpCuller::new(&cells, Budget::Objects(1000)).with_one_sided();
         for view in views().iter().step_by(5) {
             let mut visible = VisibleSet::new();
             visible.fill(scene, view);
@@ -253,9 +253,9 @@ fn forged<T: Tessellation>(scene: &Scene, bytes: &[u8], load: impl Fn(&[u8]) -> 
 #[test]
 fn forged_cells_harm_nobody() {
     let scene = triangles(4, 60);
-    let bytes = OctreeTessellation::with_fineness(&scene, FINE).to_bytes(&scene);
+    let bytes = OctreeTessellation::from_scene(&scene, FINE).to_bytes(&scene);
     forged(&scene, &bytes, |bytes| OctreeTessellation::from_bytes(bytes, &scene));
-    let bytes = DelaunayTessellation::with_fineness(&scene, FINE).to_bytes(&scene);
+    let bytes = DelaunayTessellation::from_scene(&scene, FINE).to_bytes(&scene);
     forged(&scene, &bytes, |bytes| DelaunayTessellation::from_bytes(bytes, &scene));
 }
 
@@ -263,12 +263,12 @@ fn forged_cells_harm_nobody() {
 fn forged_counts_take_no_memory() {
     let scene = triangles(4, 20);
     let coarse = Fineness { vertices: 40, halvings: 3 };
-    let bytes = OctreeTessellation::with_fineness(&scene, coarse).to_bytes(&scene);
+    let bytes = OctreeTessellation::from_scene(&scene, coarse).to_bytes(&scene);
     forge_counts(&bytes, 0, 1 << 20, |mut bytes| {
         mend_header(&mut bytes, 0);
         let _ = OctreeTessellation::from_bytes(&bytes, &scene);
     });
-    let bytes = DelaunayTessellation::with_fineness(&scene, coarse).to_bytes(&scene);
+    let bytes = DelaunayTessellation::from_scene(&scene, coarse).to_bytes(&scene);
     forge_counts(&bytes, 0, 1 << 20, |mut bytes| {
         mend_header(&mut bytes, 0);
         let _ = DelaunayTessellation::from_bytes(&bytes, &scene);

@@ -10,7 +10,7 @@ use visibility_core::{
     Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, cells::PortalId, pvs::Viewcells,
 };
 use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
-use visibility_portals::{CellBaker, PortalCuller, SceneCells, Settings};
+use visibility_portals::{BakerSettings, CellBaker, PortalCuller, SceneCells};
 
 fn main() -> Result<(), Box<dyn Error>> {
     // A house of 8 by 4 m, 3 m high, with a wall across the middle at x = 4 and a door in that wall from y =
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{} cells, {} portals", rooms.graph.cell_count(), rooms.graph.portals().len());
 
     // Before the first frame: bakes which cells can be seen from anywhere in each cell.
-    let mut bake = Bake::new(CellBaker::new(&rooms.graph, Settings::default())?);
+    let mut bake = Bake::new(CellBaker::new(&rooms.graph, BakerSettings::default())?);
     while let Some(progress) = bake.advance() {
         println!("baked {} of {} portals", progress.done, progress.total);
     }

@@ -1,6 +1,6 @@
 //! The antipenumbra test: whether separating planes leave a line through a sequence of convex polygons.
 
-use crate::bake_settings::{BakeError, Settings};
+use crate::bake_settings::{BakeError, BakerSettings};
 use crate::cell_baker::CellBaker;
 use visibility_core::bake::Bake;
 use visibility_core::{
@@ -42,7 +42,7 @@ pub fn antipenumbra(polygons: &[ConvexPolygon], clearance: f64) -> Result<bool, 
         let (cells, portals) = (polygons.len() + 1, polygons.len());
         return Err(BakeError::TooLarge { cells, portals });
     };
-    let settings = Settings { clearance: Some(clearance), ..Settings::default() };
+    let settings = BakerSettings { clearance: Some(clearance), ..BakerSettings::default() };
     let outcome = Bake::new(CellBaker::new(&graph, settings)?).run();
     Ok(outcome.matrix.sees(CellId(0), CellId(polygons.len() as u32)))
 }

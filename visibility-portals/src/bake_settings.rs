@@ -7,7 +7,7 @@ use visibility_core::cells::CellGraph;
 /// Settings of [`CellBaker`](crate::CellBaker) and [`ObjectBaker`](crate::ObjectBaker): the clearance of
 /// lines, the limit of steps, and the tests used.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Settings {
+pub struct BakerSettings {
     /// Distance, in world units, that a line of sight must keep from all portal edges to count. A cell
     /// counts as hidden only if no such line leads to it. Must be positive, finite and at least 2^-33 of
     /// the greatest absolute coordinate of a portal vertex, so that rounding cannot decide. `None`, the
@@ -16,28 +16,38 @@ pub struct Settings {
     /// Maximum number of portal chains inspected for one viewcell, summed over its portals. Where a viewcell
     /// needs more, all its targets not yet proven hidden count as visible. Unlimited by default.
     pub steps_per_cell: u64,
-    /// Whether portal chains that separating planes do not exclude are also tested in Pluecker space (six
-    /// coordinates per line), wherever such a chain would make a cell visible. `true` marks the same cells
-    /// visible or fewer, and takes more time. `false` by default.
+    /// The tests of portal chains. [`ChainTest::Separators`] by default.
+    pub chain_test: ChainTest,
+}
+
+/// The tests of portal chains that would make a cell visible.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub enum ChainTest {
+    /// Separating planes alone.
+    #[default]
+    Separators,
+    /// Chains that separating planes do not exclude are also tested in Pluecker space (six coordinates per
+    /// line). Marks the same cells visible as [`Separators`](Self::Separators) or fewer, and takes more time.
     ///
     /// Each rejection is certain: a certificate shows that no line passes the edges of the chain and keeps
     /// the clearance from them. A chain that is kept need not be passable, for two reasons. The half-spaces
     /// of the linear program may have a common point that is no line, since lines form a quadric in Pluecker
     /// space (see [`stabbing`](crate::stabbing)). And the common part of the half-spaces may be too small
     /// for `f64` to prove empty.
-    pub exact: bool,
+    Pluecker,
 }
 
-impl Default for Settings {
+impl Default for BakerSettings {
     fn default() -> Self {
-        Self { clearance: None, steps_per_cell: u64::MAX, exact: false }
+        Self { clearance: None, steps_per_cell: u64::MAX, chain_test: ChainTest::Separators }
     }
 }
 
-impl Settings {
-    /// Returns the settings as numbers for the bake's fingerprint: `steps_per_cell`, and `exact` as 0 or 1.
+impl BakerSettings {
+    /// Returns the settings as numbers for the bake's fingerprint: `steps_per_cell`, and 1 for the
+    /// test in Pluecker space, or else 0.
     pub(crate) fn numbers(&self) -> [u64; 2] {
-        [self.steps_per_cell, self.exact.into()]
+        [self.steps_per_cell, (self.chain_test == ChainTest::Pluecker).into()]
     }
 }
 
@@ -103,7 +113,7 @@ const MAX_CELLS_OR_PORTALS: usize = 1 << 16;
 /// # Errors
 /// [`BakeError::TooLarge`] if cells or portals exceed [`MAX_CELLS_OR_PORTALS`], [`BakeError::Clearance`] if
 /// the clearance is not finite or less than 65,536 times the rounding bound of the coordinates.
-pub(crate) fn prepare(graph: &CellGraph, settings: &Settings) -> Result<DirectedPortals, BakeError> {
+pub(crate) fn prepare(graph: &CellGraph, settings: &BakerSettings) -> Result<DirectedPortals, BakeError> {
     let (cells, count) = (graph.cell_count(), graph.portals().len());
     if cells > MAX_CELLS_OR_PORTALS || count > MAX_CELLS_OR_PORTALS {
         return Err(BakeError::TooLarge { cells, portals: count });

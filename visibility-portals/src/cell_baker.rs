@@ -4,7 +4,7 @@
 //! proven hidden is removed from the candidates in both directions at once, since every line can be walked
 //! both ways.
 
-use crate::bake_settings::{BakeError, Settings, prepare};
+use crate::bake_settings::{BakeError, BakerSettings, ChainTest, prepare};
 use crate::cell_matrix::{CellMatrix, bits};
 use crate::directed_portals::DirectedPortals;
 use crate::portal_chain::CellFlood;
@@ -16,7 +16,7 @@ use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
 use visibility_core::cells::{CellGraph, CellId};
 
 /// A cell whose row of the matrix contains too many cells, because the bake reached
-/// [`Settings::steps_per_cell`](crate::Settings::steps_per_cell) there.
+/// [`BakerSettings::steps_per_cell`](crate::BakerSettings::steps_per_cell) there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fallback {
     /// The viewcell: the cell from which the search stopped early.
@@ -28,19 +28,20 @@ pub struct Fallback {
 
 /// Result of a bake of cell-to-cell visibility: the matrix of visible pairs, and how complete the search was.
 #[derive(Clone, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct Outcome {
     /// Cell-to-cell visibility. Conservative and symmetric; each cell sees itself.
     pub matrix: CellMatrix,
     /// Portals that a line may pass one after the other, for [`ObjectBaker`](crate::ObjectBaker).
     pub pairs: PortalPairs,
-    /// Cells whose search reached [`Settings::steps_per_cell`](crate::Settings::steps_per_cell), the limit
-    /// of inspected portal chains, in ascending order. Empty if no cell did.
+    /// Cells whose search reached [`BakerSettings::steps_per_cell`], the limit of inspected portal chains, in
+    /// ascending order. Empty if no cell did.
     pub fallbacks: Vec<Fallback>,
     /// Number of portal chains (sequences of portals that a line might pass) inspected, by index of the cell
     /// looked from.
     pub steps: Vec<u64>,
     /// Number of portal chains that only the test in Pluecker space excluded. 0 unless
-    /// [`Settings::exact`](crate::Settings::exact) is `true`.
+    /// [`BakerSettings::chain_test`] is [`ChainTest::Pluecker`].
     pub rejected: u64,
     /// Whether the search from every portal was carried out. `false` if the bake was finished early: cells
     /// behind unsearched portals then count as visible unless already proven hidden.
@@ -55,13 +56,13 @@ pub struct Outcome {
 ///
 /// ```
 /// use visibility_core::{bake::Bake, cells::CellId};
-/// use visibility_portals::{CellBaker, Settings, prt};
+/// use visibility_portals::{CellBaker, BakerSettings, prt};
 /// // Three rooms in a row; the last door lies where nobody in the first room can see through both.
 /// let map = "PRT1\n3\n2\n\
 ///     4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n\
 ///     4 1 2 (4 8 0) (3 8 0) (3 8 2) (4 8 2)\n";
 /// let graph = prt::read(map)?.graph;
-/// let mut bake = Bake::new(CellBaker::new(&graph, Settings::default())?);
+/// let mut bake = Bake::new(CellBaker::new(&graph, BakerSettings::default())?);
 /// while bake.advance().is_some_and(|progress| progress.done < progress.total) {}
 /// let outcome = bake.finish();
 /// assert!(outcome.complete && outcome.matrix.is_symmetric());
@@ -71,7 +72,7 @@ pub struct Outcome {
 #[derive(Clone, Debug)]
 pub struct CellBaker {
     portals: DirectedPortals,
-    settings: Settings,
+    settings: BakerSettings,
     /// Candidate matrix, a bit for each ordered pair of directed portals (`stride` words per row): in the
     /// row of directed portal a, bit b is 1 while a line through a may later pass directed portal b, and
     /// 0 once such a line is excluded. See [`FlowInput::rows`].
@@ -104,7 +105,7 @@ impl CellBaker {
     /// # Errors
     /// [`BakeError::TooLarge`] for more than 65,536 cells or portals. [`BakeError::Clearance`] for a
     /// clearance that is not positive, not finite, or too small for the coordinates.
-    pub fn new(graph: &CellGraph, settings: Settings) -> Result<Self, BakeError> {
+    pub fn new(graph: &CellGraph, settings: BakerSettings) -> Result<Self, BakeError> {
         let cells = graph.cell_count();
         let portals = prepare(graph, &settings)?;
         let directed = portals.all.len();
@@ -189,7 +190,8 @@ impl Baker for CellBaker {
             rows: &self.rows,
             stride: self.stride,
             seen: &self.seen,
-            exact: self.settings.exact.then_some(self.portals.margins.clearance),
+            exact: (self.settings.chain_test == ChainTest::Pluecker)
+                .then_some(self.portals.margins.clearance),
         };
         let spent = self.steps[self.portals.all[source as usize].from as usize];
         Some(portal_flow(&input, source, self.settings.steps_per_cell.saturating_sub(spent), scratch))

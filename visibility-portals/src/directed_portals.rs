@@ -37,7 +37,7 @@ pub(crate) struct Margins {
     /// Absolute bound on the rounding error of the dot product of a unit vector and a position of the map.
     pub(crate) noise: f64,
     /// Distance that lines must keep from all portal edges:
-    /// [`Settings::clearance`](crate::Settings::clearance).
+    /// [`BakerSettings::clearance`](crate::BakerSettings::clearance).
     pub(crate) clearance: f64,
 }
 

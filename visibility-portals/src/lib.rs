@@ -20,7 +20,7 @@
 //!     pvs::Viewcells, Aabb, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet,
 //! };
 //! use visibility_portals::from_geometry::{WallSettings, floor_plan, from_walls};
-//! use visibility_portals::{CellBaker, PortalCuller, SceneCells, Settings};
+//! use visibility_portals::{CellBaker, PortalCuller, SceneCells, BakerSettings};
 //!
 //! // The walls of two rooms, 3 m high, with a door between them from y = 1 to 2.
 //! let wall = |a: [f64; 2], b: [f64; 2]| [DVec2::from(a), DVec2::from(b)];
@@ -31,7 +31,7 @@
 //! ];
 //! let rooms = from_walls(&floor_plan(&plan, 0.0, 3.0)?, &WallSettings::default())?;
 //! // Before the first frame: which cells see which.
-//! let matrix = Bake::new(CellBaker::new(&rooms.graph, Settings::default())?).run().matrix;
+//! let matrix = Bake::new(CellBaker::new(&rooms.graph, BakerSettings::default())?).run().matrix;
 //! let pvs = matrix.to_pvs(&rooms.graph)?;
 //!
 //! let mut scene = Scene::new();
@@ -54,14 +54,15 @@
 //!
 //! # Guarantees
 //! - A bake never calls two cells hidden from each other if a line passes between them that stays at least
-//!   the [clearance](Settings::clearance) away from all portal edges, whatever the rounding. A frame removes
-//!   no object that a line of sight reaches.
+//!   the [clearance](BakerSettings::clearance) away from all portal edges, whatever the rounding. A frame
+//!   removes no object that a line of sight reaches.
 //! - Bakes and frames give the same result on every machine, with any number of threads.
 //! - No panic on any input. A bake can be stopped at any time; its result up to then is conservative too.
 //!
 //! # Features
 //! `std` (default), or else `libm`. `rayon`: bakes on all threads of the current pool.
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
@@ -88,7 +89,7 @@ mod separating_planes;
 pub mod stabbing;
 
 pub use antipenumbra::antipenumbra;
-pub use bake_settings::{BakeError, Settings};
+pub use bake_settings::{BakeError, BakerSettings, ChainTest};
 pub use cell_baker::{CellBaker, Fallback, Outcome};
 pub use cell_matrix::CellMatrix;
 #[cfg(feature = "std")]

@@ -4,7 +4,8 @@
 use visibility_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use visibility_core::{cells::CellId, geometry::ConvexPolygon, pvs::Viewcells};
 use visibility_portals::from_geometry::{
-    GeometryError, PolygonSettings, Solid, Subdivision, WallSettings, floor_plan, from_polygons, from_walls,
+    GeometryError, PolygonSettings, SolidRule, Subdivision, WallSettings, floor_plan, from_polygons,
+    from_walls,
 };
 use visibility_testing::Random;
 
@@ -197,13 +198,14 @@ fn clear_lines_pass_the_cells_of_polygons() {
     // Walls that are solids are closed: from between them, one-sided faces block as others do.
     let one_sided = vec![true; 1 << 14];
     for (turn, solid) in [
-        (DMat3::IDENTITY, Solid::Nothing),
-        (DMat3::from_quat(turn), Solid::Nothing),
-        (DMat3::IDENTITY, Solid::Backs),
-        (DMat3::from_quat(turn), Solid::Unreached(&[DVec3::new(-0.5, -0.5, 0.5)])),
+        (DMat3::IDENTITY, SolidRule::Nothing),
+        (DMat3::from_quat(turn), SolidRule::Nothing),
+        (DMat3::IDENTITY, SolidRule::Backs),
+        (DMat3::from_quat(turn), SolidRule::Unreached(&[DVec3::new(-0.5, -0.5, 0.5)])),
     ] {
         let boxes = house(&mut random);
-        let one_sided = if solid == Solid::Nothing && turn == DMat3::IDENTITY { &one_sided[..] } else { &[] };
+        let one_sided =
+            if solid == SolidRule::Nothing && turn == DMat3::IDENTITY { &one_sided[..] } else { &[] };
         let settings = PolygonSettings { solid, one_sided, ..PolygonSettings::default() };
         let cells = from_polygons(&triangles(&boxes, turn), &settings).unwrap();
         assert!(cells.graph.cell_count() > 20);
@@ -219,7 +221,7 @@ fn clear_lines_pass_the_cells_of_polygons() {
 
 #[test]
 fn solid_leaves_are_no_cells() {
-    // A block in a room: with `Solid::Backs` the inside of the block is no cell, and the room remains.
+    // A block in a room: with `SolidRule::Backs` the inside of the block is no cell, and the room remains.
     let solids = [[DVec3::ZERO, DVec3::splat(4.0)]];
     let soup = triangles(&solids, DMat3::IDENTITY);
     let (around, within) = ([DVec3::splat(-0.5)], [DVec3::splat(2.0)]);
@@ -230,10 +232,10 @@ fn solid_leaves_are_no_cells() {
         assert!(cells.outside.len() == cells.graph.cell_count() - usize::from(inside.is_some()));
         (cells.graph.cell_count(), inside.is_some())
     };
-    assert_eq!(count(Solid::Nothing), (7, true));
-    assert_eq!(count(Solid::Backs), (6, false));
-    assert_eq!(count(Solid::Unreached(&around)), (6, false));
-    assert_eq!(count(Solid::Unreached(&within)), (1, true));
+    assert_eq!(count(SolidRule::Nothing), (7, true));
+    assert_eq!(count(SolidRule::Backs), (6, false));
+    assert_eq!(count(SolidRule::Unreached(&around)), (6, false));
+    assert_eq!(count(SolidRule::Unreached(&within)), (1, true));
     // Boxes given to `from_walls` are always solid.
     let cells = from_walls(&solids, &WallSettings::default()).unwrap();
     assert_eq!(cells.graph.cell_count(), 6);
@@ -388,7 +390,7 @@ fn odd_input_gives_an_error_or_an_answer() {
     let mut point = || DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit()) * 10.0;
     let soup: Vec<_> =
         (0..150).filter_map(|_| ConvexPolygon::new([point(), point(), point()]).ok()).collect();
-    let settings = PolygonSettings { most_cells: 200, least_share: 0.0, least_area: Some(0.0), ..polygons };
+    let settings = PolygonSettings { max_cells: 200, min_share: 0.0, min_area: Some(0.0), ..polygons };
     let cells = from_polygons(&soup, &settings).unwrap();
     assert!(cells.graph.cell_count() <= 200 && cells.graph.portals().len() > 200);
 }

@@ -6,7 +6,7 @@ use visibility_core::{
     cells::{CellGraph, CellId},
     geometry::ConvexPolygon,
 };
-use visibility_portals::{BakeError, CellBaker, CellMatrix, Settings, prt};
+use visibility_portals::{BakeError, BakerSettings, CellBaker, CellMatrix, prt};
 
 /// Returns a row of rooms along x, 4 units long, with square doors; all coordinates are multiplied by
 /// `scale`.
@@ -19,40 +19,40 @@ fn row(rooms: u32, scale: f64) -> CellGraph {
     CellGraph::new(rooms as usize, (1..rooms).map(door)).unwrap()
 }
 
-fn bake(graph: &CellGraph, settings: Settings) -> Result<CellMatrix, BakeError> {
+fn bake(graph: &CellGraph, settings: BakerSettings) -> Result<CellMatrix, BakeError> {
     Ok(Bake::new(CellBaker::new(graph, settings)?).run().matrix)
 }
 
 #[test]
 fn a_long_straight_corridor_is_seen_from_end_to_end() {
     // A chain of portals as long as the map: the search must not recurse.
-    let matrix = bake(&row(250, 1.0), Settings::default()).unwrap();
+    let matrix = bake(&row(250, 1.0), BakerSettings::default()).unwrap();
     assert_eq!(matrix.count(), 250 * 250);
 }
 
 #[test]
 fn no_cells_and_no_portals_are_maps_too() {
-    assert_eq!(bake(&CellGraph::default(), Settings::default()).unwrap().cell_count(), 0);
+    assert_eq!(bake(&CellGraph::default(), BakerSettings::default()).unwrap().cell_count(), 0);
     let lonely = CellGraph::new(65, []).unwrap();
-    assert_eq!(bake(&lonely, Settings::default()).unwrap().count(), 65);
+    assert_eq!(bake(&lonely, BakerSettings::default()).unwrap().count(), 65);
 }
 
 #[test]
 fn coordinates_too_large_for_the_clearance_are_refused() {
     for scale in [1e6, 1e30] {
         let graph = row(3, scale);
-        let small = Settings { clearance: Some(1e-6), ..Settings::default() };
+        let small = BakerSettings { clearance: Some(1e-6), ..BakerSettings::default() };
         assert!(matches!(bake(&graph, small), Err(BakeError::Clearance { .. })), "{scale}");
         // With a clearance proportional to the scale, the map is accepted.
-        let settings = Settings { clearance: Some(1e-6 * scale), ..Settings::default() };
+        let settings = BakerSettings { clearance: Some(1e-6 * scale), ..BakerSettings::default() };
         assert_eq!(bake(&graph, settings).unwrap().count(), 9);
     }
     for clearance in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let settings = Settings { clearance: Some(clearance), ..Settings::default() };
+        let settings = BakerSettings { clearance: Some(clearance), ..BakerSettings::default() };
         assert!(bake(&row(3, 1.0), settings).is_err(), "{clearance}");
     }
     assert!(matches!(
-        CellBaker::new(&CellGraph::new(70_000, []).unwrap(), Settings::default()),
+        CellBaker::new(&CellGraph::new(70_000, []).unwrap(), BakerSettings::default()),
         Err(BakeError::TooLarge { .. })
     ));
 }
@@ -63,7 +63,7 @@ fn coordinates_too_large_for_the_clearance_are_refused() {
 fn the_default_clearance_follows_the_coordinates() {
     for exponent in 0..30 {
         let scale = 10f64.powi(exponent);
-        assert_eq!(bake(&row(3, scale), Settings::default()).unwrap().count(), 9, "{scale}");
+        assert_eq!(bake(&row(3, scale), BakerSettings::default()).unwrap().count(), 9, "{scale}");
     }
     let door = |at: DVec3, along: DVec3| {
         let (side, up) = (along * 0.5, DVec3::Z);
@@ -78,13 +78,14 @@ fn the_default_clearance_follows_the_coordinates() {
             (door(at(0.0, -6.0), DVec3::Y), [CellId(2), CellId(3)]),
         ];
         let graph = CellGraph::new(4, portals).unwrap();
-        let matrix = bake(&graph, Settings::default()).unwrap();
+        let matrix = bake(&graph, BakerSettings::default()).unwrap();
         assert!(matrix.sees(CellId(0), CellId(2)) && !matrix.sees(CellId(0), CellId(3)), "{away}");
     }
     // The least clearance for coordinates of 35 km.
     let far = CellGraph::new(2, [(door(DVec3::X * 35e3, DVec3::Y), [CellId(0), CellId(1)])]).unwrap();
-    let with =
-        |clearance| CellBaker::new(&far, Settings { clearance: Some(clearance), ..Settings::default() });
+    let with = |clearance| {
+        CellBaker::new(&far, BakerSettings { clearance: Some(clearance), ..BakerSettings::default() })
+    };
     let least = 35e3 * 2f64.powi(-33);
     assert!(with(least).is_ok() && with(least * 0.999).is_err());
 }
@@ -95,7 +96,7 @@ fn portals_too_small_to_look_through_are_walls() {
         [[0.0, 0.0], [1e-7, 0.0], [1e-7, 1.0], [0.0, 1.0]].map(|[y, z]| DVec3::new(0.0, y, z)),
     );
     let graph = CellGraph::new(2, [(tiny.unwrap(), [CellId(0), CellId(1)])]).unwrap();
-    assert_eq!(bake(&graph, Settings::default()).unwrap().count(), 2);
+    assert_eq!(bake(&graph, BakerSettings::default()).unwrap().count(), 2);
 }
 
 #[test]
@@ -106,7 +107,7 @@ fn cells_that_are_not_convex_and_portals_in_one_place_end() {
     let pairs = (0..5).flat_map(|a| (0..5).map(move |b| [CellId(a), CellId(b)])).filter(|[a, b]| a != b);
     let graph = CellGraph::new(5, pairs.map(|ends| (square.clone(), ends))).unwrap();
     assert!(graph.validate(1e-9).is_ok());
-    let matrix = bake(&graph, Settings::default()).unwrap();
+    let matrix = bake(&graph, BakerSettings::default()).unwrap();
     assert!(matrix.is_symmetric() && matrix.count() == 25);
 }
 
@@ -115,6 +116,6 @@ fn a_room_around_the_corner_is_hidden() {
     // Through a door in the east wall, along a corridor, and back through another door on the same side: no
     // straight line does that.
     let file = "PRT1\n3\n2\n4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n4 2 1 (4 8 0) (4 9 0) (4 9 2) (4 8 2)\n";
-    let matrix = bake(&prt::read(file).unwrap().graph, Settings::default()).unwrap();
+    let matrix = bake(&prt::read(file).unwrap().graph, BakerSettings::default()).unwrap();
     assert_eq!(matrix.to_bytes(), [0b011, 0b111, 0b110]);
 }

@@ -14,8 +14,8 @@ use visibility_core::{
     view::Window,
 };
 use visibility_portals::{
-    CellBaker, CellMatrix, NotCulled, Passage, PortalCuller, PortalEye, SceneCells, SceneCellsError,
-    Settings, SharedPortalCuller,
+    BakerSettings, CellBaker, CellMatrix, NotCulled, Passage, PortalCuller, PortalEye, SceneCells,
+    SceneCellsError, SharedPortalCuller,
 };
 use visibility_testing::{Random, cameras::DEPTHS};
 
@@ -294,7 +294,7 @@ fn shared_cells_open_for_all_eyes_and_each_eye_says_why_it_culls_nothing() {
 fn sets_of_another_graph_are_refused_and_unknown_ones_promise_nothing() {
     let (cells, scene, _) = row(3);
     let bake =
-        |graph: &CellGraph| Bake::new(CellBaker::new(graph, Settings::default()).unwrap()).run().matrix;
+        |graph: &CellGraph| Bake::new(CellBaker::new(graph, BakerSettings::default()).unwrap()).run().matrix;
     let moved = |by: f64| {
         let portals = cells.graph().portals().iter().map(|portal| {
             let vertices = portal.polygon().vertices().iter().map(|&v| v + DVec3::Y * by);

@@ -8,7 +8,7 @@ use visibility_core::{
     cells::{CellGraph, CellId},
     geometry::ConvexPolygon,
 };
-use visibility_portals::{CellBaker, CellMatrix, ObjectBaker, Settings};
+use visibility_portals::{BakerSettings, CellBaker, CellMatrix, ObjectBaker};
 use visibility_testing::{forge_counts, mend_header};
 
 /// Returns a grid of 7 by 7 rooms with doors at irregular positions, displaced by `shift` along each axis.
@@ -38,7 +38,7 @@ fn rooms(shift: f64) -> CellGraph {
     CellGraph::new(49, portals).unwrap()
 }
 
-fn baker(graph: &CellGraph, settings: Settings) -> CellBaker {
+fn baker(graph: &CellGraph, settings: BakerSettings) -> CellBaker {
     CellBaker::new(graph, settings).unwrap()
 }
 
@@ -59,7 +59,9 @@ fn interrupted<B: Baker>(baker: impl Fn() -> B) -> B::Outcome {
 #[test]
 fn a_saved_bake_goes_on_to_the_same_answer() {
     let graph = rooms(0.0);
-    for settings in [Settings::default(), Settings { steps_per_cell: 40, ..Settings::default() }] {
+    for settings in
+        [BakerSettings::default(), BakerSettings { steps_per_cell: 40, ..BakerSettings::default() }]
+    {
         let whole = Bake::new(baker(&graph, settings)).run();
         assert!(whole.complete && whole.matrix.count() < 49 * 49);
         assert_eq!(interrupted(|| baker(&graph, settings)), whole);
@@ -78,10 +80,10 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
         .collect();
     let ids = boxes.iter().map(|&[min, max]| scene.insert(Aabb::new(min.as_vec3(), max.as_vec3())));
     graph.set_objects((0..).map(CellId).zip(ids)).unwrap();
-    let cells = Bake::new(baker(&graph, Settings::default())).run();
+    let cells = Bake::new(baker(&graph, BakerSettings::default())).run();
     let bounds = |id: visibility_core::ObjectId| boxes.get(id.index()).copied();
     for steps_per_cell in [u64::MAX, 12] {
-        let settings = Settings { steps_per_cell, ..Settings::default() };
+        let settings = BakerSettings { steps_per_cell, ..BakerSettings::default() };
         let new = || ObjectBaker::new(&graph, &cells, bounds, settings).unwrap();
         let whole = Bake::new(new()).run();
         assert_eq!(whole.fallbacks.is_empty(), steps_per_cell == u64::MAX);
@@ -108,19 +110,19 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
 #[test]
 fn damaged_and_foreign_bytes_are_refused() {
     let graph = rooms(0.0);
-    let mut bake = Bake::new(baker(&graph, Settings::default()));
+    let mut bake = Bake::new(baker(&graph, BakerSettings::default()));
     bake.advance();
     let good = bake.save();
     let refused =
         |graph: &CellGraph, settings, bytes: &[u8]| Bake::resume(baker(graph, settings), bytes).unwrap_err();
-    let other = Settings { steps_per_cell: 9, ..Settings::default() };
+    let other = BakerSettings { steps_per_cell: 9, ..BakerSettings::default() };
     assert_eq!(refused(&graph, other, &good), FormatError::Fingerprint);
-    assert_eq!(refused(&rooms(1.0), Settings::default(), &good), FormatError::Fingerprint);
+    assert_eq!(refused(&rooms(1.0), BakerSettings::default(), &good), FormatError::Fingerprint);
     for place in (0..good.len()).step_by(101) {
         let mut bytes = good.clone();
         bytes[place] ^= 0x10;
-        refused(&graph, Settings::default(), &bytes);
-        refused(&graph, Settings::default(), &good[..place]);
+        refused(&graph, BakerSettings::default(), &bytes);
+        refused(&graph, BakerSettings::default(), &good[..place]);
     }
 }
 
@@ -128,7 +130,7 @@ fn damaged_and_foreign_bytes_are_refused() {
 #[test]
 fn forged_counts_are_counted_on_as_far_as_numbers_go() {
     let graph = rooms(0.0);
-    let settings = Settings { steps_per_cell: 40, ..Settings::default() };
+    let settings = BakerSettings { steps_per_cell: 40, ..BakerSettings::default() };
     let saved = Bake::new(baker(&graph, settings)).save();
     let forged = |change: &dyn Fn(&mut [u8])| {
         let mut content = saved[HEADER_LENGTH..].to_vec();
@@ -159,18 +161,18 @@ fn forged_counts_are_counted_on_as_far_as_numbers_go() {
 #[test]
 fn forged_counts_of_states_take_no_memory() {
     let graph = small();
-    let mut bake = Bake::new(baker(&graph, Settings::default()));
+    let mut bake = Bake::new(baker(&graph, BakerSettings::default()));
     let first = bake.save();
     bake.advance();
     for state in [first, bake.save()] {
         forge_counts(&state, 0, 1 << 18, |mut state| {
             mend_header(&mut state, 0);
-            let bake = Bake::resume(baker(&graph, Settings::default()), &state);
+            let bake = Bake::resume(baker(&graph, BakerSettings::default()), &state);
             drop(bake.map(|bake| bake.finish()));
         });
     }
     let cells = bake.run();
-    let objects = || ObjectBaker::new(&graph, &cells, |_| None, Settings::default()).unwrap();
+    let objects = || ObjectBaker::new(&graph, &cells, |_| None, BakerSettings::default()).unwrap();
     let mut bake = Bake::new(objects());
     bake.advance();
     forge_counts(&bake.save(), 0, 1 << 18, |mut state| {

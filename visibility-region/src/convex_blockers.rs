@@ -7,12 +7,13 @@
 //! the choice of few blockers and the test of whole nodes. Blockers do not fuse: a house smaller than the
 //! viewcell hides little, and a row of them hides no more.
 
-use crate::bits::Bits;
 use crate::blocker::Blocker;
 use crate::remove::{cell_box, remove_hidden};
 use crate::solids::Solids;
+use crate::solids::occluding;
 use crate::umbra::Umbra;
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, OccluderMesh, RegionCuller, Scene, VisibleSet};
@@ -141,7 +142,7 @@ fn candidates<'a>(
             list.push(Candidate { shape, rank, bounds });
         }
     };
-    let occluding = Bits::occluding(scene, visible);
+    let occluding = occluding(scene, visible);
     let mut has_solid = Bits::new(scene.index_limit());
     for solid in solids.list.iter().filter(|solid| occluding.contains(solid.id.index())) {
         has_solid.insert(solid.id.index());

@@ -39,12 +39,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![no_std]
+#![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
 extern crate alloc;
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
-mod bits;
 mod blocker;
 mod convex_blockers;
 mod extent;

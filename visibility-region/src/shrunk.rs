@@ -9,8 +9,8 @@
 //!
 //! Occluders thinner than `2 e` vanish, so thin walls hide nothing from a viewcell of metres.
 
-use crate::bits::Bits;
 use crate::remove::cell_box;
+use crate::solids::occluding;
 use crate::solids::{Solid, Solids};
 use crate::umbra::is_closed_from;
 use alloc::vec::Vec;
@@ -165,7 +165,7 @@ fn shrunk_scene(
     };
     let mut shrunk = Scene::new();
     let copies = shrunk.insert_batch(ids.iter().map(copy));
-    let occluding = Bits::occluding(scene, visible);
+    let occluding = occluding(scene, visible);
     for of_object in solids.chunk_by(|a, b| a.id == b.id) {
         let id = of_object[0].id;
         let Some((_, transform)) = scene.occluder(id).filter(|_| occluding.contains(id.index())) else {

@@ -4,12 +4,12 @@
 //! the mesh blocks like the solid for every viewpoint strictly behind the planes of the hole: a line of sight
 //! enters a convex solid once, and not through the hole.
 
-use crate::bits::Bits;
 use crate::blocker::{Blocker, dents};
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 use visibility_core::scene::{Changes, SceneCursor, Triangle};
-use visibility_core::{ObjectId, OccluderMesh, Scene};
+use visibility_core::{ObjectId, OccluderMesh, Scene, VisibleSet};
 
 /// Greatest number of triangles of an open mesh that is tried to be closed.
 const OPEN: usize = 64;
@@ -79,6 +79,16 @@ impl Solids {
         }
         true
     }
+}
+
+/// Returns the indices of the objects that may occlude: the candidates flagged as occluders, as
+/// [`VisibleSet::for_each_occluder`] lists them.
+pub(crate) fn occluding(scene: &Scene, visible: &VisibleSet) -> Bits {
+    let mut bits = Bits::new(scene.index_limit());
+    visible.for_each_occluder(scene, |id| {
+        bits.insert(id.index());
+    });
+    bits
 }
 
 /// Moves a cursor to the present state of a scene. Returns whether anything has changed since that is, or

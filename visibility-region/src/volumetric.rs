@@ -9,10 +9,10 @@
 //!
 //! Walls thinner than the octree's cells hold no opaque cell and hide nothing.
 
-use crate::bits::Bits;
 use crate::blocker::Blocker;
 use crate::extent::quantile;
 use crate::remove::{cell_box, remove_hidden};
+use crate::solids::occluding;
 use crate::solids::{Solid, Solids};
 use crate::umbra::{Umbra, is_closed_from};
 use alloc::vec::Vec;
@@ -118,7 +118,7 @@ impl RegionCuller for VolumetricCuller {
         let Some((min, max)) = cell_box(cell, scene.origin()) else {
             return visible.retain(scene, |_, _| true);
         };
-        let occluding = Bits::occluding(scene, visible);
+        let occluding = occluding(scene, visible);
         let is_usable = |solid: &Solid| {
             occluding.contains(solid.id.index())
                 && !solid.meets(min, max)

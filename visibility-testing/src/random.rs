@@ -3,9 +3,8 @@
 use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// Pseudorandom number generator: SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number
-/// Generators", 2014). The field is the seed; any seed is good. Integer arithmetic makes the bits, so they
-/// are identical on every target.
+/// The generator of [`visibility_core::random`], with all that tests draw. The field is the seed; any seed is
+/// good.
 ///
 /// ```
 /// let mut random = visibility_testing::Random(1);
@@ -18,10 +17,10 @@ pub struct Random(pub u64);
 impl Random {
     /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
+        let mut random = visibility_core::random::Random(self.0);
+        let bits = random.bits();
+        self.0 = random.0;
+        bits
     }
 
     /// Returns an `f32` of random bits, including NaN, infinite and denormal numbers.

@@ -53,7 +53,7 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
     scenes.push(scenes[0].clone());
     let mut sources: Vec<S::Source> = scenes.iter().map(|scene| kind.derive(scene, &mut rng)).collect();
     let mut given = sources[0].clone();
-    let (mut live, mut visible) = (kind.make(&given), VisibleSet::with_changes());
+    let (mut live, mut visible) = (kind.make(&given), VisibleSet::new().with_changes());
     let (mut at, mut hidden) = (0, 0);
     let views: Vec<View> = (0..6).map(|_| view(&mut rng)).collect();
     for frame in 0..frames {

@@ -14,7 +14,8 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
 use visibility_bake::{
-    BakeCache, BakedSet, CellSandwich, LevelError, SandwichBaker, Settings, TiledScene, TiledSceneWriter,
+    BakeCache, BakedSet, CellSandwich, LevelError, SandwichBaker, SandwichSettings, TiledScene,
+    TiledSceneWriter,
 };
 use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::Viewcells;
@@ -32,7 +33,7 @@ pub struct Level {
     /// Eyes of all keys of the scene's walks.
     eyes: Vec<DVec3>,
     content: Content,
-    settings: Settings,
+    settings: SandwichSettings,
     /// Results of an earlier bake, empty without one.
     cache: Arc<BakeCache>,
 }
@@ -54,7 +55,7 @@ impl Level {
     /// [`Failure`] if the scene cannot be loaded, a hint is for no object, there are no viewcells or too
     /// many, or the memory or the time is too small.
     pub fn open(job: &Job, scratch: &Path, stop: fn() -> bool) -> Result<Self, Failure> {
-        let settings = Settings { gap: job.gap, clearance: job.clearance, rays: job.rays };
+        let settings = SandwichSettings { gap: job.gap, clearance: job.clearance, rays: job.rays };
         let eyes;
         let (name, content, viewcells) = match job.memory {
             None => {

@@ -105,7 +105,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let walls: Vec<_> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
     let start = Instant::now();
     let plan = match arguments.margin {
-        Some(margin) => Plan::with_margin(&walls, margin)?,
+        Some(margin) => Plan::from_walls(&walls, margin)?,
         None => Plan::new(&walls)?,
     };
     let seconds = start.elapsed().as_secs_f64();

@@ -83,7 +83,7 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let world = TriangleWorld::new(&world);
     let fineness = Fineness { vertices: arguments.vertices, halvings: arguments.halvings };
     let start = Instant::now();
-    let octree = Arc::new(OctreeTessellation::with_fineness(&world.scene, fineness));
+    let octree = Arc::new(OctreeTessellation::from_scene(&world.scene, fineness));
     let took = start.elapsed().as_secs_f64();
     describe("octree", &world, &*octree, octree.memory(), took);
     if arguments.speed {
@@ -137,7 +137,7 @@ fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
     println!("{}: {} triangles, {} frames", world.source.name, total, world.views.len());
     for vertices in [FINE.vertices, 128, 1000, 5000] {
         let fineness = Fineness { vertices, halvings: 8 };
-        let cells = Arc::new(OctreeTessellation::with_fineness(&world.scene, fineness));
+        let cells = Arc::new(OctreeTessellation::from_scene(&world.scene, fineness));
         println!("at most {vertices} corners of triangles a cell: {} cells", cells.content().cell_count());
         let map = || Hzb::new(512, 288);
         let mut rows = vec![frustum(world), front_to_back(world, &cells, &mut map()?)];
@@ -177,7 +177,7 @@ fn show_speed(world: &TriangleWorld, octree: &Arc<OctreeTessellation>) {
     let mut points = Vec::new();
     for percent in 1..=10 {
         let budget = Budget::Objects(world.triangles.len() * percent / 100);
-        let mut culler = PlpCuller::new(octree.clone(), budget).with_one_sided(true);
+        let mut culler = PlpCuller::new(octree.clone(), budget).with_one_sided();
         let mut visible = VisibleSet::new();
         let mut times = Vec::new();
         for pass in 0..3 {

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use visibility_examples::output_file::write;
 use visibility_examples::pvs::{Line, bake, read, summary};
 use visibility_examples::{eprintln, print, println};
-use visibility_portals::{CellMatrix, Settings};
+use visibility_portals::{BakerSettings, CellMatrix, ChainTest};
 
 /// Compute the potentially visible set of each cell of a map of cells and portals.
 #[derive(Parser)]
@@ -70,10 +70,10 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Result<(), String> {
     let map = read(&arguments.map)?;
-    let settings = Settings {
+    let settings = BakerSettings {
         clearance: arguments.clearance,
-        steps_per_cell: arguments.limit.unwrap_or(Settings::default().steps_per_cell),
-        exact: arguments.exact,
+        steps_per_cell: arguments.limit.unwrap_or(BakerSettings::default().steps_per_cell),
+        chain_test: if arguments.exact { ChainTest::Pluecker } else { ChainTest::Separators },
     };
     let threads = match arguments.threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),

@@ -10,6 +10,7 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use visibility_core::random::Random;
 use visibility_examples::arguments::count;
 use visibility_examples::{eprintln, println};
 
@@ -115,28 +116,6 @@ fn simulate_all(arguments: &Arguments) -> Result<(), String> {
 }
 
 const HOUR: f64 = 3600.0;
-
-/// A SplitMix64 generator (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    /// Returns a number from 0 to below 1.
-    fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Returns an index below `limit`, which must not be 0.
-    fn below(&mut self, limit: usize) -> usize {
-        (self.bits() % limit as u64) as usize
-    }
-}
 
 /// Returns the seconds that each viewcell of a report took, of all methods together.
 fn measured(text: &str) -> Result<Vec<f64>, String> {

@@ -58,7 +58,7 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let mut world = World::new(source, (640, 360), Some(frames))?;
     world.makes_cells = true;
     let (_, mut pipeline) = cullers::parse(&arguments.culler, &world)?.remove(0);
-    let (mut visible, mut cache) = (VisibleSet::with_changes(), Cache::new(arguments.patience));
+    let (mut visible, mut cache) = (VisibleSet::new().with_changes(), Cache::new(arguments.patience));
     let sets = match &arguments.prefetch {
         Some(file) => Some(read_sets(file, &world)?),
         None => None,

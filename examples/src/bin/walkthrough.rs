@@ -22,7 +22,7 @@ use visibility_examples::{eprintln, print, println};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
 #[derive(Parser)]
-#[command(version)]
+#[command(version, after_help = format!("Cullers:{}", cullers::listing()))]
 struct Arguments {
     /// Scene, as for --scene.
     #[arg(value_name = "SCENE", conflicts_with = "scene")]

@@ -4,6 +4,7 @@
 use super::visc::Visc;
 use glam::{Affine3A, DVec3};
 use std::time::{Duration, Instant};
+use visibility_core::random::Random;
 use visibility_core::{
     Aabb, Accuracy, Culler, FrustumCuller, Object, OccluderMesh, OcclusionCuller, OcclusionMap, Scene, View,
     VisibleSet,
@@ -185,14 +186,10 @@ impl From<SizeError> for StageError {
     }
 }
 
-/// Shuffles a slice into an order that depends only on its length (Fisher and Yates, with the random numbers
-/// of SplitMix64).
+/// Shuffles a slice into an order that depends only on its length (Fisher and Yates).
 fn shuffle<T>(items: &mut [T]) {
-    let mut state = 1u64;
+    let mut random = Random(1);
     for i in (1..items.len()).rev() {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        items.swap(i, ((z ^ z >> 31) % (i as u64 + 1)) as usize);
+        items.swap(i, random.below(i + 1));
     }
 }

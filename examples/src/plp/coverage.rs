@@ -48,7 +48,7 @@ impl<'a> Method<'a> {
     {
         let most = share(world, BUDGETS[BUDGETS.len() - 1]);
         let culler =
-            PlpCuller::new(tessellation, Budget::Objects(most)).with_solidity(solidity).with_one_sided(true);
+            PlpCuller::new(tessellation, Budget::Objects(most)).with_solidity(solidity).with_one_sided();
         let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(culler);
         let mut visible = VisibleSet::new();
         let order = move |view: &View, _: &Seen| {

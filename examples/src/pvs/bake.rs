@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 use visibility_core::bake::{Bake, Progress};
 use visibility_core::cells::CellGraph;
-use visibility_portals::{CellBaker, Outcome, Settings, prt};
+use visibility_portals::{BakerSettings, CellBaker, Outcome, prt};
 
 /// Map of cells and portals with its name.
 pub struct Map {
@@ -47,7 +47,7 @@ pub struct Baked {
 /// be created.
 pub fn bake(
     graph: &CellGraph,
-    settings: Settings,
+    settings: BakerSettings,
     threads: usize,
     mut progress: impl FnMut(Progress) + Send,
 ) -> Result<Baked, String> {

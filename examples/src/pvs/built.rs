@@ -6,7 +6,7 @@ use crate::{SceneSource, SourceObject};
 use glam::{DVec3, Vec3};
 use visibility_core::{geometry::ConvexPolygon, pvs::Viewcells};
 use visibility_portals::from_geometry::{
-    PolygonSettings, Solid, Subdivision, WallSettings, from_polygons, from_walls,
+    PolygonSettings, SolidRule, Subdivision, WallSettings, from_polygons, from_walls,
 };
 
 /// Origin of a scene's cells: given, or made from its geometry.
@@ -38,7 +38,7 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
             let eyes: Vec<DVec3> =
                 source.walks.iter().flat_map(|walk| &walk.keys).map(|key| key.eye).collect();
             let (polygons, one_sided) = polygons(source);
-            let solid = Solid::Unreached(&eyes);
+            let solid = SolidRule::Unreached(&eyes);
             let settings = PolygonSettings { solid, one_sided: &one_sided, ..PolygonSettings::default() };
             from_polygons(&polygons, &settings)
         }

@@ -9,7 +9,7 @@ use visibility_2d::horizon::UpAxis;
 use visibility_2d::virtual_occluders::VirtualOccluderCuller;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Culler, ObjectId, RegionCuller, Scene};
-use visibility_exact::{Effort, ExactCuller, SceneTriangles, Settings, Verdict};
+use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_region::{
     ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VirtualSweepCuller,
@@ -103,7 +103,7 @@ pub const METHODS: &[Entry] = &[
             let up = if world.source.up.y.abs() > 0.5 { UpAxis::Y } else { UpAxis::Z };
             let culler = VirtualOccluderCuller::new(up);
             Ok(Box::new(match dial {
-                Some(most) => culler.with_most(number(most)?),
+                Some(most) => culler.with_max(number(most)?),
                 None => culler,
             }))
         },
@@ -135,7 +135,7 @@ pub const METHODS: &[Entry] = &[
         make: |dial, _| {
             let culler = VirtualSweepCuller::new();
             Ok(Box::new(match dial {
-                Some(most) => culler.with_most(number(most)?),
+                Some(most) => culler.with_max(number(most)?),
                 None => culler,
             }))
         },
@@ -153,7 +153,7 @@ impl Method for ExtendedProjectionCuller {
 
 fn exact(effort: Effort, world: &World) -> Made {
     let triangles = Arc::new(SceneTriangles::new(&world.scene));
-    let settings = Settings { keep_proofs: true, ..Settings::new(effort) };
+    let settings = ExactSettings { keep_proofs: true, ..ExactSettings::new(effort) };
     Ok(Box::new(ExactCuller::new(triangles, settings)))
 }
 

@@ -37,7 +37,7 @@ pub struct Advice {
     /// Measured times and counts of frustum culling alone, means per view.
     pub frustum: CullerTrial,
     /// Time in microseconds per view to draw exactly the visible objects, without any time to cull.
-    pub least_us: f64,
+    pub min_us: f64,
     /// Number of cullers that were tried.
     pub tried: usize,
     /// Cullers for which there was no time.
@@ -103,10 +103,10 @@ fn advise_in_time(
         }
     }
     let (entry, chosen) = best.unwrap_or(("frustum".to_owned(), frustum));
-    let (facts, least_us) = (*advisor.facts(), advisor.least_us());
+    let (facts, min_us) = (*advisor.facts(), advisor.min_us());
     let bake = bake_advice::estimate(world, &views, &entry, (!thorough).then_some(BAKING));
     let cells = world.source.cells.is_some();
-    Ok(Advice { entry, facts, chosen, frustum, least_us, tried, untried, cells, bake })
+    Ok(Advice { entry, facts, chosen, frustum, min_us, tried, untried, cells, bake })
 }
 
 /// A part of a world, on which the preparation of cullers is timed.
@@ -166,7 +166,7 @@ pub fn resolve(list: &str, world: &World, thorough: bool) -> Result<(String, Opt
 
 impl fmt::Display for Advice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { entry, facts, chosen, frustum, least_us, tried, untried, cells, bake } = self;
+        let Self { entry, facts, chosen, frustum, min_us, tried, untried, cells, bake } = self;
         let with = if *cells { "with" } else { "without given" };
         writeln!(f, "{facts}, {with} cells")?;
         writeln!(
@@ -179,9 +179,9 @@ impl fmt::Display for Advice {
         )?;
         writeln!(
             f,
-            "that is {:.2} times the box limit and {:.1} times the ideal: the visible triangles, without any time to cull, {least_us:.0} us",
+            "that is {:.2} times the box limit and {:.1} times the ideal: the visible triangles, without any time to cull, {min_us:.0} us",
             chosen.objects / facts.box_limit.max(1.0),
-            chosen.total_us / least_us.max(1.0),
+            chosen.total_us / min_us.max(1.0),
         )?;
         if !untried.is_empty() {
             let mut names: Vec<&str> =
@@ -253,7 +253,7 @@ mod tests {
             facts,
             chosen: CullerTrial::default(),
             frustum: CullerTrial::default(),
-            least_us: 1.0,
+            min_us: 1.0,
             tried: 2,
             untried,
             cells: false,

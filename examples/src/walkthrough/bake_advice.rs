@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
-use visibility_bake::{BakedSet, CellSandwich, SandwichBaker, Settings, level_version};
+use visibility_bake::{BakedSet, CellSandwich, SandwichBaker, SandwichSettings, level_version};
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{PvsCuller, ViewcellId, Viewcells};
@@ -116,7 +116,7 @@ impl fmt::Display for BakeEstimate {
             },
         )?;
         // A line of sight keeps six times the clearance from what is on either side.
-        let gap = 12e3 * Settings::default().clearance;
+        let gap = 12e3 * SandwichSettings::default().clearance;
         write!(
             f,
             "it may hide what is seen only through gaps narrower than {gap:.1} mm: --clearance 0 does not"
@@ -224,7 +224,7 @@ fn bake(scene: &Scene, places: &Viewcells, mut wanted: Vec<ViewcellId>, limit: D
     for batch in order.chunks(available_parallelism().map_or(1, usize::from)) {
         let ids: Vec<ViewcellId> = batch.iter().map(|&index| wanted[index]).collect();
         let cells = Viewcells::new(ids.iter().map(|id| places.cells()[id.index()].clone()));
-        let mut bake = Bake::new(SandwichBaker::new(scene, &cells, Settings::default()));
+        let mut bake = Bake::new(SandwichBaker::new(scene, &cells, SandwichSettings::default()));
         while !is_over() && bake.advance_unless(|| false, is_over).is_some() {}
         let outcome = bake.finish();
         if outcome.complete || found.ids.is_empty() {

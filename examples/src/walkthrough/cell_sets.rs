@@ -15,7 +15,7 @@ use visibility_core::{
     cells::{CellGraph, CellId},
     pvs::{ScenePvs, Viewcells},
 };
-use visibility_portals::{CellBaker, ObjectBaker, ObjectOutcome, Outcome, Settings};
+use visibility_portals::{BakerSettings, CellBaker, ObjectBaker, ObjectOutcome, Outcome};
 
 /// Kind of the targets in a potentially visible set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -95,8 +95,8 @@ pub const OBJECT_STEPS: u64 = 3_000;
 
 /// Returns bake settings with at most `steps` steps for a cell and a clearance proportional to the extent of
 /// the cells, as [`clearance`] computes it.
-pub fn settings(viewcells: &Viewcells, steps: u64) -> Settings {
-    Settings { clearance: Some(clearance(viewcells)), steps_per_cell: steps, ..Settings::default() }
+pub fn settings(viewcells: &Viewcells, steps: u64) -> BakerSettings {
+    BakerSettings { clearance: Some(clearance(viewcells)), steps_per_cell: steps, ..BakerSettings::default() }
 }
 
 /// Runs a bake to its end, and shows its progress as that of `what`.
@@ -114,7 +114,7 @@ fn run<B: Baker>(baker: B, what: &str) -> B::Outcome {
 /// # Errors
 ///
 /// Returns a message when the cells cannot be baked.
-pub fn cell_rows(graph: &CellGraph, settings: Settings) -> Result<Outcome, String> {
+pub fn cell_rows(graph: &CellGraph, settings: BakerSettings) -> Result<Outcome, String> {
     let baker = CellBaker::new(graph, settings).map_err(|error| error.to_string())?;
     Ok(run(baker, "portals looked through"))
 }
@@ -129,7 +129,7 @@ pub fn objects(
     scene: &Scene,
     graph: &CellGraph,
     cells: &Outcome,
-    settings: Settings,
+    settings: BakerSettings,
 ) -> Result<ObjectOutcome, String> {
     let bounds = |id| -> Option<[DVec3; 2]> {
         let bounds = scene.bounds(id).ok().filter(|bounds| bounds.is_finite())?;

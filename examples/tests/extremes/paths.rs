@@ -20,7 +20,9 @@ fn every_path_gives_the_same_answers() {
     let (mut hidden, mut paths) = (0, 0);
     for seed in 0..200 {
         let world = random(&mut Random(seed)).world;
-        let frustum = |simd| answers(&world, FrustumCuller::with_simd(simd), FrustumCuller::with_simd(simd));
+        let frustum = |simd| {
+            answers(&world, FrustumCuller::new().with_simd(simd), FrustumCuller::new().with_simd(simd))
+        };
         let narrow = frustum(Simd::PORTABLE);
         for simd in Simd::available() {
             assert_eq!(frustum(simd), narrow, "frustum, {simd:?}, world {seed}");

@@ -10,7 +10,7 @@ use visibility_core::cells::{CellGraph, CellId};
 use visibility_core::geometry::ConvexPolygon;
 use visibility_core::pvs::{PvsCuller, ScenePvs, Viewcell, Viewcells};
 use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet};
-use visibility_portals::{CellBaker, PortalCuller, PortalEye, SceneCells, Settings};
+use visibility_portals::{BakerSettings, CellBaker, PortalCuller, PortalEye, SceneCells};
 use visibility_testing::Random;
 
 const ROOMS: usize = 6;
@@ -93,7 +93,7 @@ impl Culler for Synced {
 /// Prepares the visible sets of the cells for a scene as it is now.
 fn sets(rooms: &Rooms, scene: &Scene) -> Arc<ScenePvs> {
     let cells = rooms.cells();
-    let outcome = Bake::new(CellBaker::new(cells.graph(), Settings::default()).unwrap()).run();
+    let outcome = Bake::new(CellBaker::new(cells.graph(), BakerSettings::default()).unwrap()).run();
     let pvs = outcome.matrix.to_pvs(cells.graph()).unwrap();
     let mut pairs = Vec::new();
     for (id, [min, max]) in world_boxes(scene) {

@@ -5,12 +5,15 @@
 // Results. Functions return a `vis_status` and write results through pointers. After an error,
 // `vis_last_error` has the message; the call has changed nothing.
 //
-// Pointers. Unless a description says that it may be null, a pointer must point to a value of its type, or to
-// as many as the description says. Null is refused with `VIS_ERROR_NULL`, and allowed for an array of which
-// the count is 0. Nothing that is passed is kept: arrays may be freed when the call returns.
-//
-// Ownership. What a `..._create` or `..._read` function makes, the `..._destroy` function of its type
-// destroys, once, when no call uses it; null is ignored.
+// Pointers follow three rules, which the sources cite by number. Null is refused with `VIS_ERROR_NULL`, unless
+// a description says that a pointer may be null; a null array of 0 elements is allowed. Nothing that is passed
+// is kept: arrays may be freed when the call returns.
+// P1. A pointer that a call reads points to a value of its type, or to as many as the description says, which
+//     nobody changes or frees during the call. Handles are shared as "Threads" says.
+// P2. A pointer that a call writes to points to memory for a value of its type, or for as many as the
+//     description says, which nobody else uses during the call.
+// P3. What a `..._create` or `..._read` function makes, the `..._destroy` function of its type destroys, once,
+//     when no call uses it; null is ignored.
 //
 // Threads. Any thread may use any handle. Functions that take a handle as `const` may run on any number of
 // threads at once; a function that takes a handle without `const` needs it alone. Calls that break this rule
@@ -394,12 +397,12 @@ void vis_pipeline_destroy(struct vis_pipeline *pipeline);
 // Appends frustum culling, which should come first: it removes what is outside the view. Conservative.
 enum vis_status vis_pipeline_add_frustum(struct vis_pipeline *pipeline);
 
-// Appends the removal of objects that are smaller than `least_pixels` pixels in pictures `picture_height`
+// Appends the removal of objects that are smaller than `min_pixels` pixels in pictures `picture_height`
 // pixels high, out of their draw range, or stood in for by an HLOD parent. If one of the two numbers is
 // zero, no object is too small. Approximate.
 enum vis_status vis_pipeline_add_contribution(struct vis_pipeline *pipeline,
                                               double picture_height,
-                                              double least_pixels);
+                                              double min_pixels);
 
 // Appends occlusion culling by a hierarchical z-buffer in software, which removes what objects with
 // `VIS_OBJECT_OCCLUDER` and a mesh hide. `width` and `height` are the buffer's in pixels, 16 to 4096; 0 and

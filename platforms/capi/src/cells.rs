@@ -8,7 +8,7 @@ use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::glam::DVec3;
-use visibility_portals::{CellBaker, Passage, SceneCells, Settings, prt};
+use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
 
 /// A graph of convex cells and of the portals between them. It never changes.
 pub struct vis_graph(CellGraph);
@@ -37,9 +37,9 @@ pub unsafe extern "C" fn vis_graph_create(
     graph: *mut *mut vis_graph,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (portals, place) = unsafe { (array(portals, portal_count, "portals")?, out(graph, "graph")?) };
-        // SAFETY: as before; 3 numbers for each of `vertex_count`.
+        // SAFETY: rule P1 of `visibility.h`; 3 numbers for each of `vertex_count`.
         let vertices = unsafe { array(vertices.cast::<[f64; 3]>(), vertex_count, "vertices") }?;
         let made = portals.iter().enumerate().map(|(index, portal)| {
             let own = range(vertices, portal.first_vertex, portal.vertex_count, "portal", index)?;
@@ -60,7 +60,7 @@ pub unsafe extern "C" fn vis_graph_read_prt(
     graph: *mut *mut vis_graph,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (text, place) = unsafe { (array(text, length, "text")?, out(graph, "graph")?) };
         create(place, vis_graph(prt::read(&String::from_utf8_lossy(text))?.graph));
         Ok(())
@@ -70,7 +70,7 @@ pub unsafe extern "C" fn vis_graph_read_prt(
 /// Destroys a graph. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_graph_destroy(graph: *mut vis_graph) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(graph) }
 }
 
@@ -82,9 +82,9 @@ pub unsafe extern "C" fn vis_graph_counts(
     portals: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (graph, mut cells) = unsafe { (reference(graph, "graph")?, out(cells, "cells")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let mut portals = unsafe { out(portals, "portals") }?;
         cells.set(graph.0.cell_count());
         portals.set(graph.0.portals().len());
@@ -103,10 +103,10 @@ pub unsafe extern "C" fn vis_graph_bake(
     pvs: *mut *mut vis_pvs,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (graph, place) = unsafe { (reference(graph, "graph")?, out(pvs, "pvs")?) };
         let clearance = (clearance != 0.0).then_some(clearance);
-        let settings = Settings { clearance, ..Settings::default() };
+        let settings = BakerSettings { clearance, ..BakerSettings::default() };
         let outcome = Bake::new(CellBaker::new(&graph.0, settings)?).run();
         create(place, vis_pvs(outcome.matrix.to_pvs(&graph.0)?));
         Ok(())
@@ -153,11 +153,11 @@ pub unsafe extern "C" fn vis_cells_create(
     cells: *mut *mut vis_cells,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (graph, place) = unsafe { (reference(graph, "graph")?, out(cells, "cells")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let given = unsafe { array(cell_volumes, volume_count, "cell_volumes") }?;
-        // SAFETY: as before; 4 numbers for each of `plane_count`.
+        // SAFETY: rule P1 of `visibility.h`; 4 numbers for each of `plane_count`.
         let planes = unsafe { array(planes.cast::<[f64; 4]>(), plane_count, "planes") }?;
         let cells = SceneCells::new(graph.0.clone(), volumes(given, planes)?, tolerance)?;
         create(place, vis_cells(Arc::new(RwLock::new(cells))));
@@ -168,7 +168,7 @@ pub unsafe extern "C" fn vis_cells_create(
 /// Destroys cells; pipelines that use them keep them alive. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_destroy(cells: *mut vis_cells) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(cells) }
 }
 
@@ -179,7 +179,7 @@ pub unsafe extern "C" fn vis_cells_destroy(cells: *mut vis_cells) {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_set_pvs(cells: *mut vis_cells, pvs: *const vis_pvs) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (cells, pvs) = unsafe { (reference(cells, "cells")?, reference(pvs, "pvs")?) };
         let mut cells = cells.write()?;
         let limited = cells.clone().with_pvs(pvs.0.clone())?;
@@ -192,7 +192,7 @@ pub unsafe extern "C" fn vis_cells_set_pvs(cells: *mut vis_cells, pvs: *const vi
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_set_open(cells: *mut vis_cells, portal: u32, open: bool) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let cells = unsafe { reference(cells, "cells") }?;
         Ok(cells.write()?.set_open(PortalId(portal), open)?)
     })
@@ -208,7 +208,7 @@ pub unsafe extern "C" fn vis_cells_set_passage(
     backward: bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let cells = unsafe { reference(cells, "cells") }?;
         let passage = match (forward, backward) {
             (true, true) => Passage::BothWays,
@@ -230,7 +230,7 @@ pub unsafe extern "C" fn vis_cells_can_see(
     sees: *mut bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (cells, mut sees) = unsafe { (reference(cells, "cells")?, out(sees, "sees")?) };
         sees.set(cells.read()?.can_see_now(CellId(from), CellId(to)));
         Ok(())

@@ -2,7 +2,7 @@
 //! rules for callers; the README shows a program.
 //!
 //! # Safety
-//! Every function that takes a pointer relies on the header's rules for pointers: a pointer is null, or
+//! Every function that takes a pointer relies on the rules P1 to P3 of the header: a pointer is null, or
 //! points to a value of its type, or to as many as the function's description says, that stays where it is
 //! and is not changed (for results: not used) by anyone else during the call; a handle was made by this
 //! library and is not destroyed. What can be checked is checked: null, alignment, sizes, enumerators, ids,

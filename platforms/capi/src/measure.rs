@@ -36,7 +36,7 @@ pub unsafe extern "C" fn vis_measure_create(
     measure: *mut *mut vis_measure,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { out(measure, "measure") }?;
         create(place, vis_measure(Guarded::new(ItemBuffer::new(width, height)?)));
         Ok(())
@@ -46,7 +46,7 @@ pub unsafe extern "C" fn vis_measure_create(
 /// Destroys a renderer. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_measure_destroy(measure: *mut vis_measure) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(measure) }
 }
 
@@ -61,11 +61,11 @@ pub unsafe extern "C" fn vis_measure_compare(
     comparison: *mut vis_comparison,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (measure, scene) = unsafe { (reference(measure, "measure")?, reference(scene, "scene")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let (view, visible) = unsafe { (reference(view, "view")?, reference(visible, "visible")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let mut place = unsafe { out(comparison, "comparison") }?;
         let (view, state, visible) = (view.get()?, scene.read()?, visible.finished()?);
         let (scene, mut buffer) = (&state.scene, measure.0.write()?);

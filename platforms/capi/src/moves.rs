@@ -13,7 +13,7 @@ pub unsafe extern "C" fn vis_scene_bounds(
     bounds: *mut vis_box,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (scene, mut bounds) = unsafe { (reference(scene, "scene")?, out(bounds, "bounds")?) };
         let Aabb { min, max } = scene.read()?.scene.bounds(ObjectId::from_bits(object))?;
         bounds.set(vis_box { min: min.to_array(), max: max.to_array() });
@@ -31,7 +31,7 @@ pub unsafe extern "C" fn vis_scene_set_bounds(
     bounds: *const vis_box,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, bounds) = unsafe { (reference(scene, "scene")?, reference(bounds, "bounds")?) };
         Ok(scene.write()?.scene.set_bounds(ObjectId::from_bits(object), (*bounds).into())?)
     })
@@ -47,9 +47,9 @@ pub unsafe extern "C" fn vis_scene_set_bounds_batch(
     count: usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let bounds = unsafe { array(bounds, count, "bounds") }?;
         let State { scene, moved, .. } = &mut *scene.write()?;
         moved.clear();
@@ -68,7 +68,7 @@ pub unsafe extern "C" fn vis_scene_set_local_bounds(
     bounds: *const vis_box,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, bounds) = unsafe { (reference(scene, "scene")?, reference(bounds, "bounds")?) };
         Ok(scene.write()?.scene.set_local_bounds(ObjectId::from_bits(object), (*bounds).into())?)
     })
@@ -84,9 +84,9 @@ pub unsafe extern "C" fn vis_scene_set_transforms_batch(
     count: usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
-        // SAFETY: as before; 16 numbers for each of `count`.
+        // SAFETY: rule P1 of `visibility.h`; 16 numbers for each of `count`.
         let transforms = unsafe { array(transforms.cast::<[f32; 16]>(), count, "transforms") }?;
         let State { scene, placed, .. } = &mut *scene.write()?;
         placed.clear();
@@ -115,9 +115,9 @@ pub unsafe extern "C" fn vis_scene_maintain(
     waiting: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { optional_out(waiting, "waiting") }?;
         let done = scene.write()?.scene.maintain(budget);
         place.into_iter().for_each(|mut place| place.set(done.waiting));
@@ -129,7 +129,7 @@ pub unsafe extern "C" fn vis_scene_maintain(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_rebuild(scene: *mut vis_scene) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         scene.write()?.scene.rebuild();
         Ok(())

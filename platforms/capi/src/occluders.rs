@@ -24,11 +24,11 @@ pub unsafe extern "C" fn vis_scene_add_mesh(
     mesh: *mut u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers; 3 numbers for each of `position_count`.
+        // SAFETY: rule P1 of `visibility.h`; 3 numbers for each of `position_count`.
         let positions = unsafe { array(positions.cast::<[f32; 3]>(), position_count, "positions") }?;
-        // SAFETY: as before; 3 indices for each of `triangle_count`.
+        // SAFETY: rule P1 of `visibility.h`; 3 indices for each of `triangle_count`.
         let indices = unsafe { array(indices.cast::<[u32; 3]>(), triangle_count, "indices") }?;
-        // SAFETY: as before.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (scene, mut id) = unsafe { (reference(scene, "scene")?, out(mesh, "mesh")?) };
         let positions: Vec<Vec3> = positions.iter().copied().map(Vec3::from_array).collect();
         let mesh = OccluderMesh::from_indexed(&positions, indices)?.with_two_sided(two_sided);
@@ -45,9 +45,9 @@ pub unsafe extern "C" fn vis_scene_add_box_mesh(
     mesh: *mut u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, bounds) = unsafe { (reference(scene, "scene")?, reference(bounds, "bounds")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let mut id = unsafe { out(mesh, "mesh") }?;
         let mesh = OccluderMesh::cuboid(&(*bounds).into())?;
         id.set(scene.write()?.scene.add_mesh(mesh).to_bits());
@@ -60,7 +60,7 @@ pub unsafe extern "C" fn vis_scene_add_box_mesh(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_remove_mesh(scene: *mut vis_scene, mesh: u64) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         Ok(scene.write()?.scene.remove_mesh(MeshId::from_bits(mesh))?)
     })
@@ -71,7 +71,7 @@ pub unsafe extern "C" fn vis_scene_remove_mesh(scene: *mut vis_scene, mesh: u64)
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_mesh_count(scene: *const vis_scene, count: *mut usize) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (scene, mut count) = unsafe { (reference(scene, "scene")?, out(count, "count")?) };
         count.set(scene.read()?.scene.mesh_count());
         Ok(())
@@ -91,12 +91,12 @@ pub unsafe extern "C" fn vis_scene_set_mesh(
     transform: *const f32,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         let transform = if transform.is_null() {
             Affine3A::IDENTITY
         } else {
-            // SAFETY: as before; 16 numbers.
+            // SAFETY: rule P1 of `visibility.h`; 16 numbers.
             affine(unsafe { reference(transform.cast::<[f32; 16]>(), "transform") }?)?.to_affine()
         };
         let (id, mesh) = (ObjectId::from_bits(object), MeshId::from_bits(mesh));
@@ -115,9 +115,9 @@ pub unsafe extern "C" fn vis_scene_set_triangles(
     count: usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers; 9 numbers for each of `count`.
+        // SAFETY: rule P1 of `visibility.h`; 9 numbers for each of `count`.
         let triangles = unsafe { array(triangles.cast::<[[f32; 3]; 3]>(), count, "triangles") }?;
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         let triangles: Vec<_> = triangles.iter().map(|corners| corners.map(Vec3::from_array)).collect();
         Ok(scene.write()?.scene.set_triangles(ObjectId::from_bits(object), triangles)?)
@@ -129,7 +129,7 @@ pub unsafe extern "C" fn vis_scene_set_triangles(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_prepare_occluders(scene: *mut vis_scene, count: *mut usize) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (scene, mut count) = unsafe { (reference(scene, "scene")?, out(count, "count")?) };
         count.set(scene.write()?.scene.prepare_occluders(&Preparation::default()));
         Ok(())

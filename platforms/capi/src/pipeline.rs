@@ -61,7 +61,7 @@ pub enum vis_accuracy {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_create(pipeline: *mut *mut vis_pipeline) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { out(pipeline, "pipeline") }?;
         create(place, vis_pipeline(Guarded::new(Pipeline::new())));
         Ok(())
@@ -71,14 +71,14 @@ pub unsafe extern "C" fn vis_pipeline_create(pipeline: *mut *mut vis_pipeline) -
 /// Destroys a pipeline. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_destroy(pipeline: *mut vis_pipeline) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(pipeline) }
 }
 
 /// Appends a stage to a pipeline.
 ///
 /// # Safety
-/// The header's rules for pointers.
+/// Rule P1 of `visibility.h`.
 unsafe fn push(
     pipeline: *mut vis_pipeline,
     culler: impl Culler + Send + Sync + 'static,
@@ -92,21 +92,21 @@ unsafe fn push(
 /// Appends frustum culling, which should come first: it removes what is outside the view. Conservative.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_frustum(pipeline: *mut vis_pipeline) -> vis_status {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P1 of `visibility.h`.
     border(|| unsafe { push(pipeline, FrustumCuller::new()) })
 }
 
-/// Appends the removal of objects that are smaller than `least_pixels` pixels in pictures `picture_height`
+/// Appends the removal of objects that are smaller than `min_pixels` pixels in pictures `picture_height`
 /// pixels high, out of their draw range, or stood in for by an HLOD parent. If one of the two numbers is
 /// zero, no object is too small. Approximate.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_contribution(
     pipeline: *mut vis_pipeline,
     picture_height: f64,
-    least_pixels: f64,
+    min_pixels: f64,
 ) -> vis_status {
-    // SAFETY: the header's rules for pointers.
-    border(|| unsafe { push(pipeline, ContributionCuller::new(picture_height, least_pixels)) })
+    // SAFETY: rule P1 of `visibility.h`.
+    border(|| unsafe { push(pipeline, ContributionCuller::new(picture_height, min_pixels)) })
 }
 
 /// Appends occlusion culling by a hierarchical z-buffer in software, which removes what objects with
@@ -120,7 +120,7 @@ pub unsafe extern "C" fn vis_pipeline_add_z_buffer(
 ) -> vis_status {
     border(|| {
         let map = if (width, height) == (0, 0) { Hzb::default() } else { Hzb::new(width, height)? };
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         unsafe { push(pipeline, HzbCuller::new(map)) }
     })
 }
@@ -133,9 +133,9 @@ pub unsafe extern "C" fn vis_pipeline_add_portals(
     cells: *const vis_cells,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let cells = unsafe { reference(cells, "cells") }?;
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         unsafe { push(pipeline, SharedPortalCuller::new(cells.shared())) }
     })
 }
@@ -149,9 +149,9 @@ pub unsafe extern "C" fn vis_pipeline_add_pvs(
     pvs: *const vis_scene_pvs,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let pvs = unsafe { reference(pvs, "pvs") }?;
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         unsafe { push(pipeline, PvsCuller::new(pvs.shared())) }
     })
 }
@@ -168,11 +168,11 @@ pub unsafe extern "C" fn vis_pipeline_cull(
     stats: *mut vis_stats,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (pipeline, scene) = unsafe { (reference(pipeline, "pipeline")?, reference(scene, "scene")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let (view, visible) = unsafe { (reference(view, "view")?, reference(visible, "visible")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { optional_out(stats, "stats") }?;
         let (view, scene) = (view.get()?, scene.read()?);
         let (mut pipeline, mut visible) = (pipeline.0.write()?, visible.write()?);
@@ -186,7 +186,7 @@ pub unsafe extern "C" fn vis_pipeline_cull(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_reset(pipeline: *mut vis_pipeline) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let pipeline = unsafe { reference(pipeline, "pipeline") }?;
         pipeline.0.write()?.reset();
         Ok(())
@@ -200,7 +200,7 @@ pub unsafe extern "C" fn vis_pipeline_accuracy(
     accuracy: *mut vis_accuracy,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (pipeline, mut place) = unsafe { (reference(pipeline, "pipeline")?, out(accuracy, "accuracy")?) };
         place.set(match pipeline.0.read()?.accuracy() {
             Accuracy::Exact => vis_accuracy::VIS_ACCURACY_EXACT,
@@ -221,7 +221,7 @@ pub unsafe extern "C" fn vis_pipeline_stage_stats(
     stats: *mut vis_stats,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (pipeline, mut place) = unsafe { (reference(pipeline, "pipeline")?, out(stats, "stats")?) };
         let pipeline = pipeline.0.read()?;
         let absent = || Error::argument(format_args!("the pipeline has no stage {stage}"));
@@ -235,7 +235,7 @@ pub unsafe extern "C" fn vis_pipeline_stage_stats(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_freeze(pipeline: *mut vis_pipeline, frozen: bool) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let pipeline = unsafe { reference(pipeline, "pipeline") }?;
         let mut pipeline = pipeline.0.write()?;
         if frozen {
@@ -255,7 +255,7 @@ pub unsafe extern "C" fn vis_pipeline_set_explaining(
     explaining: bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let pipeline = unsafe { reference(pipeline, "pipeline") }?;
         pipeline.0.write()?.set_explaining(explaining);
         Ok(())
@@ -274,7 +274,7 @@ pub unsafe extern "C" fn vis_pipeline_explain(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (pipeline, text) = unsafe { (reference(pipeline, "pipeline")?, buffer(text, capacity, count)?) };
         text.text(&pipeline.0.read()?.explain(ObjectId::from_bits(object)).to_string())
     })
@@ -291,9 +291,9 @@ pub unsafe extern "C" fn vis_pipeline_lacks(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (pipeline, scene) = unsafe { (reference(pipeline, "pipeline")?, reference(scene, "scene")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let text = unsafe { buffer(text, capacity, count) }?;
         let mut lines = String::new();
         pipeline.0.read()?.for_each_lack(&scene.read()?.scene, |stage, lack| {

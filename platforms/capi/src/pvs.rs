@@ -27,7 +27,7 @@ impl vis_scene_pvs {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pvs_read(bytes: *const u8, length: usize, pvs: *mut *mut vis_pvs) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (bytes, place) = unsafe { (array(bytes, length, "bytes")?, out(pvs, "pvs")?) };
         create(place, vis_pvs(Pvs::from_bytes(bytes)?));
         Ok(())
@@ -47,9 +47,9 @@ pub unsafe extern "C" fn vis_pvs_create(
     pvs: *mut *mut vis_pvs,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (ends, place) = unsafe { (array(row_ends, viewcell_count, "row_ends")?, out(pvs, "pvs")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let targets = unsafe { array(targets, targets_length, "targets") }?;
         let starts = std::iter::once(&0).chain(ends);
         let rows = starts.zip(ends).map(|(&start, &end)| {
@@ -66,7 +66,7 @@ pub unsafe extern "C" fn vis_pvs_create(
 /// Destroys a set. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pvs_destroy(pvs: *mut vis_pvs) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(pvs) }
 }
 
@@ -80,7 +80,7 @@ pub unsafe extern "C" fn vis_pvs_write(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (pvs, bytes) = unsafe { (reference(pvs, "pvs")?, buffer(bytes, capacity, count)?) };
         bytes.fill(pvs.0.as_bytes().len(), pvs.0.as_bytes().iter().copied())
     })
@@ -94,9 +94,9 @@ pub unsafe extern "C" fn vis_pvs_counts(
     targets: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (pvs, mut viewcells) = unsafe { (reference(pvs, "pvs")?, out(viewcells, "viewcells")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let mut targets = unsafe { out(targets, "targets") }?;
         viewcells.set(pvs.0.viewcell_count());
         targets.set(pvs.0.target_count());
@@ -113,7 +113,7 @@ pub unsafe extern "C" fn vis_pvs_sees(
     sees: *mut bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (pvs, mut sees) = unsafe { (reference(pvs, "pvs")?, out(sees, "sees")?) };
         sees.set(pvs.0.sees(ViewcellId(viewcell), target));
         Ok(())
@@ -132,7 +132,7 @@ pub unsafe extern "C" fn vis_pvs_write_row(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (pvs, words) = unsafe { (reference(pvs, "pvs")?, buffer(words, capacity, count)?) };
         if viewcell as usize >= pvs.0.viewcell_count() {
             let message = format_args!("the set has no viewcell {viewcell}");
@@ -167,15 +167,15 @@ pub unsafe extern "C" fn vis_scene_pvs_create(
     scene_pvs: *mut *mut vis_scene_pvs,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, pvs) = unsafe { (reference(scene, "scene")?, reference(pvs, "pvs")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let given = unsafe { array(viewcells, viewcell_count, "viewcells") }?;
-        // SAFETY: as before; 4 numbers for each of `plane_count`.
+        // SAFETY: rule P1 of `visibility.h`; 4 numbers for each of `plane_count`.
         let planes = unsafe { array(planes.cast::<[f64; 4]>(), plane_count, "planes") }?;
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let objects = unsafe { array(objects, pair_count, "objects") }?;
-        // SAFETY: as before.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (targets, place) =
             unsafe { (array(targets, pair_count, "targets")?, out(scene_pvs, "scene_pvs")?) };
         if pvs.0.viewcell_count() != viewcell_count {
@@ -204,7 +204,7 @@ pub unsafe extern "C" fn vis_scene_pvs_read_version(
     version: u64,
     scene_pvs: *mut *mut vis_scene_pvs,
 ) -> vis_status {
-    // SAFETY: as for this function.
+    // SAFETY: rules P1 and P2 of `visibility.h`.
     unsafe { read(scene, bytes, length, Some(version), scene_pvs) }
 }
 
@@ -218,14 +218,14 @@ pub unsafe extern "C" fn vis_scene_pvs_read(
     length: usize,
     scene_pvs: *mut *mut vis_scene_pvs,
 ) -> vis_status {
-    // SAFETY: as for this function.
+    // SAFETY: rules P1 and P2 of `visibility.h`.
     unsafe { read(scene, bytes, length, None, scene_pvs) }
 }
 
 /// Loads a file for a level of a version, if that is known.
 ///
 /// # Safety
-/// The header's rules for pointers.
+/// Rules P1 and P2 of `visibility.h`.
 unsafe fn read(
     scene: *const vis_scene,
     bytes: *const u8,
@@ -234,9 +234,9 @@ unsafe fn read(
     scene_pvs: *mut *mut vis_scene_pvs,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, bytes) = unsafe { (reference(scene, "scene")?, array(bytes, length, "bytes")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { out(scene_pvs, "scene_pvs") }?;
         let prepared = BakedSet::from_bytes(bytes)?.for_level(&scene.read()?.scene, version)?;
         create(place, vis_scene_pvs(Arc::new(prepared)));
@@ -247,6 +247,6 @@ unsafe fn read(
 /// Destroys a prepared set; pipelines that use it keep it alive. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_pvs_destroy(pvs: *mut vis_scene_pvs) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(pvs) }
 }

@@ -113,7 +113,7 @@ pub extern "C" fn vis_object_default(bounds: vis_box) -> vis_object_desc {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_create(scene: *mut *mut vis_scene) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { out(scene, "scene") }?;
         let (moved, placed, removed) = (Vec::new(), Vec::new(), Vec::new());
         create(place, vis_scene(Guarded::new(State { scene: Scene::new(), moved, placed, removed })));
@@ -124,7 +124,7 @@ pub unsafe extern "C" fn vis_scene_create(scene: *mut *mut vis_scene) -> vis_sta
 /// Destroys a scene. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_destroy(scene: *mut vis_scene) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(scene) }
 }
 
@@ -133,7 +133,7 @@ pub unsafe extern "C" fn vis_scene_destroy(scene: *mut vis_scene) {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_origin(scene: *mut vis_scene, origin: *const f64) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, origin) = unsafe { (reference(scene, "scene")?, array(origin, 3, "origin")?) };
         Ok(scene.write()?.scene.set_origin(DVec3::from_slice(origin))?)
     })
@@ -143,7 +143,7 @@ pub unsafe extern "C" fn vis_scene_set_origin(scene: *mut vis_scene, origin: *co
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_count(scene: *const vis_scene, count: *mut usize) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (scene, mut count) = unsafe { (reference(scene, "scene")?, out(count, "count")?) };
         count.set(scene.read()?.scene.len());
         Ok(())
@@ -155,7 +155,7 @@ pub unsafe extern "C" fn vis_scene_count(scene: *const vis_scene, count: *mut us
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_index_limit(scene: *const vis_scene, limit: *mut usize) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (scene, mut limit) = unsafe { (reference(scene, "scene")?, out(limit, "limit")?) };
         limit.set(scene.read()?.scene.index_limit());
         Ok(())
@@ -170,7 +170,7 @@ pub unsafe extern "C" fn vis_scene_contains(
     contains: *mut bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (scene, mut contains) = unsafe { (reference(scene, "scene")?, out(contains, "contains")?) };
         contains.set(scene.read()?.scene.contains(ObjectId::from_bits(object)));
         Ok(())
@@ -186,9 +186,9 @@ pub unsafe extern "C" fn vis_scene_insert(
     id: *mut u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, object) = unsafe { (reference(scene, "scene")?, reference(object, "object")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let mut id = unsafe { out(id, "id") }?;
         let object = object.object()?;
         id.set(scene.write()?.scene.insert(object).to_bits());
@@ -206,13 +206,13 @@ pub unsafe extern "C" fn vis_scene_insert_batch(
     ids: *mut u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, objects) = unsafe { (reference(scene, "scene")?, array(objects, count, "objects")?) };
         if count == 0 {
             return Ok(());
         }
         let mut written = 0;
-        // SAFETY: as before; `ids` has `count` elements.
+        // SAFETY: rule P2 of `visibility.h`; `ids` has `count` elements.
         let ids = unsafe { out(ids, "ids").and_then(|_| buffer(ids, count, &raw mut written)) }?;
         let objects: Vec<Object> = objects.iter().map(vis_object_desc::object).collect::<Result<_, _>>()?;
         let inserted = scene.write()?.scene.insert_batch(objects);
@@ -224,7 +224,7 @@ pub unsafe extern "C" fn vis_scene_insert_batch(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_remove(scene: *mut vis_scene, object: u64) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         Ok(scene.write()?.scene.remove(ObjectId::from_bits(object))?)
     })
@@ -238,7 +238,7 @@ pub unsafe extern "C" fn vis_scene_remove_batch(
     count: usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
         let State { scene, removed, .. } = &mut *scene.write()?;
         removed.clear();
@@ -251,7 +251,7 @@ pub unsafe extern "C" fn vis_scene_remove_batch(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_layers(scene: *mut vis_scene, object: u64, layers: u32) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         Ok(scene.write()?.scene.set_layers(ObjectId::from_bits(object), layers)?)
     })
@@ -262,7 +262,7 @@ pub unsafe extern "C" fn vis_scene_set_layers(scene: *mut vis_scene, object: u64
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_flags(scene: *mut vis_scene, object: u64, flags: u32) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         let (scene, id) = (&mut scene.write()?.scene, ObjectId::from_bits(object));
         let former = scene.object(id)?;
@@ -288,7 +288,7 @@ pub unsafe extern "C" fn vis_scene_set_draw_range(
     end: f32,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         let range = DrawRange { begin, end, ..DrawRange::ALWAYS };
         Ok(scene.write()?.scene.set_draw_range(ObjectId::from_bits(object), range)?)
@@ -305,7 +305,7 @@ pub unsafe extern "C" fn vis_scene_set_hlod_parent(
     parent: u64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = unsafe { reference(scene, "scene") }?;
         let parent = (parent != VIS_NO_OBJECT).then(|| ObjectId::from_bits(parent));
         Ok(scene.write()?.scene.set_hlod_parent(ObjectId::from_bits(object), parent)?)

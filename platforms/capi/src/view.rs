@@ -64,7 +64,7 @@ const DEPTHS: [(vis_depth, Depth); 6] = [
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_create(view: *mut *mut vis_view) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { out(view, "view") }?;
         create(place, vis_view(Guarded::new(State { camera: None, layers: VIS_ALL_LAYERS })));
         Ok(())
@@ -74,7 +74,7 @@ pub unsafe extern "C" fn vis_view_create(view: *mut *mut vis_view) -> vis_status
 /// Destroys a view. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_destroy(view: *mut vis_view) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(view) }
 }
 
@@ -114,9 +114,9 @@ pub unsafe extern "C" fn vis_view_set_matrix(
     origin: *const f64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (view, origin) = unsafe { (reference(view, "view")?, optional_point(origin, "origin")?) };
-        // SAFETY: as before; 16 numbers.
+        // SAFETY: rule P1 of `visibility.h`; 16 numbers.
         let matrix = unsafe { reference(matrix.cast::<[f32; 16]>(), "matrix") }?;
         view.set(camera(*matrix, depth, origin)?)
     })
@@ -131,9 +131,9 @@ pub unsafe extern "C" fn vis_view_set_matrix_f64(
     origin: *const f64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (view, origin) = unsafe { (reference(view, "view")?, optional_point(origin, "origin")?) };
-        // SAFETY: as before; 16 numbers.
+        // SAFETY: rule P1 of `visibility.h`; 16 numbers.
         let matrix = unsafe { reference(matrix.cast::<[f64; 16]>(), "matrix") }?;
         view.set(camera(*matrix, depth, origin)?)
     })
@@ -171,7 +171,7 @@ pub unsafe extern "C" fn vis_view_set_perspective(
     far_plane: f64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (view, pose) = unsafe { (reference(view, "view")?, reference(pose, "pose")?) };
         view.set(View::perspective(pose.into(), fov_y, aspect, near_plane, far_plane)?)
     })
@@ -190,7 +190,7 @@ pub unsafe extern "C" fn vis_view_set_orthographic(
     far_plane: f64,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (view, pose) = unsafe { (reference(view, "view")?, reference(pose, "pose")?) };
         let window = Window::centered(width * 0.5, height * 0.5);
         view.set(View::orthographic(pose.into(), window, near_plane, far_plane)?)
@@ -201,7 +201,7 @@ pub unsafe extern "C" fn vis_view_set_orthographic(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_set_layers(view: *mut vis_view, layers: u32) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let view = unsafe { reference(view, "view") }?;
         let mut state = view.0.write()?;
         state.layers = layers;
@@ -220,9 +220,9 @@ pub unsafe extern "C" fn vis_view_set_clip_planes(
     count: usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers; 4 numbers for each of `count`.
+        // SAFETY: rule P1 of `visibility.h`; 4 numbers for each of `count`.
         let planes = unsafe { array(planes.cast::<[f64; 4]>(), count, "planes") }?;
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let view = unsafe { reference(view, "view") }?;
         let camera = view.get()?;
         let planes: Vec<Plane> = planes.iter().map(plane).collect();

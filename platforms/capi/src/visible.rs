@@ -60,9 +60,9 @@ pub unsafe extern "C" fn vis_visible_create(
     visible: *mut *mut vis_visible,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P2 of `visibility.h`.
         let place = unsafe { out(visible, "visible") }?;
-        let set = if with_changes { VisibleSet::with_changes() } else { VisibleSet::new() };
+        let set = if with_changes { VisibleSet::new().with_changes() } else { VisibleSet::new() };
         create(place, vis_visible(Guarded::new(set)));
         Ok(())
     })
@@ -71,7 +71,7 @@ pub unsafe extern "C" fn vis_visible_create(
 /// Destroys a set. Does nothing for a null pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_destroy(visible: *mut vis_visible) {
-    // SAFETY: the header's rules for pointers.
+    // SAFETY: rule P3 of `visibility.h`.
     unsafe { destroy(visible) }
 }
 
@@ -80,7 +80,7 @@ pub unsafe extern "C" fn vis_visible_destroy(visible: *mut vis_visible) {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_visible_list(visible: *mut vis_visible, scene: *const vis_scene) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (visible, scene) = unsafe { (reference(visible, "visible")?, reference(scene, "scene")?) };
         let scene = &scene.read()?.scene;
         drop(visible.finished()?);
@@ -98,9 +98,9 @@ pub unsafe extern "C" fn vis_visible_count(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (visible, mut count) = unsafe { (reference(visible, "visible")?, out(count, "count")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         unsafe {
             visible.read(scene, |length, _| {
                 count.set(length);
@@ -119,9 +119,9 @@ pub unsafe extern "C" fn vis_visible_contains(
     contains: *mut bool,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (visible, scene) = unsafe { (reference(visible, "visible")?, reference(scene, "scene")?) };
-        // SAFETY: as before.
+        // SAFETY: rule P2 of `visibility.h`.
         let mut contains = unsafe { out(contains, "contains") }?;
         let scene = &scene.read()?.scene;
         contains.set(visible.finished()?.contains(scene, ObjectId::from_bits(object)));
@@ -138,7 +138,7 @@ pub unsafe extern "C" fn vis_visible_sort_by_index(
     scene: *const vis_scene,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rule P1 of `visibility.h`.
         let (visible, scene) = unsafe { (reference(visible, "visible")?, reference(scene, "scene")?) };
         let scene = &scene.read()?.scene;
         drop(visible.finished()?);
@@ -159,9 +159,9 @@ pub unsafe extern "C" fn vis_visible_ids(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (visible, ids) = unsafe { (reference(visible, "visible")?, buffer(ids, capacity, count)?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         unsafe { visible.read(scene, |count, objects| ids.fill(count, objects.map(ObjectId::to_bits))) }
     })
 }
@@ -177,11 +177,11 @@ pub unsafe extern "C" fn vis_visible_indices(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (visible, indices) =
             unsafe { (reference(visible, "visible")?, buffer(indices, capacity, count)?) };
         let index = |id: ObjectId| id.index() as u32;
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         unsafe { visible.read(scene, |count, objects| indices.fill(count, objects.map(index))) }
     })
 }
@@ -198,9 +198,9 @@ pub unsafe extern "C" fn vis_visible_write_bits(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (visible, words) = unsafe { (reference(visible, "visible")?, buffer(words, capacity, count)?) };
-        // SAFETY: as before.
+        // SAFETY: rule P1 of `visibility.h`.
         let scene = &unsafe { reference(scene, "scene") }?.read()?.scene;
         let visible = visible.finished()?;
         let needed = match visible.write_bits(scene, &mut []) {
@@ -224,7 +224,7 @@ pub unsafe extern "C" fn vis_visible_newly_visible(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (visible, ids) = unsafe { (reference(visible, "visible")?, buffer(ids, capacity, count)?) };
         let visible = visible.finished()?;
         ids.fill(visible.newly_visible().count(), visible.newly_visible().map(ObjectId::to_bits))
@@ -241,7 +241,7 @@ pub unsafe extern "C" fn vis_visible_newly_hidden(
     count: *mut usize,
 ) -> vis_status {
     border(|| {
-        // SAFETY: the header's rules for pointers.
+        // SAFETY: rules P1 and P2 of `visibility.h`.
         let (visible, ids) = unsafe { (reference(visible, "visible")?, buffer(ids, capacity, count)?) };
         let visible = visible.finished()?;
         ids.fill(visible.newly_hidden().count(), visible.newly_hidden().map(ObjectId::to_bits))

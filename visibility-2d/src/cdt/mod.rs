@@ -39,7 +39,7 @@ pub use error::PlanError;
 pub use objects::PlanObjects;
 pub use plan::Plan;
 pub use region::RegionVisibility;
-pub use sight::RayHit;
+pub use sight::WallHit;
 pub use view::PlanView;
 pub use visibility::Visibility;
 pub use wall::{Opacity, Wall};

@@ -28,7 +28,7 @@ struct Item {
 ///
 /// ```
 /// use visibility_2d::cdt::{Plan, PlanObjects, PlanView, Visibility, Wall};
-/// let plan = Plan::with_margin(&[Wall::new([2.0, -1.0], [2.0, 1.0])], 10.0)?;
+/// let plan = Plan::from_walls(&[Wall::new([2.0, -1.0], [2.0, 1.0])], 10.0)?;
 /// let mut objects = PlanObjects::new(&plan);
 /// let hidden = objects.insert(&plan, &[[3.0, 0.0]])?;
 /// let crate_beside = objects.insert(&plan, &[[1.0, 2.0], [2.0, 2.0], [2.0, 3.0], [1.0, 3.0]])?;

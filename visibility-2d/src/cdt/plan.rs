@@ -104,7 +104,7 @@ impl Plan {
     /// if the walls of all pieces are together more than 2^26.
     pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
         let [low, high] = bounds_of(walls)?;
-        Self::with_margin(walls, (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0))
+        Self::from_walls(walls, (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0))
     }
 
     /// Makes a plan like [`new`](Self::new), with the rectangle at a distance of `margin` world units around
@@ -113,7 +113,7 @@ impl Plan {
     ///
     /// # Errors
     /// The errors of [`new`](Self::new), for the same reasons.
-    pub fn with_margin(walls: &[Wall], margin: f64) -> Result<Self, PlanError> {
+    pub fn from_walls(walls: &[Wall], margin: f64) -> Result<Self, PlanError> {
         if walls.len() > Self::LIMIT {
             return Err(PlanError::TooMany { count: walls.len() });
         }

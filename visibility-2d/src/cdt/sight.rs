@@ -12,7 +12,7 @@ use super::triangulation::{NONE, Place, next, previous};
 
 /// End of a ray: the first point that it does not pass.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct RayHit {
+pub struct WallHit {
     /// Point in world units where the ray ends, rounded.
     pub point: [f64; 2],
     /// Number of the wall at which the ray ends, the least of several that do not let the ray pass. `None`
@@ -107,7 +107,7 @@ impl Plan {
         &self,
         eye: impl Into<[f64; 2]>,
         through: impl Into<[f64; 2]>,
-    ) -> Result<Option<RayHit>, PlanError> {
+    ) -> Result<Option<WallHit>, PlanError> {
         let (a, b) = (checked(eye.into(), 0)?, checked(through.into(), 1)?);
         if a == b {
             return Ok(None);
@@ -120,11 +120,11 @@ impl Plan {
                 let (of_p, of_q) = (orient(a, b, p), orient(a, b, q));
                 let share = of_p / (of_p - of_q);
                 let point = [0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis]));
-                Some(RayHit { point, wall: self.wall_that_stops(h) })
+                Some(WallHit { point, wall: self.wall_that_stops(h) })
             }
             Stop::Vertex(h, came) => {
                 let stops = self.fan(h).filter_map(|h| walk.stop_at(h, came));
-                Some(RayHit {
+                Some(WallHit {
                     point: self.start(h),
                     wall: stops.filter_map(|h| self.wall_that_stops(h)).min(),
                 })

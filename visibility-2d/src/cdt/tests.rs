@@ -205,7 +205,7 @@ fn hostile_bits_are_errors_or_plans() {
                 _ => random.pick(&[0.0, -0.0, 1e-300, 1e-40, 1e-39, 1.0, 1e17, -1e59, 1e60, 3e-5]),
             })
         });
-        let plan = match Plan::with_margin(&walls, random.bits64()) {
+        let plan = match Plan::from_walls(&walls, random.bits64()) {
             Ok(plan) => plan,
             Err(error) => {
                 assert!(matches!(error, PlanError::Coordinate { .. }), "{error}");
@@ -284,7 +284,7 @@ fn a_wide_margin_keeps_the_order_along_the_curve() {
             Wall::new(end, end.map(|x| x + 0.1))
         })
         .collect();
-    let plan = Plan::with_margin(&walls, 1e15).unwrap();
+    let plan = Plan::from_walls(&walls, 1e15).unwrap();
     for _ in 0..100 {
         let [x, y] = point(&mut random);
         let [u, v] = plan.start(plan.near([x, y]));

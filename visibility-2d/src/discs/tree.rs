@@ -28,6 +28,7 @@ pub struct Disc {
 
 /// The reason why discs cannot be taken.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum DiscError {
     /// A coordinate or the radius is NaN or infinite or beyond 1e150, or the radius is negative.
     Disc {

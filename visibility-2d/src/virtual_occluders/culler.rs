@@ -76,7 +76,7 @@ pub struct VirtualOccluderCuller {
 
 impl VirtualOccluderCuller {
     /// Number of virtual occluders of a viewcell by default.
-    pub const MOST: usize = 8;
+    pub const MAX: usize = 8;
 
     /// Makes a culler for scenes in which the given axis points up.
     pub const fn new(up: UpAxis) -> Self {
@@ -84,7 +84,7 @@ impl VirtualOccluderCuller {
             all: PlanSolids::new(up),
             solids: CellSolids::new(),
             chain: Chain::new(),
-            most: Self::MOST,
+            most: Self::MAX,
             umbrae: Vec::new(),
             occluders: Vec::new(),
         }
@@ -92,7 +92,7 @@ impl VirtualOccluderCuller {
 
     /// Sets the greatest number of virtual occluders of a viewcell. 0 hides nothing.
     #[must_use]
-    pub fn with_most(self, most: usize) -> Self {
+    pub fn with_max(self, most: usize) -> Self {
         Self { most, ..self }
     }
 

@@ -34,7 +34,7 @@ fn grid_walls(random: &mut Random, count: usize, size: i32) -> Vec<[[i32; 2]; 2]
 fn plan_of(walls: &[[[i32; 2]; 2]]) -> Plan {
     let walls: Vec<_> = walls.iter().map(|ends| ends.map(|end| end.map(f64::from))).collect();
     let walls: Vec<_> = walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
-    Plan::with_margin(&walls, 2.0).unwrap()
+    Plan::from_walls(&walls, 2.0).unwrap()
 }
 
 /// Holds what a plan sees from an eye, in quarters of the grid's unit, against the oracle.

@@ -88,11 +88,10 @@ impl LargeOccludersCuller {
         Self { most, chosen_at: None, ..self }
     }
 
-    /// Turns the answer cache on (the default) or off. Without the cache, every frame computes all answers
-    /// anew; the answers are the same.
+    /// Turns the answer cache off. Every frame then computes all answers anew; the answers are the same.
     #[must_use]
-    pub fn with_coherence(mut self, coherent: bool) -> Self {
-        self.inner.map_mut().coherent = coherent;
+    pub fn without_coherence(mut self) -> Self {
+        self.inner.map_mut().coherent = false;
         self
     }
 

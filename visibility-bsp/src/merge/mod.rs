@@ -44,6 +44,7 @@ pub struct Solid {
 
 /// Reason why a solid cannot be made or merged.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum SolidError {
     /// No tree could be built from the boundary, for the enclosed reason.
     Boundary(BspError),
@@ -65,7 +66,14 @@ impl fmt::Display for SolidError {
     }
 }
 
-impl core::error::Error for SolidError {}
+impl core::error::Error for SolidError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Boundary(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<BspError> for SolidError {
     fn from(error: BspError) -> Self {

@@ -142,7 +142,7 @@ struct Task {
 /// A position in the image at which an object is visible: the centroid of the corners of an uncovered part.
 /// NDC, -1 to 1 across the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Witness {
+pub struct VisiblePoint {
     /// Horizontal NDC coordinate, from -1 at the left to 1 at the right.
     pub x: f64,
     /// Vertical NDC coordinate, from -1 at the bottom to 1 at the top.
@@ -173,7 +173,7 @@ pub(super) struct Beams {
     sides: Vec<f64>,
     /// Widest uncovered part found by the last `test` or `test_and_cover`; its width is negative if none
     /// was found.
-    pub(super) witness: Witness,
+    pub(super) witness: VisiblePoint,
 }
 
 /// Value of `Node::parent` and `Task::parent` for the root of the tree, which has no parent.
@@ -470,7 +470,7 @@ fn is_narrow(polygon: &[ImageCorner]) -> bool {
 
 /// Returns the mean of a part's corners and the part's approximate width in NDC: its area divided by the
 /// greatest horizontal or vertical extent of an edge, 0 for a point. `part` must not be empty.
-fn witness(part: &[ImageCorner]) -> Witness {
+fn witness(part: &[ImageCorner]) -> VisiblePoint {
     let (mut x, mut y, mut area, mut longest) = (0.0, 0.0, 0.0f64, 0.0f64);
     let first = part[0];
     for (i, p) in part.iter().enumerate() {
@@ -480,7 +480,7 @@ fn witness(part: &[ImageCorner]) -> Witness {
         area += (p.x - first.x) * (q.y - first.y) - (p.y - first.y) * (q.x - first.x);
         longest = longest.max((q.x - p.x).abs().max((q.y - p.y).abs()));
     }
-    Witness { x, y, width: if longest > 0.0 { 0.5 * area.abs() / longest } else { 0.0 } }
+    VisiblePoint { x, y, width: if longest > 0.0 { 0.5 * area.abs() / longest } else { 0.0 } }
 }
 
 /// Returns the point in NDC at which the edge from `p` to `q` meets a line with signed distances `dp` and

@@ -1,9 +1,9 @@
 //! The exact culler: a front-to-back walk of the scene's tree that inserts polygons into the beam tree.
 
-use super::beams::{Beams, Visibility, Witness};
+use super::beams::{Beams, Visibility, VisiblePoint};
 use super::screen_projection::{ProjectedPolygon, ScreenProjection};
 use crate::scene_tree::{SceneTree, StaleObjects};
-use crate::tree::{Fragment, Fragments, Subtree, TraversalStack, Walk};
+use crate::tree::{Fragment, Fragments, Subtree, TraversalStack, TreeVisitor};
 use alloc::vec::Vec;
 use core::borrow::Borrow;
 use visibility_core::geometry::Plane;
@@ -74,7 +74,7 @@ struct Scratch {
     states: Vec<ObjectState>,
     /// By object index: the object seen in the last frame and the position of its first visible part. `None`
     /// for an object that was hidden or not tested.
-    witnesses: Vec<Option<(ObjectId, Witness)>>,
+    witnesses: Vec<Option<(ObjectId, VisiblePoint)>>,
 }
 
 /// Visibility of an object in the present frame, as far as the walk has determined it.
@@ -115,7 +115,7 @@ impl<S: Borrow<SceneTree>> NaylorCuller<S> {
     /// Returns the position in the image at which an object was first found visible in the last frame. `None`
     /// if the object was hidden, was visible only because its triangles are unknown or stale, or if the last
     /// frame culled nothing.
-    pub fn witness(&self, id: ObjectId) -> Option<Witness> {
+    pub fn witness(&self, id: ObjectId) -> Option<VisiblePoint> {
         let (seen, witness) = self.scratch.witnesses.get(id.index()).copied().flatten()?;
         (seen == id).then_some(witness)
     }
@@ -247,7 +247,7 @@ fn is_front(plane: &Plane, eye: Eye) -> bool {
     }
 }
 
-impl Walk for Frame<'_> {
+impl TreeVisitor for Frame<'_> {
     fn enter(&mut self, subtree: &Subtree, _: u32) -> Option<u32> {
         if self.scratch.beams.is_closed() {
             return None;

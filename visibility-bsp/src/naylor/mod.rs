@@ -12,5 +12,5 @@ mod beams;
 mod culler;
 mod screen_projection;
 
-pub use beams::Witness;
+pub use beams::VisiblePoint;
 pub use culler::NaylorCuller;

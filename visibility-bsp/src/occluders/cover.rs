@@ -209,16 +209,10 @@ mod tests {
 
     #[test]
     fn the_largest_rectangles_are_those_that_no_full_rectangle_contains() {
-        let mut state = 7u64;
+        let mut random = visibility_testing::Random(7);
         for round in 0..400 {
             let (columns, rows) = (1 + round % 7, 1 + round / 7 % 7);
-            let filled: Vec<bool> = (0..columns * rows)
-                .map(|_| {
-                    state =
-                        state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    !(state >> 33).is_multiple_of(5)
-                })
-                .collect();
+            let filled: Vec<bool> = (0..columns * rows).map(|_| !random.one_in(5)).collect();
             let lines = [columns, rows].map(|count| (0..=count).map(|i| i as f64).collect());
             let grid = Grid { lines, filled };
             let full = |[left, right, low, high]: [usize; 4]| {

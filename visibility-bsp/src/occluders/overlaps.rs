@@ -202,11 +202,8 @@ mod tests {
 
     #[test]
     fn groups_are_those_of_comparing_each_with_each() {
-        let mut state = 1u64;
-        let mut below = |count: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (((state >> 33) * count) >> 31) as f64
-        };
+        let mut random = visibility_testing::Random(1);
+        let mut below = |count: u64| random.below(count as usize) as f64;
         for round in 0..3000u64 {
             let (count, reach) = (1 + round % 40, 4 + round % 23);
             let rectangles: Vec<Rectangle> = (0..count)

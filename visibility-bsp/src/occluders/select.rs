@@ -10,6 +10,7 @@ use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
     ObjectId, Scene, View, VisibleSet,
+    bits::Bits,
     geometry::solid_angle,
     scene::{Changes, SceneCursor},
     stamp::Stamp,
@@ -46,7 +47,7 @@ pub(crate) struct Selector {
     /// The scene, and the revision of the scene, up to which changes are recorded in `stale`.
     seen: SceneCursor,
     /// Bitset by object index: a bit is 1 if the object has changed since the polygons were made.
-    stale: Vec<u64>,
+    stale: Bits,
     /// True if the polygons belong to another scene, or the scene no longer lists all changes since they
     /// were made. No polygon may then be used. False if `stale` is complete.
     lost: bool,
@@ -59,7 +60,7 @@ impl Default for Selector {
             blocks: Vec::new(),
             occluders: Stamp::NONE,
             seen: SceneCursor::START,
-            stale: Vec::new(),
+            stale: Bits::EMPTY,
             lost: false,
         }
     }
@@ -75,20 +76,18 @@ impl Selector {
             // With other polygons or another scene than in the last frame, changes are counted again from the
             // revision that the polygons represent.
             self.occluders = occluders.stamp;
-            self.stale.clear();
+            self.stale.reset(0);
             changes = occluders.cursor.peek(scene);
             let lost = changes == Changes::Everything;
             news |= !(lost && self.lost);
             self.lost = lost;
         }
-        if self.stale.len() * 64 < scene.index_limit() {
-            self.stale.resize(scene.index_limit().div_ceil(64), 0);
-        }
+        self.stale.grow(scene.index_limit());
         if let Changes::Objects(changed) = changes {
             for id in changed {
                 if occluders.of_object.contains_key(&(id.index() as u32)) {
                     news = true;
-                    self.stale[id.index() / 64] |= 1 << (id.index() % 64);
+                    self.stale.insert(id.index());
                 }
             }
             self.seen = SceneCursor::at(scene);
@@ -104,8 +103,7 @@ impl Selector {
     /// Tests whether an object is in the scene and has not changed since the polygons were made. False if the
     /// object was removed or changed.
     fn is_fresh(&self, scene: &Scene, id: ObjectId) -> bool {
-        let stale = self.stale.get(id.index() / 64).is_none_or(|word| word >> (id.index() % 64) & 1 != 0);
-        !stale && !self.lost && scene.contains(id)
+        !self.stale.contains(id.index()) && !self.lost && scene.contains(id)
     }
 
     /// Tests whether every object that a polygon was made from is unchanged since, flagged as an occluder,

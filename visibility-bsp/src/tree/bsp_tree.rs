@@ -82,6 +82,7 @@ pub struct BspTree {
 
 /// Reason why a tree cannot be built, or polygons not be inserted.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum BspError {
     /// The polygons cut each other more often than the limit, so that a tree of them would be too large.
     TooManyFragments {

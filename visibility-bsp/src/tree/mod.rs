@@ -23,4 +23,4 @@ pub use bsp_tree::{BspError, BspTree, Leaf};
 pub use fragments::{Fragment, Fragments};
 pub(crate) use node::{EMPTY, SOLID, depth_of, is_leaf};
 pub use subtree::Subtree;
-pub use traversal::{TraversalStack, Walk};
+pub use traversal::{TraversalStack, TreeVisitor};

@@ -3,13 +3,14 @@
 use super::node::NONE;
 use visibility_core::Aabb;
 
-/// Bounds and owner of all fragments in a node and below it. Passed to [`Walk::enter`](crate::Walk::enter).
+/// Bounds and owner of all fragments in a node and below it. Passed to
+/// [`TreeVisitor::enter`](crate::TreeVisitor::enter).
 ///
 /// ```
-/// use visibility_bsp::{BspTree, Fragments, Subtree, TraversalStack, Walk};
+/// use visibility_bsp::{BspTree, Fragments, Subtree, TraversalStack, TreeVisitor};
 /// use visibility_core::{glam::{DVec3, Vec3}, view::Eye, Aabb};
 /// struct Root(Option<Subtree>);
-/// impl Walk for Root {
+/// impl TreeVisitor for Root {
 ///     fn enter(&mut self, subtree: &Subtree, _: u32) -> Option<u32> {
 ///         self.0 = Some(*subtree);
 ///         None

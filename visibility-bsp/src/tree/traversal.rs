@@ -32,7 +32,8 @@ struct Step {
     /// Child visited second: the child on the far side of the node's plane, or on the near side in a
     /// back-to-front walk.
     far: u32,
-    /// The visitor's value for the node, returned by `Walk::enter` and passed on to `Walk::visit`.
+    /// The visitor's value for the node, returned by `TreeVisitor::enter` and passed on to
+    /// `TreeVisitor::visit`.
     marks: u32,
 }
 
@@ -44,7 +45,7 @@ impl TraversalStack {
 }
 
 /// Visitor of a [walk](BspTree::walk) through a BSP tree in depth order.
-pub trait Walk {
+pub trait TreeVisitor {
     /// Decides whether the walk enters a node, before anything in the node or below it is visited. `subtree`
     /// describes the node and everything below. `above` is the value returned for the parent node, 0 for the
     /// root. Returns a value of the visitor's choice (marks, which the walk only passes on) to enter the
@@ -59,7 +60,7 @@ pub trait Walk {
     fn visit(&mut self, fragments: Fragments<'_>, marks: u32);
 }
 
-impl<F: FnMut(Fragments<'_>)> Walk for F {
+impl<F: FnMut(Fragments<'_>)> TreeVisitor for F {
     #[inline]
     fn visit(&mut self, fragments: Fragments<'_>, _: u32) {
         self(fragments);
@@ -84,13 +85,14 @@ impl BspTree {
     }
 
     /// Walks the nodes front to back as seen from `eye`, in the tree's coordinates. Skips the subtrees that
-    /// [`Walk::enter`] rejects, such as those outside the view or already hidden. `stack` is scratch memory.
-    pub fn walk(&self, eye: Eye, stack: &mut TraversalStack, walk: &mut impl Walk) {
+    /// [`TreeVisitor::enter`] rejects, such as those outside the view or already hidden. `stack` is scratch
+    /// memory.
+    pub fn walk(&self, eye: Eye, stack: &mut TraversalStack, walk: &mut impl TreeVisitor) {
         self.walk_ordered(eye, false, stack, walk);
     }
 
     /// Walks the tree as seen from `eye`, front to back, or back to front if `reverse` is true.
-    fn walk_ordered(&self, eye: Eye, reverse: bool, stack: &mut TraversalStack, walk: &mut impl Walk) {
+    fn walk_ordered(&self, eye: Eye, reverse: bool, stack: &mut TraversalStack, walk: &mut impl TreeVisitor) {
         // The eye as homogeneous coordinates. A point is in front of a plane if normal . eye + offset > 0; an
         // eye at infinity, if the view direction runs against the normal.
         let eye = match eye {

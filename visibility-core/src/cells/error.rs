@@ -144,4 +144,11 @@ impl fmt::Display for CellGraphError {
     }
 }
 
-impl core::error::Error for CellGraphError {}
+impl core::error::Error for CellGraphError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Polygon { error, .. } => Some(error),
+            _ => None,
+        }
+    }
+}

@@ -24,6 +24,7 @@ pub struct ConvexPolygon {
 
 /// The reason why a list of vertices is not a convex polygon.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub enum PolygonError {
     /// The list has fewer than three vertices.
     TooFewVertices {

@@ -122,9 +122,9 @@ mod tests {
 
     #[test]
     fn sums_and_products_of_two_numbers_are_exact() {
-        let mut state = 1u64;
+        let mut random = visibility_testing::Random(1);
         let mut random = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let state = random.bits();
             // Up to 2^20 in units of 2^-26: 46 bits, so that a product has 92.
             ((state >> 17) as i64 - (1 << 46)) >> (state % 40)
         };

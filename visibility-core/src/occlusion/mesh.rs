@@ -32,6 +32,7 @@ pub struct Edge {
 
 /// The reason why triangles cannot make an occluder.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum MeshError {
     /// A vertex index is not below the number of vertices.
     Index {

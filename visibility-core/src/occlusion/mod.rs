@@ -7,7 +7,7 @@
 //! occluders, walks the hierarchy and removes hidden objects.
 
 mod budget;
-mod clip_plane_test;
+mod clip_planes;
 mod culler;
 mod mesh;
 mod mesh_build;

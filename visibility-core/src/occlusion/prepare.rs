@@ -22,7 +22,7 @@ pub struct Preparation {
     /// Default 1e-3.
     pub sliver: f32,
     /// Triangles with less than this fraction of the area of the largest triangle are dropped. Default 0.
-    pub least_area: f32,
+    pub min_area: f32,
     /// Whether back faces occlude too, for models whose triangles do not all face outwards. Objects that are
     /// drawn [one-sided](crate::Object::one_sided) get one-sided meshes nevertheless. Default false.
     pub two_sided: bool,
@@ -30,7 +30,7 @@ pub struct Preparation {
 
 impl Default for Preparation {
     fn default() -> Self {
-        Self { sliver: 1e-3, least_area: 0.0, two_sided: false }
+        Self { sliver: 1e-3, min_area: 0.0, two_sided: false }
     }
 }
 
@@ -51,7 +51,7 @@ pub fn prepare(triangles: &[Triangle], preparation: &Preparation) -> Option<Occl
             let (double_area, longest) = measured(t);
             // The height over the longest side is twice the area divided by that side's length.
             double_area > f64::from(preparation.sliver) * longest
-                && double_area >= f64::from(preparation.least_area) * largest
+                && double_area >= f64::from(preparation.min_area) * largest
         })
         .copied()
         .collect();

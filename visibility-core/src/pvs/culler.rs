@@ -3,6 +3,7 @@
 use super::{Pvs, Viewcells};
 use crate::{
     Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
+    bits::Bits,
     culler::Lack,
     pvs::ViewcellId,
     scene::{Changes, SceneCursor, lanes},
@@ -220,9 +221,9 @@ pub struct PvsCuller<S> {
     /// Layout of the scene that `masks` was made for. `NONE` if `masks` must be made again whatever the
     /// layout is, since `seen` has changed.
     masks_layout: Stamp,
-    /// One bit per object index, bit `i % 64` of word `i / 64` for index `i`: set if the object has changed
+    /// Indices of the objects that have changed
     /// since the [`ScenePvs`] was made, or is new, so that the PVS says nothing about the object.
-    changed: Vec<u64>,
+    changed: Bits,
     /// Whether lines of sight of the last frame began outside all viewcells.
     is_outside: bool,
     /// True if it is unknown which objects changed since the [`ScenePvs`] was made: the scene is another
@@ -247,7 +248,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             seen_from_one: Vec::new(),
             masks: Vec::new(),
             masks_layout: Stamp::NONE,
-            changed: Vec::new(),
+            changed: Bits::EMPTY,
             is_outside: false,
             lost: false,
             cursor: SceneCursor::START,
@@ -284,12 +285,10 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             self.changed.clear();
         }
         let Changes::Objects(ids) = changes else { return };
-        self.changed.resize(scene.index_limit().div_ceil(64), 0);
+        self.changed.grow(scene.index_limit());
         let has_masks = self.masks_layout == scene.layout();
         for &id in ids {
-            if let Some(word) = self.changed.get_mut(id.index() / 64) {
-                *word |= 1 << (id.index() % 64);
-            }
+            self.changed.insert(id.index());
             if has_masks {
                 add_to_masks(&mut self.masks, scene, id);
             }
@@ -305,9 +304,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         let mut add = |id| add_to_masks(&mut self.masks, scene, id);
         shared.for_each_seen(&self.seen, &mut add);
         shared.never_hidden.iter().copied().for_each(&mut add);
-        for (&word, first) in self.changed.iter().zip((0..).step_by(64)) {
-            lanes(word).filter_map(|bit| scene.id_at(first + bit)).for_each(&mut add);
-        }
+        self.changed.iter().filter_map(|index| scene.id_at(index)).for_each(&mut add);
         self.masks_layout = scene.layout();
     }
 }

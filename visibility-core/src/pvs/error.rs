@@ -43,7 +43,14 @@ impl fmt::Display for PvsError {
     }
 }
 
-impl core::error::Error for PvsError {}
+impl core::error::Error for PvsError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Format(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<FormatError> for PvsError {
     fn from(error: FormatError) -> Self {

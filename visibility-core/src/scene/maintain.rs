@@ -19,6 +19,7 @@ use super::tree::Tree;
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct Maintenance {
     /// Part of the budget that was used: 1 for each inspected node, and 3 for each further node whose
     /// contents were redistributed.

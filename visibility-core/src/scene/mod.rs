@@ -8,7 +8,6 @@ mod cursor;
 mod curve;
 mod detail;
 mod draw_range;
-mod index_bits;
 mod maintain;
 mod mesh_bounds;
 mod meshes;
@@ -35,12 +34,11 @@ pub(crate) use tree::{NONE, Slot, Token, Tree};
 pub use triangles::{SharedTriangles, TriangleIter, Triangles};
 
 use crate::serial::{next_generation, next_range};
-use crate::{Aabb, stamp::Stamp};
+use crate::{Aabb, bits::Bits, stamp::Stamp};
 use alloc::vec::Vec;
 use build::Entry;
 use changes::ChangeLog;
 use glam::DVec3;
-use index_bits::IndexBits;
 use meshes::Meshes;
 use placement::Placements;
 use queue::Queue;
@@ -80,11 +78,11 @@ pub struct Scene {
     generations: Vec<u32>,
     costs: Vec<u32>,
     /// Objects that were flagged as never to be culled, by index.
-    never_cull: IndexBits,
+    never_cull: Bits,
     /// Objects that what is behind is drawn through, by index.
-    see_through: IndexBits,
+    see_through: Bits,
     /// Objects whose triangles are drawn from their front alone, by index.
-    one_sided: IndexBits,
+    one_sided: Bits,
     /// Triangles of each object, indexed by object index. Shorter than the index range, and empty until an
     /// object first gets triangles.
     triangles: Vec<Option<SharedTriangles>>,
@@ -155,9 +153,9 @@ impl Scene {
             queue: Queue::default(),
             generations: Vec::new(),
             costs: Vec::new(),
-            never_cull: IndexBits::default(),
-            see_through: IndexBits::default(),
-            one_sided: IndexBits::default(),
+            never_cull: Bits::default(),
+            see_through: Bits::default(),
+            one_sided: Bits::default(),
             triangles: Vec::new(),
             meshes: Meshes::default(),
             placements: Placements::default(),
@@ -278,9 +276,9 @@ impl Scene {
         });
         let id = ObjectId { index, generation: self.generations[index as usize] };
         self.costs[id.index()] = object.cost;
-        self.never_cull.set(id.index(), object.never_cull);
-        self.see_through.set(id.index(), object.see_through);
-        self.one_sided.set(id.index(), object.one_sided);
+        mark(&mut self.never_cull, id, object.never_cull);
+        mark(&mut self.see_through, id, object.see_through);
+        mark(&mut self.one_sided, id, object.one_sided);
         self.layered += usize::from(object.layers != u32::MAX);
         self.occluders += usize::from(object.occluder);
         self.meshless += usize::from(object.occluder);
@@ -543,7 +541,7 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_never_cull(&mut self, id: ObjectId, never_cull: bool) -> Result<(), SceneError> {
         let (slot, bounds) = (self.slot(id)?, self.bounds(id)?);
-        self.never_cull.set(id.index(), never_cull);
+        mark(&mut self.never_cull, id, never_cull);
         self.move_object(slot, id, &bounds);
         self.log.push(id, self.generations.len());
         Ok(())
@@ -555,7 +553,7 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_see_through(&mut self, id: ObjectId, see_through: bool) -> Result<(), SceneError> {
         self.slot(id)?;
-        self.see_through.set(id.index(), see_through);
+        mark(&mut self.see_through, id, see_through);
         self.log.push(id, self.generations.len());
         Ok(())
     }
@@ -567,7 +565,7 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_one_sided(&mut self, id: ObjectId, one_sided: bool) -> Result<(), SceneError> {
         self.slot(id)?;
-        self.one_sided.set(id.index(), one_sided);
+        mark(&mut self.one_sided, id, one_sided);
         self.log.push(id, self.generations.len());
         Ok(())
     }
@@ -686,4 +684,12 @@ impl Scene {
         let shared = |mask: u64, (lane, &of): (usize, &u32)| mask | u64::from(of & layers != 0) << lane;
         of.iter().enumerate().fold(0, shared) & occupied
     }
+}
+
+/// Adds an object to a set of indices or removes it, and raises the set's limit where that is needed.
+fn mark(bits: &mut Bits, id: ObjectId, value: bool) {
+    if value {
+        bits.grow(id.index() + 1);
+    }
+    bits.set(id.index(), value);
 }

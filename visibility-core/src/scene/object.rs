@@ -186,6 +186,7 @@ impl From<Aabb> for Object {
 
 /// Why a call to a [`Scene`](crate::Scene) failed. The scene is unchanged by a failed call.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum SceneError {
     /// The scene has no object with this id: the object was removed, or the id is of another scene.
     UnknownObject(ObjectId),

@@ -1,5 +1,6 @@
 //! The queue of hierarchy nodes that changed and wait for maintenance.
 
+use crate::bits::Bits;
 use alloc::vec::Vec;
 
 /// Least overlap at which a node's group is redistributed: the sum, over the neighbours, of the fraction of
@@ -11,7 +12,7 @@ pub(super) const MIN_OVERLAP: f32 = 1.0;
 /// round and round.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Queue {
-    queued: Vec<u64>,
+    queued: Bits,
     /// Number of queued nodes.
     pub(super) waiting: usize,
     /// Number of the node from which the search for the next queued node starts.
@@ -24,21 +25,16 @@ pub(super) struct Queue {
 impl Queue {
     /// Queues a node. Does nothing if the node is queued already.
     pub(super) fn push(&mut self, node: usize) {
-        let word = node / 64;
-        if word >= self.queued.len() {
-            self.queued.resize(word + 1, 0);
-            self.overlap_limits.resize(word * 64 + 64, MIN_OVERLAP);
+        self.queued.grow(node + 1);
+        if self.overlap_limits.len() <= node {
+            self.overlap_limits.resize(node + 1, MIN_OVERLAP);
         }
-        self.waiting += usize::from(self.queued[word] >> (node % 64) & 1 == 0);
-        self.queued[word] |= 1 << (node % 64);
+        self.waiting += usize::from(self.queued.insert(node));
     }
 
     /// Takes a node out of the queue. Does nothing if the node is not queued.
     pub(super) fn remove(&mut self, node: usize) {
-        if let Some(word) = self.queued.get_mut(node / 64) {
-            self.waiting -= usize::from(*word >> (node % 64) & 1 != 0);
-            *word &= !(1 << (node % 64));
-        }
+        self.waiting -= usize::from(self.queued.remove(node));
     }
 
     /// Removes a node from the queue after its contents were redistributed, and resets its overlap limit to
@@ -55,25 +51,19 @@ impl Queue {
         if self.waiting == 0 {
             return None;
         }
-        let mut word = self.next / 64;
-        let mut rest = self.queued.get(word).map_or(0, |bits| bits & u64::MAX << (self.next % 64));
-        while rest == 0 {
-            word = if word + 1 < self.queued.len() { word + 1 } else { 0 };
-            rest = self.queued[word];
-        }
-        let node = word * 64 + rest.trailing_zeros() as usize;
+        let node = self.queued.next(self.next).or_else(|| self.queued.next(0))?;
         self.remove(node);
         self.next = node + 1;
         Some(node as u32)
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&self.queued[..]) + size_of_val(&self.overlap_limits[..])
+        self.queued.memory() + size_of_val(&self.overlap_limits[..])
     }
 
     pub(super) fn clear(&mut self) {
         (self.waiting, self.next) = (0, 0);
-        self.queued.fill(0);
+        self.queued.clear();
         self.overlap_limits.fill(MIN_OVERLAP);
     }
 }

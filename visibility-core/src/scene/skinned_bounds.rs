@@ -39,6 +39,7 @@ pub struct SkinnedBounds {
 
 /// Why [`SkinnedBounds::new`] failed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum SkinError {
     /// Positions, joints and weights are not equally many.
     Lengths,

@@ -5,6 +5,7 @@ use core::fmt;
 
 /// Why a [`View`](crate::View) cannot be made from the given matrix, parameters, origin or clip planes.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub enum ViewError {
     /// The clip matrix has a NaN or infinite element.
     NonFinite {

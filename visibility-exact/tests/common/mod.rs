@@ -6,7 +6,7 @@ pub mod grid;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Scene};
-use visibility_exact::{SceneTriangles, Settings, Verdict};
+use visibility_exact::{ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::{distance, sign_of_sum};
 
 pub type Triangle = [Vec3; 3];
@@ -27,8 +27,8 @@ pub fn prepared(objects: &[Vec<Triangle>]) -> Arc<SceneTriangles> {
 }
 
 /// Few rays, so that proofs have to decide; proofs are kept.
-pub fn few_rays(settings: Settings) -> Settings {
-    Settings { rays: 200, aimed_rays: 10, keep_proofs: true, ..settings }
+pub fn few_rays(settings: ExactSettings) -> ExactSettings {
+    ExactSettings { rays: 200, aimed_rays: 10, keep_proofs: true, ..settings }
 }
 
 pub fn quad(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> Vec<Triangle> {

@@ -42,6 +42,7 @@ pub struct Cluster {
 
 /// The reason why a mesh cannot be divided into clusters.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum ClusterError {
     /// A triangle has a vertex index that is not below the number of positions.
     VertexOutOfRange {

@@ -32,11 +32,6 @@ impl Cones {
     /// Stores the cones in the given order and selects the widest SIMD instructions that the processor
     /// supports.
     pub fn new(cones: impl IntoIterator<Item = NormalCone>) -> Self {
-        Self::with_simd(cones, Simd::best())
-    }
-
-    /// Like [`new`](Self::new), with the given SIMD instructions, for tests and comparisons.
-    pub fn with_simd(cones: impl IntoIterator<Item = NormalCone>, simd: Simd) -> Self {
         let mut blocks = Vec::new();
         for (i, cone) in cones.into_iter().enumerate() {
             if i % 64 == 0 {
@@ -44,7 +39,13 @@ impl Cones {
             }
             blocks[i / 64].set(i % 64, &cone);
         }
-        Self { blocks, simd }
+        Self { blocks, simd: Simd::best() }
+    }
+
+    /// Sets the SIMD instructions, for tests and comparisons. Results are the same with all.
+    #[must_use]
+    pub fn with_simd(self, simd: Simd) -> Self {
+        Self { simd, ..self }
     }
 
     /// Sets one bit for each cone whose triangles the eye certainly sees from behind, and clears all other

@@ -113,13 +113,8 @@ impl BackfaceCuller {
     /// Makes a culler without cones, which hides nothing, and selects the widest SIMD instructions of the
     /// processor.
     pub fn new() -> Self {
-        Self::with_simd(Simd::best())
-    }
-
-    /// Like [`new`](Self::new), with the given SIMD instructions, for tests and comparisons.
-    pub const fn with_simd(simd: Simd) -> Self {
         Self {
-            simd,
+            simd: Simd::best(),
             cursor: SceneCursor::START,
             built: SceneCursor::START,
             two_sided: BTreeSet::new(),
@@ -128,6 +123,12 @@ impl BackfaceCuller {
             blocks: Vec::new(),
             clock: 1,
         }
+    }
+
+    /// Sets the SIMD instructions, for tests and comparisons. Results are the same with all.
+    #[must_use]
+    pub fn with_simd(self, simd: Simd) -> Self {
+        Self { simd, ..self }
     }
 
     /// Sets the cone of an object in its present state. The cone must cover everything drawn for the object,

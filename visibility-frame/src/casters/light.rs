@@ -83,6 +83,7 @@ impl Light {
 /// assert_eq!(CasterCuller::new(dark).unwrap_err().to_string(), "the range of a light cannot be 0");
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub enum LightError {
     /// The direction of a directional light or spot light is zero, NaN or infinite.
     Direction,

@@ -3,7 +3,7 @@
 use super::eye_box::EyeBox;
 use super::{PixelScale, SizeTest};
 use crate::simd::Kernels;
-use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 use visibility_core::scene::{DetailBounds, DetailedObject, SceneCursor, lanes};
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
@@ -52,38 +52,38 @@ const HYSTERESIS: f64 = 0.05;
 pub struct ContributionCuller {
     simd: Simd,
     picture_height: f64,
-    least_pixels: f64,
+    min_pixels: f64,
     /// Point of the world that distances are measured from, instead of the view's eye.
     distance_eye: Option<DVec3>,
     /// The scene that `far` and `near` belong to.
     scene: SceneCursor,
     /// One bit per object index: whether the object was at or beyond the begin of its range when it was last
     /// tested.
-    far: Vec<u64>,
+    far: Bits,
     /// One bit per object index: whether the object was within the end of its range when it was last tested.
-    near: Vec<u64>,
+    near: Bits,
 }
 
 impl ContributionCuller {
     /// Makes a culler for pictures that are `picture_height` pixels high, which removes objects of less than
-    /// `least_pixels` pixels. If one of the two is NaN, zero or negative, no object is too small, and only
+    /// `min_pixels` pixels. If one of the two is NaN, zero or negative, no object is too small, and only
     /// draw ranges and HLOD parents count.
-    pub fn new(picture_height: f64, least_pixels: f64) -> Self {
-        Self::with_simd(Simd::best(), picture_height, least_pixels)
-    }
-
-    /// Makes a culler that uses the given SIMD instructions, for tests and comparisons. Results are the same
-    /// with all.
-    pub const fn with_simd(simd: Simd, picture_height: f64, least_pixels: f64) -> Self {
+    pub fn new(picture_height: f64, min_pixels: f64) -> Self {
         Self {
-            simd,
+            simd: Simd::best(),
             picture_height,
-            least_pixels,
+            min_pixels,
             distance_eye: None,
             scene: SceneCursor::START,
-            far: Vec::new(),
-            near: Vec::new(),
+            far: Bits::EMPTY,
+            near: Bits::EMPTY,
         }
+    }
+
+    /// Sets the SIMD instructions, for tests and comparisons. Results are the same with all.
+    #[must_use]
+    pub fn with_simd(self, simd: Simd) -> Self {
+        Self { simd, ..self }
     }
 
     /// Sets the height in pixels of the pictures of later frames.
@@ -92,8 +92,8 @@ impl ContributionCuller {
     }
 
     /// Sets the least size in pixels of objects that stay, for later frames.
-    pub fn set_least_pixels(&mut self, least_pixels: f64) {
-        self.least_pixels = least_pixels;
+    pub fn set_min_pixels(&mut self, min_pixels: f64) {
+        self.min_pixels = min_pixels;
     }
 
     /// Sets the point of the world that distances for draw ranges and HLOD parents are measured from, for
@@ -139,12 +139,12 @@ impl ContributionCuller {
         let (index, end) = (object.id.index(), f64::from(object.range.end));
         let mut next = above(&object);
         if end.is_finite() {
-            let end = if get(&self.near, index) { end * (1.0 + HYSTERESIS) } else { end };
+            let end = if self.near.contains(index) { end * (1.0 + HYSTERESIS) } else { end };
             // The end and the begin of the level that follows are measured alike: between boxes of different
             // sizes would be distances at which neither is drawn.
             let around = next.map_or(object.bounds, |above| above.bounds);
             let is_beyond = frame.eye.is_beyond(&around, end);
-            set(&mut self.near, index, !is_beyond);
+            self.near.set(index, !is_beyond);
             if is_beyond {
                 return false;
             }
@@ -166,9 +166,9 @@ impl ContributionCuller {
     /// frame give the same answer.
     fn is_before(&mut self, object: &DetailedObject, frame: &Frame) -> bool {
         let (index, begin) = (object.id.index(), f64::from(object.range.begin));
-        let begin = if get(&self.far, index) { begin * (1.0 - HYSTERESIS) } else { begin };
+        let begin = if self.far.contains(index) { begin * (1.0 - HYSTERESIS) } else { begin };
         let is_before = frame.eye.is_within(&object.bounds, begin);
-        set(&mut self.far, index, !is_before);
+        self.far.set(index, !is_before);
         is_before
     }
 }
@@ -184,18 +184,6 @@ impl Frame {
     fn drops(&self, bounds: &Aabb, below: &DetailBounds) -> bool {
         self.size.is_some_and(|size| size.is_small(bounds, below.diagonal_squared))
             || self.eye.is_beyond(bounds, f64::from(below.end) * (1.0 + HYSTERESIS))
-    }
-}
-
-/// Returns bit `index` of `bits`, false beyond the end.
-fn get(bits: &[u64], index: usize) -> bool {
-    bits.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
-}
-
-/// Sets bit `index` of `bits`; does nothing beyond the end.
-fn set(bits: &mut [u64], index: usize, value: bool) {
-    if let Some(word) = bits.get_mut(index / 64) {
-        *word = *word & !(1 << (index % 64)) | u64::from(value) << (index % 64);
     }
 }
 
@@ -217,12 +205,11 @@ impl Culler for ContributionCuller {
             self.reset();
         }
         self.scene = SceneCursor::at(scene);
-        let words = scene.index_limit().div_ceil(64);
-        self.far.resize(words, 0);
-        self.near.resize(words, 0);
+        self.far.grow(scene.index_limit());
+        self.near.grow(scene.index_limit());
         let scale = PixelScale::new(view, scene.origin(), self.picture_height);
         let eye = self.distance_eye.map_or(*scale.eye(), |eye| EyeBox::of_point(eye, scene.origin()));
-        let frame = Frame { size: scale.smaller_than(self.least_pixels), eye };
+        let frame = Frame { size: scale.smaller_than(self.min_pixels), eye };
         let mut walk = Walk::new(scene, &SceneHierarchy, visible);
         self.visit(&mut walk, None, &frame);
         walk.finish()
@@ -230,7 +217,7 @@ impl Culler for ContributionCuller {
 
     fn reset(&mut self) {
         self.scene = SceneCursor::START;
-        self.far.fill(0);
-        self.near.fill(0);
+        self.far.clear();
+        self.near.clear();
     }
 }

@@ -29,9 +29,9 @@ mod culler;
 mod eye_box;
 mod pixel_scale;
 mod selector;
-mod size_test;
+mod size_threshold;
 
 pub use culler::ContributionCuller;
 pub use pixel_scale::PixelScale;
 pub use selector::{Lod, LodSelector};
-pub(crate) use size_test::{SizeTest, small_boxes};
+pub(crate) use size_threshold::{SizeTest, small_boxes};

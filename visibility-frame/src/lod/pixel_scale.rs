@@ -1,7 +1,7 @@
 //! How large and how far an object is for a view.
 
 use super::eye_box::{EyeBox, MARGIN};
-use super::size_test::SizeTest;
+use super::size_threshold::SizeTest;
 use visibility_core::glam::DVec3;
 use visibility_core::view::{Eye, View, ViewProjection};
 use visibility_core::{Aabb, geometry::sqrt};

@@ -259,6 +259,7 @@ fn improve(best: &mut Best, at: f32, id: ObjectId) {
 /// assert_eq!(error.to_string(), "the greatest distance of a ray cannot be -1");
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub enum RayError {
     /// The origin is NaN or infinite.
     Origin,

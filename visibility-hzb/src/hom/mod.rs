@@ -5,7 +5,7 @@ mod occluder_database;
 mod occlusion_maps;
 pub(crate) mod opacity_pyramid;
 mod opacity_thresholds;
-pub(crate) mod overlap_test;
+pub(crate) mod overlap;
 pub(crate) mod tile_range;
 
 pub use depth_estimate::DepthEstimate;

@@ -18,17 +18,17 @@ use visibility_core::{
 ///
 /// ```
 /// use visibility_hzb::OccluderCriteria;
-/// let criteria = OccluderCriteria { least_size: 1.0, ..OccluderCriteria::default() };
-/// assert_eq!(criteria.most_triangles, 1024);
+/// let criteria = OccluderCriteria { min_size: 1.0, ..OccluderCriteria::default() };
+/// assert_eq!(criteria.max_triangles, 1024);
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OccluderCriteria {
     /// Minimum size in metres: the side of a square. An object is left out if the area that it shows along
     /// the x, y and z axis is less than that of the square for every axis. 0 leaves out none but objects of
     /// NaN area.
-    pub least_size: f32,
+    pub min_size: f32,
     /// Maximum number of triangles of an occluder. An object with more is left out.
-    pub most_triangles: usize,
+    pub max_triangles: usize,
     /// Fraction, 0 to 1, of an object that larger occluders must back for the object to be left out as
     /// redundant. It is measured by lines through the object along the three axes, as the fraction of lines
     /// that meet a larger occluder at most an eighth of the object's longest side away. Above 1, no object
@@ -39,7 +39,7 @@ pub struct OccluderCriteria {
 impl Default for OccluderCriteria {
     /// Returns a minimum size of 0.25 m, at most 1024 triangles, and a redundancy of 0.75.
     fn default() -> Self {
-        Self { least_size: 0.25, most_triangles: 1024, redundancy: 0.75 }
+        Self { min_size: 0.25, max_triangles: 1024, redundancy: 0.75 }
     }
 }
 
@@ -72,10 +72,10 @@ pub struct OccluderDatabase {
     /// particular order.
     others: Vec<ObjectId>,
     /// Number of objects in `others` that were rejected because they are smaller than
-    /// [`OccluderCriteria::least_size`].
+    /// [`OccluderCriteria::min_size`].
     small: usize,
     /// Number of objects in `others` that were rejected because they have more triangles than
-    /// [`OccluderCriteria::most_triangles`].
+    /// [`OccluderCriteria::max_triangles`].
     complex: usize,
     /// Number of objects in `others` that were rejected because larger occluders lie close to them; see
     /// [`OccluderCriteria::redundancy`].
@@ -104,9 +104,9 @@ impl OccluderDatabase {
             };
             let area = area(scene, id);
             // The negated comparison rejects objects of NaN area.
-            if !(area >= criteria.least_size * criteria.least_size) {
+            if !(area >= criteria.min_size * criteria.min_size) {
                 new.small += 1;
-            } else if mesh.triangles().len() > criteria.most_triangles {
+            } else if mesh.triangles().len() > criteria.max_triangles {
                 new.complex += 1;
             } else {
                 sized.push((area, id));
@@ -136,13 +136,13 @@ impl OccluderDatabase {
     }
 
     /// Returns the number of objects that were left out because they are smaller than
-    /// [`OccluderCriteria::least_size`].
+    /// [`OccluderCriteria::min_size`].
     pub fn small(&self) -> usize {
         self.small
     }
 
     /// Returns the number of objects that were left out because they have more triangles than
-    /// [`OccluderCriteria::most_triangles`].
+    /// [`OccluderCriteria::max_triangles`].
     pub fn complex(&self) -> usize {
         self.complex
     }

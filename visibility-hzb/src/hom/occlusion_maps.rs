@@ -3,13 +3,13 @@
 //! Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003, section 6.2).
 //!
 //! Occluders are drawn by the raster of the z-buffer. A box is hidden if its screen rectangle is opaque
-//! (`overlap_test.rs`, over the counts of `opacity_pyramid.rs`, with `opacity_thresholds.rs`) and the box
+//! (`overlap.rs`, over the counts of `opacity_pyramid.rs`, with `opacity_thresholds.rs`) and the box
 //! lies behind all occluders that cover pixels of the rectangle (`depth_estimate.rs`).
 
 use super::depth_estimate::{DepthBoundary, DepthEstimate};
 use super::opacity_pyramid::OpacityPyramid;
 use super::opacity_thresholds::{TILE, Thresholds};
-use super::overlap_test;
+use super::overlap;
 use super::tile_range::TileRange;
 use crate::buffer::tile_layout::Rectangle;
 use crate::buffer_size::SizeError;
@@ -256,7 +256,7 @@ impl Hom {
     fn hides(&self, rectangle: &Rectangle, depth_key: f32) -> bool {
         let plane = self.boundary.estimate == DepthEstimate::Plane;
         let before = || self.boundary.is_nearer_than(&self.opacity, &self.raster.tiles, rectangle, depth_key);
-        (!plane || before()) && overlap_test::is_opaque(&self.opacity, rectangle, true) && (plane || before())
+        (!plane || before()) && overlap::is_opaque(&self.opacity, rectangle, true) && (plane || before())
     }
 }
 

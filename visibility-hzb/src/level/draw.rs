@@ -471,7 +471,7 @@ fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, far: f64) -> 
 fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: DVec3, radius: f64) -> bool {
     let [low, high] = polygon.extent;
     // Square of the sine of the greatest angle between the normal and those of faces.
-    let sine_squared = 1.0 - polygon.least_cosine * polygon.least_cosine + 1e-12;
+    let sine_squared = 1.0 - polygon.min_cosine * polygon.min_cosine + 1e-12;
     let along = polygon.normal.dot(frame.eye);
     // Height of the eye above the slab, and an upper bound on its distance from points of faces.
     let (height, distance) = if frame.perspective {

@@ -94,12 +94,12 @@ impl DelaunayTessellation {
     /// Partitions a scene into tetrahedra at the default [fineness](Self::FINENESS). Objects whose bounds are
     /// not finite become [strays](Content::strays), which count as visible.
     pub fn new(scene: &Scene) -> Self {
-        Self::with_fineness(scene, Self::FINENESS)
+        Self::from_scene(scene, Self::FINENESS)
     }
 
     /// Partitions a scene into tetrahedra, with one vertex in each leaf of the octree of the given fineness.
     /// Objects whose bounds are not finite become [strays](Content::strays), which count as visible.
-    pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Self {
+    pub fn from_scene(scene: &Scene, fineness: Fineness) -> Self {
         let Subdivision { grid, leaf_positions, .. } = Subdivision::new(scene, fineness);
         let mut mesh = Mesh::cube(FINE_STEPS);
         mesh.insert_all(leaf_positions.len(), |leaf, attempt| vertex_in(leaf_positions[leaf], attempt));
@@ -115,7 +115,7 @@ impl DelaunayTessellation {
     /// Partitions a scene anew at the same fineness, replacing all cells. Afterwards only objects whose
     /// bounds are not finite are strays (in no cell).
     pub fn rebuild(&mut self, scene: &Scene) {
-        *self = Self::with_fineness(scene, self.fineness);
+        *self = Self::from_scene(scene, self.fineness);
     }
 
     /// Makes all objects that changed since the last call or build [strays](Content::strays), which count as

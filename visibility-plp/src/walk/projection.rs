@@ -1,7 +1,7 @@
 //! Projection of a cell's layers: each object is kept at most once, if the visible set holds the object and
 //! no test proves the object outside of the view or facing away, until the budget is spent.
 
-use super::state::{BATCH, Budget, Candidate, FrameContext, MAX_TESTED_TRIANGLES, Projected, Walk, clear};
+use super::state::{BATCH, Budget, Candidate, FrameContext, MAX_TESTED_TRIANGLES, Projected, Walk};
 use crate::normal_bins::EyeSide;
 use crate::tessellation::Tessellation;
 
@@ -48,7 +48,7 @@ impl Walk {
                 let cost = frame.cost(id);
                 if cost > self.budget_left {
                     for (id, ..) in &self.seen[place..] {
-                        clear(&mut self.taken, id.index() as u32);
+                        self.taken.remove(id.index());
                     }
                     return Projected::OutOfBudget;
                 }
@@ -115,13 +115,8 @@ impl Walk {
         let box_from_eye = frame.box_from_eye(&frame.tessellation.cell_bounds(cell));
         let mut count = self.candidate_count;
         for index in layer {
-            let (place, mark) = (index as usize / 64, 1u64 << (index % 64));
-            let (Some(word), Some(candidate)) = (self.taken.get_mut(place), self.candidates.get_mut(count))
-            else {
-                continue;
-            };
-            let is_new = *word & mark == 0;
-            *word |= mark;
+            let Some(candidate) = self.candidates.get_mut(count) else { continue };
+            let is_new = self.taken.insert(index as usize);
             let eye_side = box_from_eye.as_ref().map_or(EyeSide::Front, |cell| {
                 content.normals.eye_side(index as usize, cell, &self.eye_offsets)
             });

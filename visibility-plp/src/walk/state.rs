@@ -2,14 +2,13 @@
 //! budget.
 
 use crate::cell_frustum::CellFrustum;
-use crate::content::bit;
 use crate::front::Front;
 use crate::normal_bins::{BoxFromEye, EyeSide};
 use crate::solidity::Solidity;
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
-use visibility_core::{Aabb, ObjectId, Scene, VisibleSet, scene::Triangle, stamp::Stamp};
+use visibility_core::{Aabb, ObjectId, Scene, VisibleSet, bits::Bits, scene::Triangle, stamp::Stamp};
 
 /// Limit on the objects that a culler keeps per frame without an occlusion test.
 ///
@@ -198,15 +197,15 @@ pub(crate) struct Walk {
     pub(super) cells: Vec<CellState>,
     /// One bit for each cell, set once the frame has reached the cell. Checked before `cells`, which is 512
     /// times larger and misses the cache.
-    pub(super) reached_bits: Vec<u64>,
+    pub(super) reached_bits: Bits,
     /// One bit for each cell that is outside of the view or whose neighbours were already put into the
     /// front. Most faces lead to such cells and need no further test.
-    pub(super) closed: Vec<u64>,
+    pub(super) closed: Bits,
     /// Front of the projection: priority queue of the cells to project next, least solidity (likelihood of
     /// being hidden) first.
     pub(super) front: Front,
     /// One bit for each object index, set once the object has been checked or awaits a check in this frame.
-    pub(super) taken: Vec<u64>,
+    pub(super) taken: Bits,
     /// Ids of the objects kept so far in this frame, highest priority first.
     pub(crate) order: Vec<ObjectId>,
     /// Remaining budget, in objects or in cost.
@@ -236,16 +235,6 @@ pub(crate) struct Walk {
     pub(super) tested: Vec<(u32, Triangle)>,
 }
 
-/// Sets bit `index` of a bitset. Panics if `index` is beyond the last word.
-pub(super) fn set(words: &mut [u64], index: u32) {
-    words[index as usize / 64] |= 1 << (index % 64);
-}
-
-/// Clears bit `index` of a bitset. Panics if `index` is beyond the last word.
-pub(super) fn clear(words: &mut [u64], index: u32) {
-    words[index as usize / 64] &= !(1 << (index % 64));
-}
-
 /// Reserves capacity for `count` items in total, including the items already there.
 fn make_room<T>(items: &mut Vec<T>, count: usize) {
     items.reserve(count.saturating_sub(items.len()));
@@ -259,10 +248,8 @@ impl Walk {
         let content = frame.tessellation.content();
         let cells = content.cell_count();
         self.cells.resize(cells, CellState::UNKNOWN);
-        for bits in [&mut self.reached_bits, &mut self.closed] {
-            bits.clear();
-            bits.resize(cells.div_ceil(64), 0);
-        }
+        self.reached_bits.reset(cells);
+        self.closed.reset(cells);
         self.front.clear();
         self.sides.clear();
         self.order.clear();
@@ -270,8 +257,7 @@ impl Walk {
         self.candidates.resize(content.max_count() as usize + BATCH, Candidate::NONE);
         self.candidate_count = 0;
         (self.reached, self.projected) = (0, 0);
-        self.taken.clear();
-        self.taken.resize(frame.scene.index_limit().max(content.index_limit()).div_ceil(64), 0);
+        self.taken.reset(frame.scene.index_limit().max(content.index_limit()));
         let at_once = self.candidates.len();
         make_room(&mut self.seen, at_once);
         make_room(&mut self.tested, at_once * MAX_TESTED_TRIANGLES);
@@ -295,7 +281,7 @@ impl Walk {
     /// view, or they were already put there in this frame. False for a cell still to be propagated.
     #[inline]
     pub(super) fn is_closed(&self, cell: u32) -> bool {
-        bit(&self.closed, cell as usize)
+        self.closed.contains(cell as usize)
     }
 
     /// Tests whether a reached cell may have objects left to project. True for a cell with objects whose list
@@ -309,6 +295,6 @@ impl Walk {
     /// not put into the front because of it.
     pub(crate) fn drop_cell(&mut self, cell: u32) {
         self.cells[cell as usize].end_side = 0;
-        set(&mut self.closed, cell);
+        self.closed.insert(cell as usize);
     }
 }

@@ -1,9 +1,8 @@
 //! The rendering loop of figure 4 of Klosowski and Silva, 2000: cells are visited from the eye outwards. The
 //! next cell is always the one with the least solidity in the front, the queue of cells to project.
 
-use super::state::{Budget, CellState, FrameContext, Projected, UNOPENED, Walk, clear, set};
+use super::state::{Budget, CellState, FrameContext, Projected, UNOPENED, Walk};
 use crate::cell_frustum::CellPlace;
-use crate::content::bit;
 use crate::solidity::{
     Solidity, SourceCell, count_solidity, entering_share, solid_angle_per_area, stopped_share,
     visibility_chance,
@@ -29,8 +28,8 @@ impl Walk {
         };
         let Changes::Objects(changed) = content.changes(frame.scene) else { return false };
         for &id in content.strays().iter().chain(changed) {
-            if frame.scene.contains(id) && !bit(&self.taken, id.index()) {
-                set(&mut self.taken, id.index() as u32);
+            if frame.scene.contains(id) && !self.taken.contains(id.index()) {
+                self.taken.insert(id.index());
                 if frame.visible.contains(frame.scene, id) {
                     self.order.push(id);
                     self.budget_left = self.budget_left.saturating_sub(frame.cost(id));
@@ -50,7 +49,7 @@ impl Walk {
             // The eye's cell is visited whatever the view planes say, since all view rays start there.
             if !self.reach(frame, cell) {
                 self.init_state(frame, cell, u16::MAX, &frame.tessellation.cell_bounds(cell));
-                clear(&mut self.closed, cell);
+                self.closed.remove(cell as usize);
             }
             let first = match frame.settings.solidity {
                 Solidity::Coverage => 1.0,
@@ -74,13 +73,13 @@ impl Walk {
     /// rays may pass through the cell and the cell's neighbours have not been put into the front yet.
     #[inline]
     fn reach<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) -> bool {
-        if bit(&self.reached_bits, cell as usize) {
+        if self.reached_bits.contains(cell as usize) {
             return !self.is_closed(cell);
         }
-        set(&mut self.reached_bits, cell);
+        self.reached_bits.insert(cell as usize);
         let bounds = frame.tessellation.cell_bounds(cell);
         let CellPlace::Crossing(crossed) = frame.frustum.classify(&bounds) else {
-            set(&mut self.closed, cell);
+            self.closed.insert(cell as usize);
             return false;
         };
         self.init_state(frame, cell, crossed, &bounds);
@@ -205,7 +204,7 @@ impl Walk {
     /// cell's bit in `closed`.
     #[inline]
     fn propagate<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
-        set(&mut self.closed, cell);
+        self.closed.insert(cell as usize);
         self.projected += 1;
         let tessellation = frame.tessellation;
         let state = &self.cells[cell as usize];

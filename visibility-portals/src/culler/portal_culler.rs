@@ -36,7 +36,7 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, cull
 /// let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0)?;
 ///
 /// let (mut frustum, mut portals) = (FrustumCuller::new(), PortalCuller::new(cells));
-/// let mut visible = VisibleSet::with_changes();
+/// let mut visible = VisibleSet::new().with_changes();
 /// let mut told = Vec::new();
 /// for open in [true, false, true] {
 ///     portals.cells_mut().set_open(PortalId(0), open)?;

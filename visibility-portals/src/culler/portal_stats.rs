@@ -24,6 +24,7 @@ pub enum NotCulled {
 /// assert_eq!(PortalEye::new().stats(), PortalStats::default());
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct PortalStats {
     /// Number of cells in which lines of sight begin: usually one, the cell of the eye, and more where the
     /// near plane crosses a portal. Each window through which a mirror is reflected adds one.

@@ -78,4 +78,11 @@ impl fmt::Display for SceneCellsError {
     }
 }
 
-impl core::error::Error for SceneCellsError {}
+impl core::error::Error for SceneCellsError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Graph(error) => Some(error),
+            _ => None,
+        }
+    }
+}

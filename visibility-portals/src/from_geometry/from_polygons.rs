@@ -21,7 +21,7 @@ use visibility_core::{
 
 /// Rule that decides which regions of the BSP tree are solid. Solid regions do not become cells.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Solid<'a> {
+pub enum SolidRule<'a> {
     /// No region is solid. The inside of a wall becomes a cell that no camera enters.
     Nothing,
     /// Regions are solid if no chain of portals joins them to the region of any of these points (world
@@ -42,18 +42,18 @@ pub struct PolygonSettings<'a> {
     /// cover at least this fraction of the plane's section of the region. A covered area of at least 1/512
     /// of the square of the longest side of the bounding box also suffices, since even large walls cover
     /// a small fraction of a large region. Default 0.25.
-    pub least_share: f64,
+    pub min_share: f64,
     /// Minimum area that polygons must cover in a plane for any split, in square world units. `None`, the
     /// default: 2^-13 of the square of the longest side of the bounding box.
-    pub least_area: Option<f64>,
+    pub min_area: Option<f64>,
     /// Distance, in world units, by which the outermost cells extend beyond the bounds of all polygons.
     /// Default 1.
     pub margin: f64,
     /// Maximum number of leaf regions, solid ones included. Regions are split breadth first until this
     /// number is reached. Default 16,384.
-    pub most_cells: usize,
-    /// Rule that decides which regions are solid. Default [`Solid::Nothing`].
-    pub solid: Solid<'a>,
+    pub max_cells: usize,
+    /// Rule that decides which regions are solid. Default [`SolidRule::Nothing`].
+    pub solid: SolidRule<'a>,
     /// For each polygon, whether it is drawn from its front alone, so that lines from behind pass it.
     /// Polygons beyond the end block from both sides. Portals have no direction, so that regions from which
     /// lines pass polygons from behind, and all regions that portals join to these, do not become cells: from
@@ -65,11 +65,11 @@ impl Default for PolygonSettings<'_> {
     fn default() -> Self {
         Self {
             tolerance: None,
-            least_share: 0.25,
-            least_area: None,
+            min_share: 0.25,
+            min_area: None,
             margin: 1.0,
-            most_cells: 1 << 14,
-            solid: Solid::Nothing,
+            max_cells: 1 << 14,
+            solid: SolidRule::Nothing,
             one_sided: &[],
         }
     }
@@ -144,19 +144,19 @@ pub fn from_polygons(
     let side = (max - min).max_element();
     let limits = Limits {
         lengths: Lengths::new(tolerance, extent),
-        share: checked("the least share", settings.least_share)?,
-        area: checked("the least area", settings.least_area.unwrap_or(side * side / 8192.0))?,
+        share: checked("the least share", settings.min_share)?,
+        area: checked("the least area", settings.min_area.unwrap_or(side * side / 8192.0))?,
         large: side * side / 512.0,
-        leaves: settings.most_cells.clamp(1, CellGraph::LIMIT),
+        leaves: settings.max_cells.clamp(1, CellGraph::LIMIT),
     };
     let (fragments, planes) = fragments(polygons, settings.one_sided, &limits.lengths);
     let bsp = build(fragments, &planes, min, max, &limits);
     let (leaves, portals) = bsp.portals(&limits.lengths);
 
     let solid = match settings.solid {
-        Solid::Nothing => alloc::vec![false; leaves.len()],
-        Solid::Backs => leaves.iter().map(|leaf| leaf.backs > 0.0 && leaf.fronts == 0.0).collect(),
-        Solid::Unreached(points) => {
+        SolidRule::Nothing => alloc::vec![false; leaves.len()],
+        SolidRule::Backs => leaves.iter().map(|leaf| leaf.backs > 0.0 && leaf.fronts == 0.0).collect(),
+        SolidRule::Unreached(points) => {
             let bodies = Viewcells::new(leaves.iter().map(|leaf| leaf.body.clone()));
             let starts = points.iter().filter_map(|&p| bodies.locate(p)).map(|cell| cell.0);
             // Without a start in any region, no region is solid.

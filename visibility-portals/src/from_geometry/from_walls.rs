@@ -22,23 +22,23 @@ pub struct WallSettings {
     pub tolerance: f64,
     /// Minimum covered fraction, from 0 to 1, for a split: a region is split along a plane if wall faces in
     /// the plane cover at least this fraction of the area in which the plane cuts the region. A covered area
-    /// of at least `least_area` also suffices.
-    pub least_share: f64,
+    /// of at least `min_area` also suffices.
+    pub min_share: f64,
     /// Covered area, in square world units, that suffices for a split even if the covered fraction is below
-    /// `least_share`. `None`: 1/32 of the largest wall face.
-    pub least_area: Option<f64>,
+    /// `min_share`. `None`: 1/32 of the largest wall face.
+    pub min_area: Option<f64>,
     /// Distance, in world units, by which the outermost cells extend beyond the bounds of all walls.
     pub margin: f64,
     /// Maximum number of cells. Splitting stops at this number. Values above `CellGraph::LIMIT` count as
     /// `CellGraph::LIMIT`.
-    pub most_cells: usize,
+    pub max_cells: usize,
 }
 
 impl Default for WallSettings {
     /// Returns settings for coordinates in metres: a tolerance of 0.1 mm, a margin of 1 m, a least share of
     /// 0.3, a least area of 1/32 of the largest wall face, at most 32,768 cells.
     fn default() -> Self {
-        Self { tolerance: 1e-4, least_share: 0.3, least_area: None, margin: 1.0, most_cells: 1 << 15 }
+        Self { tolerance: 1e-4, min_share: 0.3, min_area: None, margin: 1.0, max_cells: 1 << 15 }
     }
 }
 
@@ -117,11 +117,11 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
     let walls = prepared(walls, checked("the tolerance", settings.tolerance)?)?;
     let margin = DVec3::splat(checked("the margin", settings.margin)?);
     let faces = walls.iter().flat_map(|wall| [0, 1, 2].map(|axis| wall.section(axis)));
-    let least_area = match settings.least_area {
+    let min_area = match settings.min_area {
         Some(area) => checked("the least area", area)?,
         None => faces.fold(0.0, f64::max) / 32.0,
     };
-    let least_share = checked("the least share", settings.least_share)?;
+    let min_share = checked("the least share", settings.min_share)?;
     let all = walls.iter().fold(Box3 { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY }, |all, wall| Box3 {
         min: all.min.min(wall.min),
         max: all.max.max(wall.max),
@@ -131,8 +131,8 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
     }
     let root = Box3 { min: all.min - margin, max: all.max + margin };
     let mut tree = Tree { walls: &walls, nodes: Vec::new(), cells: Vec::new() };
-    let most = settings.most_cells.clamp(1, CellGraph::LIMIT);
-    tree.build(root, least_share, least_area, most);
+    let most = settings.max_cells.clamp(1, CellGraph::LIMIT);
+    tree.build(root, min_share, min_area, most);
     let graph = CellGraph::new(tree.cells.len(), tree.portals(&root))?;
     let reaches_out = |cell: &Box3| cell.min.cmpeq(root.min).any() || cell.max.cmpeq(root.max).any();
     let outside = (0..).zip(&tree.cells).filter(|(_, cell)| reaches_out(cell)).map(|(i, _)| CellId(i));
@@ -219,7 +219,7 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    fn build(&mut self, root: Box3, least_share: f64, least_area: f64, most: usize) {
+    fn build(&mut self, root: Box3, min_share: f64, min_area: f64, most: usize) {
         self.nodes.push(Node::Leaf(None));
         let mut waiting = alloc::vec![(0, root, (0..self.walls.len() as u32).collect::<Vec<u32>>())];
         let mut faces = Vec::new();
@@ -229,7 +229,7 @@ impl Tree<'_> {
             }
             let may_split = self.cells.len() + waiting.len() + 1 < most;
             let best = self.best_split(&region, &walls, &mut faces).filter(|&(_, _, share, area)| {
-                may_split && (share >= least_share || area >= least_area && area > 0.0)
+                may_split && (share >= min_share || area >= min_area && area > 0.0)
             });
             let Some((axis, at, ..)) = best else {
                 self.nodes[node] = Node::Leaf(Some(CellId(self.cells.len() as u32)));

@@ -21,6 +21,6 @@ mod merge_pieces;
 mod subdivision;
 mod subtract_polygons;
 
-pub use from_polygons::{PolygonSettings, Solid, from_polygons};
+pub use from_polygons::{PolygonSettings, SolidRule, from_polygons};
 pub use from_walls::{WallSettings, floor_plan, from_walls};
 pub use subdivision::{GeometryError, Subdivision};

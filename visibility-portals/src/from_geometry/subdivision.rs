@@ -70,7 +70,14 @@ impl fmt::Display for GeometryError {
     }
 }
 
-impl core::error::Error for GeometryError {}
+impl core::error::Error for GeometryError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Graph(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<CellGraphError> for GeometryError {
     fn from(error: CellGraphError) -> Self {

@@ -15,6 +15,7 @@
 //! each row is an array of fixed length.
 
 use alloc::vec::Vec;
+use visibility_core::random::Random;
 
 /// Maximum number of variables of a program.
 pub(crate) const DIMENSIONS: usize = 6;
@@ -333,17 +334,13 @@ impl SeidelSolver {
     }
 }
 
-/// Shuffles the rows into a random order that depends only on their number and on the seed (Fisher and Yates;
-/// the numbers are splitmix64's, Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators",
-/// 2014).
+/// Shuffles the rows into a random order that depends only on their number and on the seed (Fisher and
+/// Yates).
 fn shuffle<T>(rows: &mut [T], seed: u64) {
-    let mut state = seed;
+    let mut random = Random(seed);
     for i in (1..rows.len()).rev() {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
         // The upper 32 bits times the count, divided by 2^32: below the count.
-        let j = ((z >> 32) * (i as u64 + 1)) >> 32;
+        let j = ((random.bits() >> 32) * (i as u64 + 1)) >> 32;
         rows.swap(i, j as usize);
     }
 }

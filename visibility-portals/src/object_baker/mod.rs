@@ -14,7 +14,7 @@
 
 mod object_chains;
 
-use crate::bake_settings::{BakeError, Settings, prepare};
+use crate::bake_settings::{BakeError, BakerSettings, prepare};
 use crate::cell_baker::Outcome;
 use crate::cell_matrix::neighbours;
 use crate::directed_portals::DirectedPortals;
@@ -32,6 +32,7 @@ use visibility_core::{
 /// Result of a bake of cell-to-object visibility: the objects seen from each cell, and how complete the
 /// search was. Conservative.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct ObjectOutcome {
     /// By index of the cell looked from: the [indices](ObjectId::index) of the objects seen from the cell,
     /// ascending.
@@ -72,7 +73,7 @@ impl ObjectOutcome {
 ///
 /// ```
 /// use visibility_core::{bake::Bake, cells::CellId, glam::DVec3, Aabb, Scene};
-/// use visibility_portals::{CellBaker, ObjectBaker, Settings, prt};
+/// use visibility_portals::{CellBaker, ObjectBaker, BakerSettings, prt};
 /// // Three rooms in a row with two doors; two objects in the last, one of them beside the door's wall.
 /// let mut graph = prt::read("PRT1\n3\n2\n\
 ///     4 0 1 (4 0 0) (4 1 0) (4 1 2) (4 0 2)\n\
@@ -81,9 +82,9 @@ impl ObjectOutcome {
 /// let mut scene = Scene::new();
 /// let ids = boxes.map(|min| scene.insert(Aabb::from_world(min, min + 0.5, DVec3::ZERO)));
 /// graph.set_objects(ids.map(|id| (CellId(2), id)))?;
-/// let cells = Bake::new(CellBaker::new(&graph, Settings::default())?).run();
+/// let cells = Bake::new(CellBaker::new(&graph, BakerSettings::default())?).run();
 /// let bounds = |id: visibility_core::ObjectId| boxes.get(id.index()).map(|&min| [min, min + 0.5]);
-/// let baker = ObjectBaker::new(&graph, &cells, bounds, Settings::default())?;
+/// let baker = ObjectBaker::new(&graph, &cells, bounds, BakerSettings::default())?;
 /// // From the first room, lines through both doors reach the first object, and never the second.
 /// assert_eq!(Bake::new(baker).run().rows, [vec![0], vec![0, 1], vec![0, 1]]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -93,7 +94,7 @@ pub struct ObjectBaker<'a> {
     cells: &'a Outcome,
     portals: DirectedPortals,
     targets: Targets,
-    settings: Settings,
+    settings: BakerSettings,
     /// By cell index: the result of the search from the cell, that is the objects seen from there. `None`
     /// for a cell whose search was not carried out.
     done: Vec<Option<SeenObjects>>,
@@ -113,7 +114,7 @@ impl<'a> ObjectBaker<'a> {
         graph: &CellGraph,
         cells: &'a Outcome,
         bounds: impl Fn(ObjectId) -> Option<[DVec3; 2]>,
-        settings: Settings,
+        settings: BakerSettings,
     ) -> Result<Self, BakeError> {
         let portals = prepare(graph, &settings)?;
         let count = graph.cell_count();

@@ -113,7 +113,7 @@ pub struct SeenObjects {
 
 /// Scratch memory of the search for the objects seen from one cell: the current chain of portals and the
 /// objects seen so far.
-#[derive(Default)]
+#[derive(Default, Debug)]
 pub struct Chains {
     /// By target: whether it is known to be seen.
     seen: Vec<bool>,

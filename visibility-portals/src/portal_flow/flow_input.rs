@@ -22,7 +22,7 @@ pub(crate) struct FlowInput<'a> {
 }
 
 /// Result of the flow (search for all that is seen) through one directed portal, the source.
-#[derive(Default)]
+#[derive(Default, Debug)]
 pub struct FlowResult {
     /// Indices in `DirectedPortals::all` of the candidates of the source that no line through the source
     /// reaches.

@@ -13,7 +13,7 @@ use visibility_core::glam::DVec3;
 /// Scratch memory of the search through one directed portal, the source; reused by one search after another.
 /// A candidate is a directed portal that may be seen through the source. A candidate's index is its position
 /// in `candidates`; bitsets over the candidates have one bit for each, in this order.
-#[derive(Default)]
+#[derive(Default, Debug)]
 pub struct FlowScratch {
     /// Indices in `DirectedPortals::all` of the portals that may be seen through the source, ascending.
     pub(crate) candidates: Vec<u32>,
@@ -159,11 +159,8 @@ mod tests {
 
     #[test]
     fn compressed_rows_hold_the_same_bits() {
-        let mut state = 1u64;
-        let mut random = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            state ^ state >> 29
-        };
+        let mut random = visibility_testing::Random(1);
+        let mut random = || random.bits();
         // Some words have all bits set, to test the path that moves whole words.
         let word = |random: &mut dyn FnMut() -> u64| if random() & 3 == 0 { u64::MAX } else { random() };
         for _ in 0..200 {

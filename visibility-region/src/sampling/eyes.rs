@@ -1,9 +1,9 @@
 //! Viewpoints of a viewcell: at random, and where a line meets the viewcell.
 
-use super::random::Random;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
+use visibility_core::random::Random;
 
 /// Part of a viewcell's extent that viewpoints keep from its sides. What only touches the boundary, such as a
 /// wall in the same plane, would be decided by rounding.
@@ -46,7 +46,7 @@ impl<'a> Eyes<'a> {
     /// little of the box.
     pub(super) fn random(&self, random: &mut Random) -> Option<DVec3> {
         (0..TRIES).find_map(|_| {
-            let mut part = DVec3::new(random.unit(), random.unit(), random.unit());
+            let mut part = random.point();
             let side = random.below(12);
             if side < 6 {
                 part[side % 3] = (side / 3) as f64;

@@ -18,15 +18,15 @@ mod random;
 mod ray;
 mod tree;
 
-use crate::bits::Bits;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use eyes::Eyes;
-use random::Random;
 use ray::Ray;
 use tree::{Cast, TriangleIndex, TriangleTree};
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
+use visibility_core::random::Random;
 use visibility_core::{Accuracy, CullStats, ObjectId, RegionCuller, Scene, VisibleSet};
 
 /// Rays of a call unless [`SamplingCuller::with_rays`] says otherwise. A tenth of a second in a city.
@@ -235,7 +235,7 @@ impl Search<'_> {
         self.cubes(eyes, parts[0]);
         while self.goes_on(parts[1]) {
             let Some(eye) = eyes.random(&mut self.random) else { return };
-            let direction = self.random.direction();
+            let direction = random::direction(&mut self.random);
             self.send(eye, eye + direction);
         }
         let mut before = usize::MAX;
@@ -354,7 +354,7 @@ impl Search<'_> {
             _ => along(near).clamp(-0.01, 1.01),
         };
         let outwards = a + edge * along(c) - c;
-        a + edge * part + outwards * self.random.small()
+        a + edge * part + outwards * random::small(&mut self.random)
     }
 
     /// Sends a ray through `target` and notes what it sees. `None` if the ray cannot be sent, or ends

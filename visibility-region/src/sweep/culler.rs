@@ -10,10 +10,11 @@ use super::planes::{self, BEHIND, Cone};
 use super::ray_map::RayMap;
 use super::surfaces::Surfaces;
 use super::window::{Rim, Window};
-use crate::bits::Bits;
 use crate::extent::usable_bounds;
 use crate::solids::occluders_changed;
+use crate::solids::occluding;
 use alloc::{sync::Arc, vec::Vec};
+use visibility_core::bits::Bits;
 use visibility_core::scene::SceneCursor;
 use visibility_core::walk::Child;
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet, pvs::Viewcell};
@@ -114,7 +115,7 @@ impl ExtendedProjectionCuller {
         let Some(bounds) = usable_bounds(scene, cell) else { return };
         let Some(cell_box) = cell_box(scene, cell, &bounds) else { return };
         let visible = VisibleSet::new();
-        let occluding = Bits::occluding(scene, &visible);
+        let occluding = occluding(scene, &visible);
         let surfaces = self.surfaces.clone();
         self.pieces.begin(&surfaces);
         let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces };
@@ -157,7 +158,7 @@ impl ExtendedProjectionCuller {
         let cell_box = bounds.and_then(|bounds| cell_box(scene, cell, &bounds));
         if let Some((cell_box, bounds)) = cell_box.zip(bounds) {
             let surfaces = self.surfaces.clone();
-            let occluding = Bits::occluding(scene, visible);
+            let occluding = occluding(scene, visible);
             let all = Occluders { scene, occluding: &occluding, surfaces: &surfaces };
             self.pieces.begin(&surfaces);
             let directions = core::array::from_fn(|index| cell_box.direction(index));
@@ -226,7 +227,7 @@ impl ExtendedProjectionCuller {
                     continue;
                 }
                 if let Child::Node(node) = item.child
-                    && self.sweep.map.may_hold(rect, window.least_pixels(job.direction, item.bounds.lo.z))
+                    && self.sweep.map.may_hold(rect, window.min_pixels(job.direction, item.bounds.lo.z))
                 {
                     job.open_node(node, list, stats);
                     continue;

@@ -7,12 +7,12 @@ use super::occluder::{Occluder, Source};
 use super::pieces::Pieces;
 use super::planes::{Candidate, Cone};
 use super::surfaces::Surfaces;
-use crate::bits::Bits;
 use crate::solids;
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 use core::ops::Range;
+use visibility_core::bits::Bits;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 use visibility_core::{ObjectId, Scene};
 

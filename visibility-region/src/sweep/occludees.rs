@@ -2,9 +2,9 @@
 //! along.
 
 use super::direction::{Direction, LocalBox};
-use crate::bits::Bits;
 use crate::extent::contains;
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 use visibility_core::{Aabb, Scene, VisibleSet};
 

@@ -16,9 +16,9 @@
 use super::direction::CellBox;
 use super::facing::facing;
 use super::surfaces::{Back, Surfaces, find};
-use crate::bits::Bits;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
+use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 
 /// Greatest number of triangles of a piece. Whole floors and streets could be one piece: such a piece begins
@@ -321,7 +321,7 @@ mod tests {
         let cell = CellBox::new(&CellExtent::new(&cell, DVec3::ZERO).unwrap(), &bounds, DVec3::AXES).unwrap();
         let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
         pieces.begin(&surfaces);
-        pieces.find(&surfaces, 0, &Bits::occluding(&scene, &VisibleSet::new()), &cell);
+        pieces.find(&surfaces, 0, &crate::solids::occluding(&scene, &VisibleSet::new()), &cell);
         pieces
             .pieces
             .iter()

@@ -5,8 +5,8 @@
 //! sides on one line along an axis, as where a long wall meets two short ones. Positions are compared bit by
 //! bit, so nothing is joined that is not joined exactly.
 
-use crate::bits::Bits;
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, Scene};

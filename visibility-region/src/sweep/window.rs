@@ -244,7 +244,7 @@ impl Window {
 
     /// Returns the least number of pixels along each lateral axis that the projection of an occludee at least
     /// `z` away meets. At least 1.
-    pub(crate) fn least_pixels(&self, direction: &Direction, z: f64) -> [usize; 2] {
+    pub(crate) fn min_pixels(&self, direction: &Direction, z: f64) -> [usize; 2] {
         [0, 1].map(|lat| match self.rims[lat] {
             // Ranges are cut off at the rim.
             Some(_) => 1,

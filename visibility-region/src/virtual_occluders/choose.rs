@@ -3,10 +3,11 @@
 use super::rectangles::largest;
 use super::{VirtualOccluder, VirtualOccluders};
 use crate::ExtendedProjectionCuller;
-use crate::bits::Bits;
+use crate::solids::occluding;
 use crate::sweep::direction::Direction;
 use crate::sweep::window::Window;
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::pvs::Viewcell;
 use visibility_core::scene::SceneCursor;
 use visibility_core::{Aabb, Scene, VisibleSet};
@@ -22,37 +23,31 @@ struct Candidate {
     direction: Direction,
     d: f64,
     ends: [[f64; 2]; 2],
-    /// One bit for each object, in the order of the list that was tested: whether it is hidden.
-    hides: Vec<u64>,
+    /// Places, in the list that was tested, of the objects that it hides.
+    hides: Bits,
 }
 
 impl Candidate {
     fn new(direction: &Direction, window: &Window, ends: [[f64; 2]; 2]) -> Self {
-        Self { direction: *direction, d: window.d, ends, hides: Vec::new() }
+        Self { direction: *direction, d: window.d, ends, hides: Bits::EMPTY }
     }
 
     /// Finds the objects that the rectangle hides.
     fn test(&mut self, objects: &[Aabb]) {
-        self.hides = alloc::vec![0; objects.len().div_ceil(64)];
+        self.hides = Bits::new(objects.len());
         for (i, bounds) in objects.iter().enumerate() {
             let b = self.direction.local_box(bounds);
             if b.lo.z > self.d + self.direction.guard() {
                 let [x, y] = self.direction.occludee(self.d, &b);
                 let within = |[low, high]: [f64; 2], ends: [f64; 2]| low >= ends[0] && high <= ends[1];
-                self.hides[i / 64] |=
-                    u64::from(within(x, self.ends[0]) && within(y, self.ends[1])) << (i % 64);
+                self.hides.set(i, within(x, self.ends[0]) && within(y, self.ends[1]));
             }
         }
-    }
-
-    /// Returns the number of objects that it hides and that `others` do not.
-    fn gain(&self, others: &[u64]) -> u32 {
-        self.hides.iter().zip(others).map(|(own, others)| (own & !others).count_ones()).sum()
     }
 }
 
 impl ExtendedProjectionCuller {
-    /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MOST`], chosen one by one so
+    /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MAX`], chosen one by one so
     /// that each hides the most objects that those before do not. All occluders of the scene count that are
     /// on a layer, so a view must draw all of them. None if the viewcell is empty or not
     /// finite, or if nothing is hidden.
@@ -69,16 +64,16 @@ impl ExtendedProjectionCuller {
         let step = scene.len() / SAMPLE + 1;
         let objects: Vec<Aabb> = scene.ids().step_by(step).filter_map(|id| scene.bounds(id).ok()).collect();
         candidates.iter_mut().for_each(|candidate| candidate.test(&objects));
-        let mut hidden = alloc::vec![0; objects.len().div_ceil(64)];
-        while chosen.len() < VirtualOccluders::MOST {
+        let mut hidden = Bits::new(objects.len());
+        while chosen.len() < VirtualOccluders::MAX {
             // Of equal ones the nearest, since more may move behind it.
             let best = candidates
                 .iter()
-                .map(|candidate| (candidate.gain(&hidden), candidate))
+                .map(|candidate| (candidate.hides.count_without(&hidden), candidate))
                 .filter(|(gain, _)| *gain > 0)
                 .max_by(|a, b| a.0.cmp(&b.0).then(b.1.d.total_cmp(&a.1.d)));
             let Some((_, best)) = best else { break };
-            hidden.iter_mut().zip(&best.hides).for_each(|(all, own)| *all |= own);
+            hidden.unite(&best.hides);
             let direction = &best.direction;
             let [x, y, z] = direction.offset;
             chosen.push(VirtualOccluder {
@@ -88,7 +83,7 @@ impl ExtendedProjectionCuller {
                 ends: [best.ends[0].map(|end| end + x), best.ends[1].map(|end| end + y)],
             });
         }
-        let occluding = Bits::occluding(scene, &VisibleSet::new());
+        let occluding = occluding(scene, &VisibleSet::new());
         let occluders = scene.ids().filter(|id| occluding.contains(id.index()));
         let mut layers: Vec<u32> =
             occluders.filter_map(|id| scene.object(id).ok()).map(|object| object.layers).collect();

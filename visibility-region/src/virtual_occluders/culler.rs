@@ -2,8 +2,8 @@
 
 use super::VirtualOccluders;
 use crate::ExtendedProjectionCuller;
-use crate::bits::Bits;
 use crate::remove::remove_hidden;
+use crate::solids::occluding;
 use crate::sweep::cell_extent::CellExtent;
 use visibility_core::occlusion::Occlusion;
 use visibility_core::pvs::Viewcell;
@@ -46,15 +46,15 @@ impl Default for VirtualSweepCuller {
 }
 
 impl VirtualSweepCuller {
-    /// Makes a culler with at most [`VirtualOccluders::MOST`] virtual occluders for each viewcell.
+    /// Makes a culler with at most [`VirtualOccluders::MAX`] virtual occluders for each viewcell.
     pub fn new() -> Self {
-        Self { sweep: ExtendedProjectionCuller::new(), last: None, most: VirtualOccluders::MOST }
+        Self { sweep: ExtendedProjectionCuller::new(), last: None, most: VirtualOccluders::MAX }
     }
 
     /// Sets the greatest number of virtual occluders for each viewcell. Numbers above
-    /// [`VirtualOccluders::MOST`] count as that.
+    /// [`VirtualOccluders::MAX`] count as that.
     #[must_use]
-    pub fn with_most(mut self, most: usize) -> Self {
+    pub fn with_max(mut self, most: usize) -> Self {
         self.most = most;
         self
     }
@@ -74,7 +74,7 @@ impl RegionCuller for VirtualSweepCuller {
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         let mut map = self.sweep.virtual_occluders(scene, cell);
         map.occluders.truncate(self.most);
-        if map.occluding.is_subset(&Bits::occluding(scene, visible))
+        if map.occluding.is_subset(&occluding(scene, visible))
             && let Some(start) = CellExtent::new(cell, scene.origin())
         {
             map.activate(&start, scene.origin());

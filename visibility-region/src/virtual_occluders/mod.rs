@@ -13,10 +13,10 @@ mod rectangles;
 
 pub use culler::VirtualSweepCuller;
 
-use crate::bits::Bits;
 use crate::sweep::cell_extent::CellExtent;
 use crate::sweep::direction::{CellBox, Direction};
 use alloc::vec::Vec;
+use visibility_core::bits::Bits;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::Occlusion;
@@ -48,7 +48,7 @@ impl VirtualOccluder {
     }
 }
 
-/// The virtual occluders of one viewcell, at most [`MOST`](Self::MOST), as an occlusion map: they hide, from
+/// The virtual occluders of one viewcell, at most [`MAX`](Self::MAX), as an occlusion map: they hide, from
 /// an eye in the viewcell, whatever moves behind them. Objects need not have been there when the virtual
 /// occluders were made.
 ///
@@ -114,7 +114,7 @@ struct Active {
 
 impl VirtualOccluders {
     /// Greatest number of virtual occluders of a viewcell.
-    pub const MOST: usize = 16;
+    pub const MAX: usize = 16;
 
     /// Returns the virtual occluders, those that hide most first.
     pub fn occluders(&self) -> &[VirtualOccluder] {

@@ -34,6 +34,12 @@ pub fn known() -> impl Iterator<Item = &'static Known> {
     .flatten()
 }
 
+/// Returns the names of all cullers with what they do, for help texts and messages, each on a line.
+pub fn listing() -> String {
+    let lines = known().map(|known| format!("\n  {}: {}", known.name, known.what));
+    lines.fold("\n  frustum: boxes outside the view volume are hidden".to_owned(), |all, line| all + &line)
+}
+
 /// Pipelines of two and three stages that are worth comparing. A pipeline with a stage that does not suit the
 /// scene is left out for that scene.
 const PIPELINES: &[&str] =
@@ -117,11 +123,7 @@ impl std::fmt::Display for CullerError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Unknown { name } => {
-                write!(
-                    f,
-                    "there is no culler `{name}`; known are:\n  frustum: boxes outside the view volume are hidden"
-                )?;
-                known().try_for_each(|known| write!(f, "\n  {}: {}", known.name, known.what))
+                write!(f, "there is no culler `{name}`; known are:{}", listing())
             }
             Self::Unsuited { culler, why } => write!(f, "`{culler}`: {why}"),
         }
@@ -145,5 +147,18 @@ mod tests {
         assert_eq!(refused("frustum,fog"), Some(CullerError::Unknown { name: "fog".into() }));
         assert!(refused("").is_some());
         assert!(matches!(refused("hzb:soon"), Some(CullerError::Unsuited { .. })));
+    }
+
+    #[test]
+    fn measured_cullers_are_known() {
+        let rows = include_str!("../../../../docs/tradeoff.csv").lines().skip(1);
+        let entries = rows.filter_map(|row| row.split(',').nth(1));
+        let names = entries.flat_map(|entry| entry.split('+')).filter_map(|stage| stage.split(':').next());
+        for name in names.filter(|&name| name != "frustum") {
+            assert!(
+                known().any(|known| known.name == name),
+                "docs/tradeoff.csv has `{name}`, which no culler is called"
+            );
+        }
     }
 }

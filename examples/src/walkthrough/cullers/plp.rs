@@ -45,7 +45,7 @@ pub(super) const KNOWN: &[Known] = &[
             let budget = budget(dial.or(Some("1%")), world)?;
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
             world.check_copies()?;
-            let fine = || Ok(OctreeTessellation::with_fineness(&world.scene, FINE));
+            let fine = || Ok(OctreeTessellation::from_scene(&world.scene, FINE));
             let cells = world.prepared.get("a fine octree", fine)?;
             Ok(Box::new(ConservativePlpCuller::new(cells, budget, map)))
         },

@@ -14,7 +14,7 @@ use visibility_core::pvs::{PvsCuller, ScenePvs, Viewcell};
 use visibility_core::{Aabb, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::{Comparison, ItemBuffer};
-use visibility_portals::{CellBaker, PortalCuller, SceneCells, Settings};
+use visibility_portals::{BakerSettings, CellBaker, PortalCuller, SceneCells};
 use visibility_web_scenes::{SceneSource, built_in, tolerance};
 
 /// Width over height of all pictures.
@@ -69,7 +69,7 @@ fn pipelines(
     if let Some(cells) = &source.cells {
         let cells = cells.with_doorways.as_deref().unwrap_or(cells);
         let tolerance = tolerance(&cells.viewcells);
-        let pvs = Bake::new(CellBaker::new(&cells.graph, Settings::default())?).run().matrix;
+        let pvs = Bake::new(CellBaker::new(&cells.graph, BakerSettings::default())?).run().matrix;
         let touching = |id| {
             let bounds = scene.bounds(id).unwrap_or(Aabb::EMPTY);
             let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3());

@@ -1,0 +1,156 @@
+//! Sets of indices, one bit for each.
+
+use alloc::vec::Vec;
+
+/// A set of indices below a limit. The limit is a multiple of 64, at least the one that was asked for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Bits(Vec<u64>);
+
+impl Bits {
+    /// The set without an index, whose limit is 0.
+    pub const EMPTY: Self = Self(Vec::new());
+
+    /// Returns an empty set with a limit.
+    pub fn new(limit: usize) -> Self {
+        Self(alloc::vec![0; limit.div_ceil(64)])
+    }
+
+    /// Removes all indices, and sets the limit.
+    pub fn reset(&mut self, limit: usize) {
+        self.0.clear();
+        self.0.resize(limit.div_ceil(64), 0);
+    }
+
+    /// Removes all indices. The limit stays.
+    pub fn clear(&mut self) {
+        self.0.fill(0);
+    }
+
+    /// Raises the limit. Does nothing if the limit is not lower.
+    pub fn grow(&mut self, limit: usize) {
+        if self.0.len() < limit.div_ceil(64) {
+            self.0.resize(limit.div_ceil(64), 0);
+        }
+    }
+
+    /// Returns whether an index is in the set. False beyond the limit.
+    #[inline]
+    pub fn contains(&self, index: usize) -> bool {
+        self.0.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 != 0)
+    }
+
+    /// Adds an index, unless the index is beyond the limit. Returns whether the index is new.
+    #[inline]
+    pub fn insert(&mut self, index: usize) -> bool {
+        let Some(word) = self.0.get_mut(index / 64) else { return false };
+        let new = *word >> (index % 64) & 1 == 0;
+        *word |= 1 << (index % 64);
+        new
+    }
+
+    /// Removes an index. Returns whether the index was in the set.
+    #[inline]
+    pub fn remove(&mut self, index: usize) -> bool {
+        let Some(word) = self.0.get_mut(index / 64) else { return false };
+        let known = *word >> (index % 64) & 1 != 0;
+        *word &= !(1 << (index % 64));
+        known
+    }
+
+    /// Adds an index if `value` is true, or else removes it. Does nothing beyond the limit.
+    #[inline]
+    pub fn set(&mut self, index: usize, value: bool) {
+        if let Some(word) = self.0.get_mut(index / 64) {
+            *word = *word & !(1 << (index % 64)) | u64::from(value) << (index % 64);
+        }
+    }
+
+    /// Adds all indices of `other`. Indices beyond the limit are left out.
+    pub fn unite(&mut self, other: &Self) {
+        self.0.iter_mut().zip(&other.0).for_each(|(own, other)| *own |= other);
+    }
+
+    /// Returns the number of indices that are not in `other`.
+    pub fn count_without(&self, other: &Self) -> u32 {
+        let words = other.0.iter().copied().chain(core::iter::repeat(0));
+        self.0.iter().zip(words).map(|(own, other)| (own & !other).count_ones()).sum()
+    }
+
+    /// Returns whether `other` has all indices of this set.
+    pub fn is_subset(&self, other: &Self) -> bool {
+        let words = other.0.iter().copied().chain(core::iter::repeat(0));
+        self.0.iter().zip(words).all(|(own, other)| own & !other == 0)
+    }
+
+    /// Returns the least index in the set that is not below `first`. `None` if there is none.
+    pub fn next(&self, first: usize) -> Option<usize> {
+        let head = self.0.get(first / 64)? & u64::MAX << (first % 64);
+        let rest = self.0[first / 64 + 1..].iter().copied();
+        let mut words = core::iter::once(head).chain(rest).zip(first / 64..);
+        words.find(|(word, _)| *word != 0).map(|(word, at)| at * 64 + word.trailing_zeros() as usize)
+    }
+
+    /// Iterates over the indices, ascending.
+    pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
+        core::iter::successors(self.next(0), |&index| self.next(index + 1))
+    }
+
+    /// Returns the words: index `i` is bit `i % 64` of word `i / 64`.
+    pub fn words(&self) -> &[u64] {
+        &self.0
+    }
+
+    /// Returns the number of bytes in use on the heap, without spare capacity.
+    pub fn memory(&self) -> usize {
+        size_of_val(&self.0[..])
+    }
+}
+
+impl From<Vec<u64>> for Bits {
+    /// Takes words as [`words`](Self::words) returns them.
+    fn from(words: Vec<u64>) -> Self {
+        Self(words)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+    use visibility_testing::Random;
+
+    #[test]
+    fn answers_as_a_set_of_the_standard_library() {
+        let mut random = Random(0x9e37_79b9);
+        let (mut bits, mut other) = (Bits::new(200), Bits::new(130));
+        let (mut set, mut other_set) = (BTreeSet::new(), BTreeSet::new());
+        for round in 0..2000 {
+            let index = random.below(260) as usize;
+            match round % 5 {
+                0 => assert_eq!(bits.insert(index), index < 256 && set.insert(index), "insert {index}"),
+                1 => assert_eq!(bits.remove(index), set.remove(&index), "remove {index}"),
+                2 => {
+                    bits.set(index, round % 2 == 0);
+                    set.remove(&index);
+                    set.extend((round % 2 == 0 && index < 256).then_some(index));
+                }
+                3 => assert_eq!(other.insert(index), index < 192 && other_set.insert(index), "other {index}"),
+                _ => assert_eq!(bits.contains(index), set.contains(&index), "contains {index}"),
+            }
+            assert_eq!(bits.next(index), set.range(index..).next().copied(), "next from {index}");
+            let without = set.difference(&other_set).count() as u32;
+            assert_eq!(bits.count_without(&other), without, "indices that the other set lacks");
+            assert_eq!(bits.is_subset(&other), without == 0, "subset");
+        }
+        assert!(bits.iter().eq(set.iter().copied()), "{:?} listed of {set:?}", bits);
+        other.unite(&bits);
+        other_set.extend(set.range(..192));
+        assert!(other.iter().eq(other_set.iter().copied()), "{:?} of the union {other_set:?}", other);
+        other.grow(1000);
+        assert!(other.insert(999) && other.remove(999), "no index beyond the limit that was raised");
+        other.grow(1);
+        assert!(other.iter().eq(other_set), "indices changed as the limit rose");
+        other.reset(64);
+        assert_eq!(other, Bits::new(1), "a set with the limit 64 after it was emptied");
+    }
+}
