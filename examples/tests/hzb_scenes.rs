@@ -40,8 +40,8 @@ fn check(source: SceneSource, frames: usize) {
     assert_none_hidden(&world, &trials);
 }
 
-/// A culler that leaves out frames where culling does not pay sees that the next view is another: along a walk
-/// it reports little more than frame by frame without what it remembers.
+/// A culler that leaves out frames where culling does not pay notices another view: along a walk it reports
+/// little more than frame by frame without what it remembers.
 #[test]
 fn a_walk_hides_nearly_what_its_frames_hide_alone() {
     let world = World::new(built_in("plpcity").unwrap(), (640, 360), Some(240)).unwrap();

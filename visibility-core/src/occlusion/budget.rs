@@ -158,10 +158,10 @@ const PAID_BACK: f32 = 0.02;
 /// Greatest number of frames left out in a row.
 const MOST_FRAMES_LEFT_OUT: u32 = 64;
 
-/// Number of objects in view, as a multiple of that in the last frame worked on, from which a view is another.
+/// Number of objects in view, as a multiple of that in the last frame worked on, that makes a view another.
 const OTHER_CROWD: usize = 2;
 
-/// Cosine of the angle between the directions of two cameras from which a view is another: 30 degrees.
+/// Cosine of the angle between the directions of two cameras that makes a view another: 30 degrees.
 const OTHER_DIRECTION: f64 = 0.866;
 
 /// What the frames of a culler so far have shown: whether finding hidden objects pays.
