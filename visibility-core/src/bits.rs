@@ -125,7 +125,7 @@ mod tests {
         let (mut bits, mut other) = (Bits::new(200), Bits::new(130));
         let (mut set, mut other_set) = (BTreeSet::new(), BTreeSet::new());
         for round in 0..2000 {
-            let index = random.below(260) as usize;
+            let index = random.below(260);
             match round % 5 {
                 0 => assert_eq!(bits.insert(index), index < 256 && set.insert(index), "insert {index}"),
                 1 => assert_eq!(bits.remove(index), set.remove(&index), "remove {index}"),
