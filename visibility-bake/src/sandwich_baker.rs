@@ -119,7 +119,7 @@ pub struct SandwichOutcome {
     /// By viewcell, the time that each method took: 0 without a [clock](SandwichBaker::with_clock), and in a
     /// viewcell that was not worked on. All else of the outcome is the same whatever the times.
     pub times: Vec<MethodTimes>,
-    /// Whether all viewcells were worked on.
+    /// Whether all viewcells were worked on to the end: never if some are [too large](Self::too_large).
     pub complete: bool,
     /// By stage, the number of viewcells that were worked on or needed it no more: swept in groups, swept by
     /// themselves, looked from along rays, with proofs of boxes, and of triangles.
@@ -254,7 +254,7 @@ impl<'a> SandwichBaker<'a> {
 
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
     /// must run: no stage takes all of the time. After a third of it, viewcells whose groups are not swept
-    /// wait until all others are done; after half, viewcells are not swept by themselves, and what their
+    /// wait until all others are done, and groups are swept undivided; after half, viewcells are not swept by themselves, and what their
     /// groups have left goes on to the later stages; after three quarters, those without rays wait. A sweep
     /// that takes more than a quarter of the time that is left for its stage, and more than its share, ends
     /// early: what it has found by then counts. The caller ends the bake. Sweeps that were left out or ended
@@ -390,8 +390,12 @@ impl<'a> SandwichBaker<'a> {
             let mut found = places.filter_map(|place| self.done.get(place)?.as_ref());
             *known = Some((record.clone(), found.any(|found| found.is_skipped)));
         }
-        let question = with_members(self.content_hash([]));
-        if let Some((record, cells)) = self.cache.answer(question)
+        let whole = with_members(self.content_hash([]));
+        // With a limit of time groups are not divided, and so may have other results.
+        let is_limited = self.ends[GROUP as usize] != Duration::MAX;
+        let question = if is_limited { with_members(self.content_hash([]).with(1)) } else { whole };
+        let answer = self.cache.answer(whole).or_else(|| self.cache.answer(question));
+        if let Some((record, cells)) = answer
             && let Some(objects) = record.trace.replay(&self.level.tree)
             && is_usable(cells, &objects)
         {
@@ -485,8 +489,8 @@ impl<'a> SandwichBaker<'a> {
             }
             (Content::Scene(scene), before) => {
                 let _memory = self.level.reserve_cell(objects, false)?;
-                let (record, is_known);
-                (record, is_known, is_cut) = self.sweep(number, objects, scene, scratch);
+                let (record, is_known, cut) = self.sweep(number, objects, scene, scratch);
+                is_cut = cut;
                 let group = before.map_or(Duration::ZERO, |before| before.times.sweep);
                 let times = MethodTimes { sweep: group + lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
@@ -753,7 +757,7 @@ impl Baker for SandwichBaker<'_> {
         let stages = [0, 1, 2, 3, 4]
             .map(|stage| self.done.iter().flatten().filter(|found| has_passed(found, stage)).count());
         let too_large = |found: &FoundCell| {
-            found.next >= LOOK && {
+            (LOOK..STAGES as u32).contains(&found.next) && {
                 let objects = found.group.trace.replay(&self.level.tree).unwrap_or_default();
                 self.is_too_large(&found.record, &objects)
             }

@@ -34,8 +34,7 @@ const TRIANGLE_BYTES: u64 = 200;
 /// Bytes of memory that a search takes for each unit of weight, about.
 const SEARCH_BYTES: u64 = 600;
 
-/// Least number of triangles that a search may copy, of a level in memory. A search that copies as many
-/// takes some 2 GB.
+/// Number of triangles that a search may always copy, of a level in memory: it then takes some 2 GB.
 const MOST_COPIED: u64 = 1 << 21;
 
 /// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
@@ -51,7 +50,7 @@ pub struct TiledScene<'a> {
     pub(crate) index_limit: usize,
     /// Weight of the objects that occlude in the first sweep from near to far.
     pub(crate) first_weight: u64,
-    /// Greatest weight of the objects that occlude in a sweep of several viewcells.
+    /// Greatest weight of the objects that occlude in a sweep of several viewcells, without a limit of time.
     pub(crate) most_weight: u64,
     /// Greatest number of triangles that a search may copy: [`MOST_COPIED`], or as many as the level has with
     /// each mesh that objects share counted once. No limit for a level in a file, which has one of memory.

@@ -4,6 +4,7 @@ use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::{
     Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
+    view::Window,
 };
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_testing::Random;
@@ -53,15 +54,20 @@ fn add_things(scene: &mut Scene, transform: &Affine3A) -> Vec<ObjectId> {
     boxes.map(|bounds| scene.insert(around(&bounds, transform))).collect()
 }
 
+/// Returns the objects reported from a view.
+fn seen(scene: &Scene, view: &View) -> Vec<ObjectId> {
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(HzbCuller::new(Hzb::default()));
+    let mut visible = VisibleSet::new();
+    pipeline.cull(scene, view, &mut visible);
+    visible.iter(scene).collect()
+}
+
 /// Returns the objects reported from a point 10 m before the wall, `back` metres farther away.
 fn reported(scene: &Scene, transform: &Affine3A, back: f32) -> Vec<ObjectId> {
     let [eye, target] =
         [-back, 10.0].map(|x| transform.transform_point3(Vec3::new(x, 0.13, 0.07)).as_dvec3());
     let view = View::perspective(Pose::look_at(eye, target, DVec3::Z), 1.0, 1.6, 0.1, 100.0).unwrap();
-    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(HzbCuller::new(Hzb::default()));
-    let mut visible = VisibleSet::new();
-    pipeline.cull(scene, &view, &mut visible);
-    visible.iter(scene).collect()
+    seen(scene, &view)
 }
 
 #[test]
@@ -107,4 +113,17 @@ fn a_gap_between_panels_hides_nothing() {
         assert!(reported.contains(&behind), "taken out: {is_taken_out}; the thing is visible");
         assert!(!reported.contains(&beside), "taken out: {is_taken_out}; the other panels hide");
     }
+}
+
+/// Of a row of boxes whose first the near plane of a parallel view cuts, the second hides what is behind it.
+#[test]
+fn a_row_that_the_near_plane_cuts_hides_from_its_second_box_on() {
+    let mut scene = Scene::new();
+    let row = [0.0, 1.0, 2.0].map(|x| Aabb::from_arrays([x, -4.0, -4.0], [x + 1.0, 4.0, 4.0]));
+    add_wall(&mut scene, &row, Affine3A::IDENTITY, false);
+    let behind = scene.insert(Aabb::from_arrays([5.0, -1.0, -1.0], [6.0, 1.0, 1.0]));
+    let pose = Pose::look_at(DVec3::new(-2.0, 0.0, 0.0), DVec3::ZERO, DVec3::Z);
+    let window = Window { left: -3.0, right: 3.0, bottom: -2.0, top: 2.0 };
+    let view = View::orthographic(pose, window, 2.5, 50.0).unwrap();
+    assert!(!seen(&scene, &view).contains(&behind), "hidden by two boxes beyond the near plane");
 }

@@ -283,7 +283,7 @@ impl Content {
     pub(crate) fn synced(&self, scene: &Scene) -> Self {
         let mut content = self.clone();
         if let Changes::Everything = content.changes(scene) {
-            content.held.clear();
+            content.held.reset(scene.index_limit());
         }
         content.sync(scene);
         content.held.grow(scene.index_limit());

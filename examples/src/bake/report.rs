@@ -195,7 +195,7 @@ impl Report {
             let then = if self.complete {
                 "their proofs were given up: more --rays, smaller viewcells (--size) or a larger --clearance \
                  close more"
-            } else if self.too_large < self.viewcells.len() {
+            } else if self.stages[4] + self.too_large < self.viewcells.len() {
                 "the time was over: the same command goes on"
             } else {
                 "more is hidden from smaller viewcells (--size)"

@@ -103,7 +103,8 @@ impl Selector {
     /// Tests whether an object is in the scene and has not changed since the polygons were made. False if the
     /// object was removed or changed.
     fn is_fresh(&self, scene: &Scene, id: ObjectId) -> bool {
-        !self.stale.contains(id.index()) && !self.lost && scene.contains(id)
+        let is_known = id.index() / 64 < self.stale.words().len();
+        is_known && !self.stale.contains(id.index()) && !self.lost && scene.contains(id)
     }
 
     /// Tests whether every object that a polygon was made from is unchanged since, flagged as an occluder,

@@ -158,10 +158,11 @@ const PAID_BACK: f32 = 0.02;
 /// Greatest number of frames left out in a row.
 const MOST_FRAMES_LEFT_OUT: u32 = 64;
 
-/// Number of objects in view, as a multiple of that in the last frame worked on, that makes a view another.
-const OTHER_CROWD: usize = 2;
+/// Factor by which the number of objects in view must grow beyond that of the last frame worked on for a frame
+/// to try again.
+const MORE_IN_VIEW: usize = 2;
 
-/// Cosine of the angle between the directions of two cameras that makes a view another: 30 degrees.
+/// Cosine of the angle by which the camera must have turned for a frame to try again: 30 degrees.
 const OTHER_DIRECTION: f64 = 0.866;
 
 /// What the frames of a culler so far have shown: whether finding hidden objects pays.
@@ -189,7 +190,7 @@ impl Experience {
     /// length, zero in parallel views), is left out. Otherwise [`record`](Self::record) is to be told of it.
     pub(super) fn leaves_out(&mut self, objects: usize, forward: DVec3) -> bool {
         let forward = forward.normalize_or_zero();
-        let is_alike = objects < OTHER_CROWD * self.objects
+        let is_alike = objects < MORE_IN_VIEW * self.objects
             && (forward == DVec3::ZERO || forward.dot(self.forward) > OTHER_DIRECTION);
         let is_left_out =
             self.losses >= MOST_LOSSES && self.debt > 0.0 && self.left_out < MOST_FRAMES_LEFT_OUT && is_alike;

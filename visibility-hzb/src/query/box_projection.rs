@@ -189,6 +189,8 @@ pub(crate) struct ProjectedBoxes<const N: usize> {
     /// True if the box lies certainly in front of the plane of the eye, so that its other bounds are valid.
     /// False if it reaches that plane or rounding leaves this open; its other bounds are then meaningless.
     pub(crate) known: [bool; N],
+    /// True if the box lies certainly beyond the near plane.
+    pub(crate) uncut: [bool; N],
     /// True if the box lies certainly within the picture and beyond the near plane. False means undecided.
     pub(crate) inside: [bool; N],
 }
@@ -201,6 +203,7 @@ impl<const N: usize> ProjectedBoxes<N> {
         farthest: [0.0; N],
         outside: [false; N],
         known: [false; N],
+        uncut: [false; N],
         inside: [false; N],
     };
 
@@ -374,7 +377,8 @@ pub(crate) fn project<const N: usize>(
     // A box that the near plane cuts is not inside.
     let before = most(&projection.rows[4], &low, &high, -1.0);
     for i in 0..N {
-        out.inside[i] &= before[i] < 0.0;
+        out.uncut[i] = before[i] < 0.0;
+        out.inside[i] &= out.uncut[i];
     }
     out
 }
