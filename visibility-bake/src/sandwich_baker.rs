@@ -254,11 +254,11 @@ impl<'a> SandwichBaker<'a> {
 
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
     /// must run: no stage takes all of the time. After a third of it, viewcells whose groups are not swept
-    /// wait until all others are done, and groups are swept undivided; after half, viewcells are not swept by themselves, and what their
-    /// groups have left goes on to the later stages; after three quarters, those without rays wait. A sweep
-    /// that takes more than a quarter of the time that is left for its stage, and more than its share, ends
-    /// early: what it has found by then counts. The caller ends the bake. Sweeps that were left out or ended
-    /// early stay so when the bake is resumed.
+    /// wait until all others are done, and groups are swept undivided; after half, viewcells are not swept by
+    /// themselves, and what their groups have left goes on to the later stages; after three quarters, those
+    /// without rays wait. A sweep that takes more than a quarter of the time that is left for its stage, and
+    /// more than its share, ends early: what it has found by then counts. The caller ends the bake. Sweeps
+    /// that were left out or ended early stay so when the bake is resumed.
     #[must_use]
     pub fn with_time(mut self, time: Duration) -> Self {
         let now = (self.clock)();

@@ -354,8 +354,8 @@ impl Hzb {
         let first_added = self.join.boxes.len();
         let mut numbers = [usize::MAX; WIDTH];
         for i in 0..count {
-            // A box that the near plane may cut stays by itself: what it hides begins at its neighbour's side,
-            // if the near plane is within it.
+            // A box that the near plane may cut stays by itself. It hides little, but its neighbour's side
+            // towards it hides.
             let queue = &self.queue;
             if seen >> i & 1 != 0 && queue.projected.known[i] && queue.projected.uncut[i] {
                 numbers[i] = self.join.add(&queue.bounds[i], &queue.transforms[i], queue.two_sided[i]);

@@ -158,8 +158,8 @@ const PAID_BACK: f32 = 0.02;
 /// Greatest number of frames left out in a row.
 const MOST_FRAMES_LEFT_OUT: u32 = 64;
 
-/// Factor by which the number of objects in view must grow beyond that of the last frame worked on for a frame
-/// to try again.
+/// Factor by which the number of objects in view must exceed that of the last frame worked on for a frame to
+/// try again.
 const MORE_IN_VIEW: usize = 2;
 
 /// Cosine of the angle by which the camera must have turned for a frame to try again: 30 degrees.

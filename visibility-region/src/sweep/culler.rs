@@ -142,9 +142,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true, as it must from
-    /// then on. `stop` is asked at each projection plane, first when the scene's changes are taken over and
-    /// its objects are sorted by direction. Objects that are not found hidden by then stay in `visible`.
+    /// Removes hidden objects as [`cull`](RegionCuller::cull) does, until `stop` returns true, which it must
+    /// do from then on. `stop` is asked at each projection plane, after the scene's changes are taken over.
+    /// Objects that are not found hidden by then stay in `visible`.
     pub fn cull_until(
         &mut self,
         scene: &Scene,
