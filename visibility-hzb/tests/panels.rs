@@ -115,7 +115,8 @@ fn a_gap_between_panels_hides_nothing() {
     }
 }
 
-/// Of a row of boxes whose first the near plane of a parallel view cuts, the second hides what is behind it.
+/// The near plane of a parallel view cuts the first of three boxes in a row. The second still hides what is
+/// behind the row.
 #[test]
 fn a_row_that_the_near_plane_cuts_hides_from_its_second_box_on() {
     let mut scene = Scene::new();
