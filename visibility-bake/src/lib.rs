@@ -37,6 +37,7 @@ mod settings;
 mod shard;
 mod tile_tree;
 mod tiled_scene;
+mod time_plan;
 
 pub use bake_cache::BakeCache;
 pub use baked_set::{BakedSet, BakedSetError};
