@@ -296,6 +296,56 @@ fn little_time_is_divided_among_the_stages() {
     assert!(resumed.stages[1..] == [10; 4] && resumed.cache == BakeCache::default());
 }
 
+/// A field of so many triangles that no search could begin in its share of the time, and before it a street
+/// of which more is hidden from parts of each viewcell; and open country, where groups hide nothing.
+#[test]
+fn what_a_search_has_not_the_time_for_is_swept_in_parts() {
+    let (mut scene, cells) = street();
+    let field = (0..320).flat_map(|x| (0..320).map(move |y| Vec3::new(x as f32, y as f32, 0.0)));
+    let field: Vec<Triangle> = field.map(|at| [at, at + Vec3::X * 0.5, at + Vec3::Y * 0.5]).collect();
+    let field: Vec<Triangle> = field.iter().map(|t| t.map(|p| p * 0.1 - Vec3::Z)).collect();
+    let id = scene.insert(Aabb::from_points(field.as_flattened().iter().copied()));
+    scene.set_triangles(id, field).unwrap();
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_range(0..2);
+    let mut swept = Bake::new(baker());
+    swept.advance();
+    swept.advance();
+    let swept = swept.finish();
+    let limited = Bake::new(baker().with_time(Duration::from_millis(1))).run();
+    assert!(limited.complete && limited.cache == BakeCache::default());
+    let mut more = 0;
+    for (limited, swept) in limited.cells.iter().zip(&swept.cells) {
+        assert_eq!((limited.seen.len(), limited.proven, limited.steps), (0, 0, 0), "searched");
+        assert!(limited.swept >= swept.swept);
+        more += limited.swept - swept.swept;
+    }
+    assert!(more > 0);
+    let seen = Bake::new(baker()).run();
+    for (limited, seen) in limited.cells.iter().zip(&seen.cells) {
+        assert!(seen.seen.iter().all(|index| limited.reported().contains(index)));
+    }
+}
+
+#[test]
+fn groups_from_which_nothing_is_hidden_are_left_out() {
+    let mut scene = Scene::new();
+    for i in 0..40 {
+        let x = i as f32 * 20.0;
+        insert(&mut scene, [x, 50.0, 0.0], [x + 1.0, 51.0, 1.0], true);
+    }
+    scene.prepare_occluders(&Default::default());
+    let grid = Grid::new(DVec3::ZERO, DVec3::new(8.0, 4.0, 1.0)).unwrap();
+    let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::new(799.0, 3.0, 1.0)).unwrap());
+    let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+    let baker = || SandwichBaker::new(&scene, &cells, settings);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let outcome = pool.install(|| Bake::new(baker().with_time(Duration::from_secs(1))).run());
+    // Four groups of 16 viewcells are tried.
+    assert_eq!(outcome.stages, [64, 100, 100, 100, 100]);
+    let whole = Bake::new(baker()).run();
+    assert_eq!((whole.stages[0], whole.cells), (100, outcome.cells));
+}
+
 #[test]
 fn what_is_never_culled_is_reported_from_everywhere() {
     let mut scene = Scene::new();
