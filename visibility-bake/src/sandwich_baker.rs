@@ -234,15 +234,15 @@ impl<'a> SandwichBaker<'a> {
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
     /// must run. The caller ends the bake. What is hidden comes first, for as many viewcells as can be:
     ///
-    /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait until
-    ///   all others are done. Where the first groups find less than an eighth of the objects hidden, the others
-    ///   are left out, and all the time is for viewcells.
-    /// - Viewcells are swept by themselves until 85 hundredths of the time; what is left of the others goes on
-    ///   as it is. A sweep that takes more than a quarter of the time that is left for its stage, and more than
-    ///   its share, ends early: what it has found by then counts.
-    /// - Each search, by rays and then by proofs, has its share of the time that is left, and half a second at
-    ///   least. Where it could not even begin in that, since a sweep has left too many triangles, the viewcell is
-    ///   swept in parts instead.
+    /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
+    ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
+    ///   the others are left out, and all the time is for viewcells.
+    /// - Viewcells are swept by themselves until 85 hundredths of the time; what is left of the others goes
+    ///   on as it is. A sweep that takes more than a quarter of the time that is left for its stage, and more
+    ///   than its share, ends early: what it has found by then counts.
+    /// - Each search, by rays and then by proofs, has its share of the time that is left, and half a second
+    ///   at least. Where it could not even begin in that, since a sweep has left too many triangles, the
+    ///   viewcell is swept in parts instead.
     ///
     /// Sweeps and searches that were left out or ended early stay so when the bake is resumed.
     #[must_use]
@@ -559,9 +559,9 @@ impl<'a> SandwichBaker<'a> {
         left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum()
     }
 
-    /// Sweeps what the sweep of a viewcell has left from parts of the viewcell, smaller ones in each stage, in
-    /// place of a search that has not the time to begin. Returns what is left, and the next stage. `None` once
-    /// `stop` has returned true.
+    /// Sweeps what the sweep of a viewcell has left from parts of the viewcell, smaller ones in each stage,
+    /// in place of a search that has not the time to begin. Returns what is left, and the next stage. `None`
+    /// once `stop` has returned true.
     fn sweep_in_parts(
         &self,
         viewcell: usize,
@@ -712,7 +712,8 @@ impl Baker for SandwichBaker<'_> {
         if self.time.is_put_off(next) {
             stage + STAGES as u32
         } else if self.time.is_limited() && (stage, next) == (BOXES, BOXES as usize) {
-            // Rays hide nothing: where the time is limited, boxes are proven before other viewcells have rays.
+            // Rays hide nothing: where the time is limited, boxes are proven before other viewcells have
+            // rays.
             SWEEP
         } else {
             stage

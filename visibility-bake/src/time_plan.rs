@@ -1,9 +1,9 @@
 //! How a bake divides its time among stages and viewcells, if that is limited.
 //!
-//! What is hidden is found first by the sweeps of groups, each for many viewcells, then by those of viewcells,
-//! and in the end by searches: in less time for an object the earlier. So each stage has all of the time that
-//! the later ones need not have, and a viewcell that is not swept at all counts more than ten that are not
-//! searched.
+//! What is hidden is found first by the sweeps of groups, each for many viewcells, then by those of
+//! viewcells, and in the end by searches: in less time for an object the earlier. So each stage has all of
+//! the time that the later ones need not have, and a viewcell that is not swept at all counts more than ten
+//! that are not searched.
 
 use std::sync::atomic::{AtomicU8, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
@@ -122,7 +122,8 @@ impl TimePlan {
         is_new
     }
 
-    /// Returns whether the items of a stage wait until all others are done. Called while no item is worked on.
+    /// Returns whether the items of a stage wait until all others are done. Called while no item is worked
+    /// on.
     pub(crate) fn is_put_off(&self, stage: usize) -> bool {
         let Some(phase) = self.phases.get(stage).filter(|phase| phase.load(Relaxed) != IN_TIME) else {
             return false;

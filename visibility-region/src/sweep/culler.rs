@@ -156,11 +156,11 @@ impl ExtendedProjectionCuller {
         self.cull_behind(scene, cell, &occluding, visible, stop)
     }
 
-    /// Removes hidden objects as [`cull_until`](Self::cull_until) does, by sweeps from parts of the viewcell's
-    /// box, `parts` along each of its two longer axes: what is hidden from each of them is hidden from all of
-    /// it, and from smaller viewcells mostly more is found hidden. Each sweep asks only what the sweeps before
-    /// have found hidden, so that 2 by 2 take two to three times as long as one for the whole. Nothing is
-    /// removed if `stop` has returned true in the end, or if `parts` is 0.
+    /// Removes hidden objects as [`cull_until`](Self::cull_until) does, by sweeps from parts of the
+    /// viewcell's box, `parts` along each of its two longer axes: what is hidden from each of them is hidden
+    /// from all of it, and from smaller viewcells mostly more is found hidden. Each sweep asks only what the
+    /// sweeps before have found hidden, so that 2 by 2 take two to three times as long as one for the whole.
+    /// Nothing is removed if `stop` has returned true in the end, or if `parts` is 0.
     pub fn cull_in_parts(
         &mut self,
         scene: &Scene,
