@@ -326,7 +326,9 @@ impl Trace {
     /// opened are what they were. `None` if one is not.
     pub(crate) fn replay(&self, tree: &TileTree) -> Option<Vec<u32>> {
         if let [Opened { child: WHOLE, hash, .. }] = self.opened[..] {
-            let number = |&[_, place]: &[u32; 2]| tree.order.get(place as usize).copied();
+            // Forged bytes may have an object twice, with another first number.
+            let number =
+                |&[first, place]: &[u32; 2]| tree.order.get(place as usize).copied().filter(|_| first == 0);
             return self.left.iter().map(number).collect::<Option<_>>().filter(|_| hash == tree.hash);
         }
         let mut tiles: Vec<u32> = Vec::with_capacity(self.opened.len());
@@ -631,6 +633,18 @@ mod tests {
             let mut forged = trace.clone();
             forge(&mut forged);
             assert_eq!(forged.replay(&level.tree), None, "forgery {number}");
+        }
+        let whole = Trace::of_all(&level.tree);
+        assert_eq!(whole.replay(&level.tree).as_ref(), Some(&level.tree.order));
+        let forgeries: [fn(&mut Trace); 3] = [
+            |trace| trace.opened[0].hash ^= 1,
+            |trace| trace.left.push([0, u32::MAX]),
+            |trace| trace.left.push([1, 0]),
+        ];
+        for (number, forge) in forgeries.iter().enumerate() {
+            let mut forged = whole.clone();
+            forge(&mut forged);
+            assert_eq!(forged.replay(&level.tree), None, "forgery {number} of a whole sweep");
         }
     }
 }
