@@ -4,6 +4,8 @@
 use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
 use crate::cell_groups::CellGroups;
 use crate::cell_sandwich::CellSandwich;
+use crate::fingerprints::{METHODS, level_fingerprint, with_settings, with_viewcell};
+use crate::found_cell::FoundCell;
 use crate::level_error::LevelError;
 use crate::method_times::MethodTimes;
 use crate::near_to_far::{Trace, ids_of, sweep_near_to_far, swept};
@@ -18,15 +20,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
-use visibility_core::glam::DVec3;
-use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::pvs::Viewcells;
 use visibility_core::{Scene, VisibleSet};
 use visibility_exact::SceneTriangles;
 use visibility_region::ExtendedProjectionCuller;
-
-/// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
-/// results of former methods are not taken.
-const METHODS: u32 = 11;
 
 /// Triangles that a search copies and sorts in a second, about, on a machine of 2026.
 const SEARCHED_A_SECOND: f64 = 2e5;
@@ -116,24 +113,6 @@ pub struct SandwichOutcome {
     pub error: Option<LevelError>,
 }
 
-/// The results of one viewcell.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct FoundCell {
-    sandwich: CellSandwich,
-    times: MethodTimes,
-    group: Arc<GroupRecord>,
-    record: CellRecord,
-    /// Cost of the open objects.
-    cost: u64,
-    is_reused: bool,
-    /// Whether the sweep of the viewcell was left out or cut short.
-    is_skipped: bool,
-    /// Whether a search was cut short, or sweeps from parts of the viewcell were in its place.
-    is_cut: bool,
-    /// The next stage, or their number if there is nothing left to do.
-    next: u32,
-}
-
 /// Memory of one thread of a bake.
 #[derive(Default, Debug)]
 pub struct BakeScratch {
@@ -197,7 +176,7 @@ impl<'a> SandwichBaker<'a> {
             viewcells,
             settings,
             range: 0..0,
-            fingerprint: fingerprint(&level, viewcells, &settings),
+            fingerprint: level_fingerprint(&level, viewcells, &settings),
             level,
             slots: groups.cells.iter().map(|_| Mutex::default()).collect(),
             groups,
@@ -400,8 +379,10 @@ impl<'a> SandwichBaker<'a> {
                     (trace, is_over())
                 };
                 let objects = trace.replay(&self.level.tree).unwrap_or_default();
-                let asked = self.level.objects.len();
-                self.time.note_group(asked, asked - objects.len());
+                if !is_cut {
+                    let asked = self.level.objects.len();
+                    self.time.note_group(asked, asked - objects.len());
+                }
                 let key = with_members(self.content_hash(objects));
                 known.insert(Arc::new(GroupRecord { question, key, trace, is_cut })).clone()
             }
@@ -658,28 +639,6 @@ fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
     }
 }
 
-/// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
-/// same hash belong together. Time is linear in the numbers of triangles and viewcells.
-pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
-    fingerprint(&TiledScene::new(scene), viewcells, settings)
-}
-
-fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
-    let hash = Fingerprint::new().with(METHODS).with_u64(level.version());
-    viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
-}
-
-fn with_settings(hash: Fingerprint, settings: &SandwichSettings) -> Fingerprint {
-    hash.with_u64(settings.gap.to_bits()).with_u64(settings.clearance.to_bits()).with(settings.rays)
-}
-
-fn with_viewcell(hash: Fingerprint, cell: &Viewcell) -> Fingerprint {
-    let vector =
-        |hash: Fingerprint, v: DVec3| v.to_array().iter().fold(hash, |hash, x| hash.with_u64(x.to_bits()));
-    let hash = vector(vector(hash, cell.min), cell.max).with(cell.planes.len() as u32);
-    cell.planes.iter().fold(hash, |hash, plane| vector(hash, plane.normal).with_u64(plane.offset.to_bits()))
-}
-
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
     /// `None` for a viewcell with nothing left to do, or whose objects could not be had.
@@ -770,8 +729,7 @@ impl Baker for SandwichBaker<'_> {
 
     fn finish(self, waiting: &[u32]) -> SandwichOutcome {
         let all: Arc<[u32]> = self.level.objects.iter().map(|object| object.index).collect();
-        let is_done =
-            |done: &Option<FoundCell>| done.as_ref().is_some_and(|found| found.next as usize == STAGES);
+        let is_done = |done: &Option<FoundCell>| done.as_ref().is_some_and(FoundCell::is_done);
         let mut cache = BakeCache::default();
         for members in &self.groups.cells {
             let found = members.iter().map(|&cell| {
@@ -781,21 +739,13 @@ impl Baker for SandwichBaker<'_> {
             // A bake that sweeps all of a group would find other results.
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
-                && !found.iter().any(|found| found.group.is_cut || found.is_skipped || found.is_cut)
+                && found.iter().all(|found| found.is_whole())
             {
                 cache.insert(first.group.clone(), found.iter().map(|found| found.record.clone()).collect());
             }
         }
-        let has_passed = |found: &FoundCell, stage: u32| {
-            let is_left_out = match stage {
-                GROUP => found.group.is_cut,
-                SWEEP => found.is_skipped,
-                _ => false,
-            };
-            found.next > stage && !is_left_out
-        };
         let stages = [0, 1, 2, 3, 4]
-            .map(|stage| self.done.iter().flatten().filter(|found| has_passed(found, stage)).count());
+            .map(|stage| self.done.iter().flatten().filter(|found| found.has_passed(stage)).count());
         let too_large = |found: &FoundCell| {
             (LOOK..STAGES as u32).contains(&found.next) && {
                 let objects = found.group.trace.replay(&self.level.tree).unwrap_or_default();
@@ -830,13 +780,7 @@ impl Baker for SandwichBaker<'_> {
         for done in &self.done {
             state.u32(u32::from(done.is_some()));
             if let Some(found) = done {
-                found.sandwich.save(state);
-                found.times.save(state);
-                found.record.save(state);
-                state.u64(found.cost);
-                let flags = [found.is_reused, found.is_skipped, found.is_cut];
-                state.u32s(flags.map(u32::from));
-                state.u32(found.next);
+                found.save(state);
             }
         }
     }
@@ -860,32 +804,8 @@ impl Baker for SandwichBaker<'_> {
             *done = match (state.u32()?, &self.found_groups[of]) {
                 (0, _) => None,
                 (_, None) => return Err(state.content_error("the group of a viewcell is missing")),
-                (_, Some(group)) => {
-                    let (sandwich, times) = (CellSandwich::load(state, limit)?, MethodTimes::load(state)?);
-                    let (record, cost) = (CellRecord::load(state)?, state.u64()?);
-                    let mut flag = || state.u32().map(|flag| flag != 0);
-                    let (is_reused, is_skipped, is_cut) = (flag()?, flag()?, flag()?);
-                    let (next, group) = (state.u32()?, group.clone());
-                    Some(FoundCell {
-                        sandwich,
-                        times,
-                        group,
-                        record,
-                        cost,
-                        is_reused,
-                        is_skipped,
-                        is_cut,
-                        next,
-                    })
-                }
+                (_, Some(group)) => Some(FoundCell::load(state, group.clone(), limit, left[of])?),
             };
-            let is_wrong = |found: &FoundCell| {
-                found.next as usize > STAGES
-                    || found.record.left.last().is_some_and(|&last| last as usize >= left[of])
-            };
-            if done.as_ref().is_some_and(is_wrong) {
-                return Err(state.content_error("the results of a viewcell are not of its group"));
-            }
         }
         self.count();
         Ok(())

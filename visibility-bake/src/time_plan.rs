@@ -132,7 +132,7 @@ impl TimePlan {
         true
     }
 
-    /// Notes what the sweep of a group has found.
+    /// Notes what the sweep of a group has found that was not cut short.
     pub(crate) fn note_group(&self, asked: usize, hidden: usize) {
         for (sum, number) in self.groups.iter().zip([1, asked as u64, hidden as u64]) {
             sum.fetch_add(number, Relaxed);
