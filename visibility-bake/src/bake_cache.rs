@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
 
-const FORMAT: Format = Format { magic: *b"VISCACHE", version: 3 };
+const FORMAT: Format = Format { magic: *b"VISCACHE", version: 4 };
 
 /// Answer for an object that a line of sight reaches.
 pub(crate) const SEEN: u8 = 0;
@@ -65,6 +65,8 @@ pub(crate) struct GroupRecord {
     pub key: u64,
     /// Tiles that the sweep has opened, and objects that it has left.
     pub trace: Trace,
+    /// Whether the sweep was left out or ended early, for want of time.
+    pub is_cut: bool,
 }
 
 impl GroupRecord {
@@ -72,11 +74,13 @@ impl GroupRecord {
         to.u64(self.question);
         to.u64(self.key);
         self.trace.save(to);
+        to.u32(u32::from(self.is_cut));
     }
 
     /// Reads what [`save`](Self::save) has written.
     pub(crate) fn load(from: &mut Reader<'_>) -> Result<Self, FormatError> {
-        Ok(Self { question: from.u64()?, key: from.u64()?, trace: Trace::load(from)? })
+        let (question, key) = (from.u64()?, from.u64()?);
+        Ok(Self { question, key, trace: Trace::load(from)?, is_cut: from.u32()? != 0 })
     }
 }
 

@@ -46,12 +46,15 @@ pub(crate) struct Opened {
 /// What a sweep has opened, and what it has left.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct Trace {
-    /// The root first, then in the order of opening.
+    /// The root first, then in the order of opening. [`WHOLE`] alone if all tiles were swept at once.
     opened: Vec<Opened>,
     /// Objects not found hidden, ascending: the position of their tile among those opened, and their place in
-    /// the tile.
+    /// the tile; 0 and their place in the order of all objects if all tiles were swept at once.
     left: Vec<[u32; 2]>,
 }
+
+/// Number of the child in place of all tiles, whose hash is that of the tree.
+const WHOLE: u32 = u32::MAX;
 
 /// A tile that is not opened, or an object that does not occlude yet.
 #[derive(Clone, Copy)]
@@ -80,6 +83,11 @@ pub(crate) fn swept(
 ) -> Vec<ObjectId> {
     let mut visible = VisibleSet::new();
     sweep.cull_until(scene, cell, &mut visible, stop);
+    ids_of(&visible, scene)
+}
+
+/// Returns the objects of a set by ascending index.
+pub(crate) fn ids_of(visible: &VisibleSet, scene: &Scene) -> Vec<ObjectId> {
     let mut ids: Vec<ObjectId> = visible.iter(scene).collect();
     ids.sort_unstable_by_key(|id| id.index());
     ids
@@ -93,9 +101,10 @@ fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
 }
 
 /// Sweeps the objects around some of the viewcells, by their numbers. The sweeps may have any content;
-/// `whole` is for a level of one tile. Once `stop` returns true, no more objects are found hidden: those of
-/// all tiles that wait are left. With `stop`, the group is not divided, since what it has found would be
-/// lost if the time is over before the last of its parts is swept.
+/// `whole` is for a level that is swept at once. Once `stop` returns true, no more objects are found hidden:
+/// those of all tiles that wait are left. With `stop`, the group is not divided, since what it has found
+/// would be lost if the time is over before the last of its parts is swept, and all tiles are swept at once
+/// if the memory allows: sweeps from near to far save time only where most tiles are hidden early.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
     all: &[Viewcell],
@@ -106,16 +115,13 @@ pub(crate) fn sweep_near_to_far(
 ) -> Result<Trace, LevelError> {
     let is_divided = stop.is_none();
     let stop = stop.unwrap_or(&|| false);
-    let mut trace = Trace::default();
-    if level.tree.tiles[0].children.is_empty() {
+    if level.tree.tiles[0].children.is_empty() || !is_divided && level.may_be_copied() {
         let prepared = level.whole()?;
         let cell = cell_groups::bounds(all, members);
         let ids = swept(whole.get_or_insert_with(|| prepared.sweep.clone()), &prepared.scene, &cell, stop);
-        trace.opened.push(Opened { parent: 0, child: 0, hash: level.tree.tiles[0].hash });
-        trace.left = ids.iter().map(|id| [0, id.index() as u32]).collect();
-        return Ok(trace);
+        return Ok(Trace::of_whole(&level.tree, ids.iter().map(|id| id.index() as u32)));
     }
-    let mut places = HashMap::new();
+    let (mut trace, mut places) = (Trace::default(), HashMap::new());
     let mut parts = vec![members.to_vec()];
     while let Some(part) = parts.pop() {
         let cell = &cell_groups::bounds(all, &part);
@@ -304,9 +310,27 @@ impl Around<'_> {
 }
 
 impl Trace {
+    /// Returns the trace of no sweep at all: all objects are left.
+    pub(crate) fn of_all(tree: &TileTree) -> Self {
+        Self::of_whole(tree, 0..tree.order.len() as u32)
+    }
+
+    /// Returns the trace of a sweep of all tiles at once that has left some objects, by their places in the
+    /// order of all.
+    fn of_whole(tree: &TileTree, left: impl IntoIterator<Item = u32>) -> Self {
+        let opened = vec![Opened { parent: 0, child: WHOLE, hash: tree.hash }];
+        Self { opened, left: left.into_iter().map(|place| [0, place]).collect() }
+    }
+
     /// Returns the numbers of the objects left, tile by tile in the order of opening, if all tiles that were
     /// opened are what they were. `None` if one is not.
     pub(crate) fn replay(&self, tree: &TileTree) -> Option<Vec<u32>> {
+        if let [Opened { child: WHOLE, hash, .. }] = self.opened[..] {
+            // Forged bytes may have an object twice, with another first number.
+            let number =
+                |&[first, place]: &[u32; 2]| tree.order.get(place as usize).copied().filter(|_| first == 0);
+            return self.left.iter().map(number).collect::<Option<_>>().filter(|_| hash == tree.hash);
+        }
         let mut tiles: Vec<u32> = Vec::with_capacity(self.opened.len());
         let mut is_opened = vec![false; tree.tiles.len()];
         for (at, opened) in self.opened.iter().enumerate() {
@@ -357,7 +381,12 @@ impl Trace {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{BakeCache, SandwichBaker, SandwichSettings};
     use std::collections::HashSet;
+    use std::sync::Arc;
+    use std::time::Duration;
+    use visibility_core::bake::Bake;
+    use visibility_core::pvs::Viewcells;
     use visibility_testing::{Random, is_clear};
 
     /// A town of blocks of houses with yards, 240 m wide, with some towers, and things in the streets and in
@@ -557,6 +586,27 @@ mod tests {
         assert!(same > 50 && other > 20, "{same} the same, {other} not");
     }
 
+    /// With a limit of time groups are swept at once and undivided, and may leave other objects.
+    #[test]
+    fn what_a_bake_with_a_limit_caches_answers_no_whole_bake() {
+        let scene = town(&mut Random(80));
+        let cells = EYES.iter().flat_map(|eye| [0.0, 4.0].map(|y| cell_at([eye[0], eye[1] + y, eye[2]])));
+        let (cells, mut level) = (Viewcells::new(cells), in_small_tiles(&scene));
+        level.most_weight = 300;
+        let level = Arc::new(level);
+        let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+        let baker = || SandwichBaker::of_level(level.clone(), &cells, settings);
+        let whole = Bake::new(baker()).run();
+        let limited = Bake::new(baker().with_time(Duration::from_secs(1))).run();
+        assert!(limited.cache != BakeCache::default() && limited.cache != whole.cache);
+        assert_eq!(limited.reused, 0);
+        let after = Bake::new(baker().with_cache(limited.cache.clone())).run();
+        assert!(after.cells == whole.cells && after.cache == whole.cache);
+        // Another bake with a limit takes all.
+        let again = Bake::new(baker().with_time(Duration::from_secs(1)).with_cache(limited.cache)).run();
+        assert!(again.cells == limited.cells && again.reused == cells.cells().len());
+    }
+
     #[test]
     fn traces_are_read_as_written_and_forged_ones_replay_to_nothing() {
         let scene = town(&mut Random(79));
@@ -583,6 +633,18 @@ mod tests {
             let mut forged = trace.clone();
             forge(&mut forged);
             assert_eq!(forged.replay(&level.tree), None, "forgery {number}");
+        }
+        let whole = Trace::of_all(&level.tree);
+        assert_eq!(whole.replay(&level.tree).as_ref(), Some(&level.tree.order));
+        let forgeries: [fn(&mut Trace); 3] = [
+            |trace| trace.opened[0].hash ^= 1,
+            |trace| trace.left.push([0, u32::MAX]),
+            |trace| trace.left.push([1, 0]),
+        ];
+        for (number, forge) in forgeries.iter().enumerate() {
+            let mut forged = whole.clone();
+            forge(&mut forged);
+            assert_eq!(forged.replay(&level.tree), None, "forgery {number} of a whole sweep");
         }
     }
 }

@@ -4,48 +4,29 @@
 use crate::bake_cache::{BakeCache, CellRecord, GroupRecord, HIDDEN, OPEN, SEEN};
 use crate::cell_groups::CellGroups;
 use crate::cell_sandwich::CellSandwich;
+use crate::fingerprints::{METHODS, level_fingerprint, with_settings, with_viewcell};
+use crate::found_cell::FoundCell;
 use crate::level_error::LevelError;
 use crate::method_times::MethodTimes;
-use crate::near_to_far::{sweep_near_to_far, swept};
+use crate::near_to_far::{Trace, ids_of, sweep_near_to_far, swept};
 use crate::scratch_file::lock;
 use crate::search::{Method, Search};
 use crate::settings::SandwichSettings;
 use crate::tiled_scene::{PreparedScene, TiledScene};
+use crate::time_plan::{BOXES, GROUP, LOOK, STAGES, SWEEP, TimePlan};
 use std::fmt;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use visibility_core::Scene;
 use visibility_core::bake::Baker;
 use visibility_core::binary_format::{Fingerprint, FormatError, Reader, Writer};
-use visibility_core::glam::DVec3;
-use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::pvs::Viewcells;
+use visibility_core::{Scene, VisibleSet};
 use visibility_exact::SceneTriangles;
 use visibility_region::ExtendedProjectionCuller;
 
-/// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
-/// results of former methods are not taken.
-const METHODS: u32 = 11;
-
-/// Number of stages of a bake. All groups of viewcells are swept; then all viewcells; then all are looked
-/// from along rays; then, where the gap is not met, boxes are proven hidden, and in the end triangles.
-const STAGES: usize = 5;
-/// The stage of the sweeps of groups, whose results all viewcells of a group take.
-const GROUP: u32 = 0;
-/// The stage of the sweeps of viewcells.
-const SWEEP: u32 = 1;
-/// The stage of rays.
-const LOOK: u32 = 2;
-/// The stage of proofs of boxes.
-const BOXES: u32 = 3;
-
-/// Phase of a stage that has time left.
-const IN_TIME: u8 = 0;
-/// Phase of a stage in the round in which its time has ended: no item is begun any more.
-const ENDED: u8 = 1;
-/// Phase of a stage later on: its items come after those of all viewcells that have come farther.
-const PUT_OFF: u8 = 2;
+/// Triangles that a search copies and sorts in a second, about, on a machine of 2026.
+const SEARCHED_A_SECOND: f64 = 2e5;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
 /// with progress, stopping and resuming, on any number of threads with the same result.
@@ -93,15 +74,10 @@ pub struct SandwichBaker<'a> {
     /// By group, what its viewcells have in common, while some of them are worked on.
     slots: Vec<Mutex<Slot>>,
     cache: Arc<BakeCache>,
-    /// Returns the time passed since any fixed moment.
-    clock: fn() -> Duration,
+    time: TimePlan,
     done: Vec<Option<FoundCell>>,
     /// By group and stage, the cost of what was open in its viewcells that have come to the stage.
     costs: Vec<[u64; STAGES]>,
-    /// By stage, the time on the clock at which the stage gives way to later ones.
-    ends: [Duration; STAGES],
-    /// By stage, [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
-    phases: [AtomicU8; STAGES],
     /// By group with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
     /// Why a viewcell could not be worked on: the first that happened.
@@ -137,22 +113,6 @@ pub struct SandwichOutcome {
     pub error: Option<LevelError>,
 }
 
-/// The results of one viewcell.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct FoundCell {
-    sandwich: CellSandwich,
-    times: MethodTimes,
-    group: Arc<GroupRecord>,
-    record: CellRecord,
-    /// Cost of the open objects.
-    cost: u64,
-    is_reused: bool,
-    /// Whether the sweep of the viewcell or of its group was left out or cut short.
-    is_skipped: bool,
-    /// The next stage, or their number if there is nothing left to do.
-    next: u32,
-}
-
 /// Memory of one thread of a bake.
 #[derive(Default, Debug)]
 pub struct BakeScratch {
@@ -169,9 +129,8 @@ struct Slot {
     /// By stage, the number of viewcells of the group that are not worked on yet.
     left: [usize; STAGES],
     group: Option<Arc<Group>>,
-    /// What the sweep of the group has found, for when its content was released, and whether it was cut
-    /// short.
-    record: Option<(Arc<GroupRecord>, bool)>,
+    /// What the sweep of the group has found, for when its content was released.
+    record: Option<Arc<GroupRecord>>,
 }
 
 /// What the viewcells of a group have in common.
@@ -179,16 +138,17 @@ struct Group {
     record: Arc<GroupRecord>,
     /// Numbers of the objects that a sweep of the box around the group has left, tile by tile.
     objects: Vec<u32>,
-    /// Whether that sweep was cut short.
-    is_cut: bool,
     content: Content,
 }
+
+/// What is known of a viewcell after a stage, and the next.
+type Found = (CellRecord, MethodTimes, u32);
 
 enum Content {
     /// What the cache has for the viewcells of the group.
     Cached(Vec<CellRecord>),
     /// For sweeps of the viewcells: the objects left with occluder meshes, and a sweep that is prepared.
-    Scene(Box<PreparedScene>),
+    Scene(Arc<PreparedScene>),
     /// For later stages: each viewcell loads what its sweep has left.
     Objects,
 }
@@ -216,16 +176,14 @@ impl<'a> SandwichBaker<'a> {
             viewcells,
             settings,
             range: 0..0,
-            fingerprint: fingerprint(&level, viewcells, &settings),
+            fingerprint: level_fingerprint(&level, viewcells, &settings),
             level,
             slots: groups.cells.iter().map(|_| Mutex::default()).collect(),
             groups,
             cache: Arc::default(),
-            clock: || Duration::ZERO,
+            time: TimePlan::new(),
             done: Vec::new(),
             costs: Vec::new(),
-            ends: [Duration::MAX; STAGES],
-            phases: Default::default(),
             found_groups: Vec::new(),
             error: Mutex::default(),
         };
@@ -248,23 +206,27 @@ impl<'a> SandwichBaker<'a> {
     /// time passed since any fixed moment.
     #[must_use]
     pub fn with_clock(mut self, clock: fn() -> Duration) -> Self {
-        self.clock = clock;
+        self.time.set_clock(clock);
         self
     }
 
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
-    /// must run: no stage takes all of the time. After a third of it, viewcells whose groups are not swept
-    /// wait until all others are done, and groups are swept undivided; after half, viewcells are not swept by
-    /// themselves, and what their groups have left goes on to the later stages; after three quarters, those
-    /// without rays wait. A sweep that takes more than a quarter of the time that is left for its stage, and
-    /// more than its share, ends early: what it has found by then counts. The caller ends the bake. Sweeps
-    /// that were left out or ended early stay so when the bake is resumed.
+    /// must run. The caller ends the bake. What is hidden comes first, for as many viewcells as can be:
+    ///
+    /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
+    ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
+    ///   the others are left out, and all the time is for viewcells.
+    /// - Viewcells are swept by themselves until 85 hundredths of the time; what is left of the others goes
+    ///   on as it is. A sweep that takes more than a quarter of the time that is left for its stage, and more
+    ///   than its share, ends early: what it has found by then counts.
+    /// - Each search, by rays and then by proofs, has its share of the time that is left, and half a second
+    ///   at least. Where it could not even begin in that, since a sweep has left too many triangles, the
+    ///   viewcell is swept in parts instead.
+    ///
+    /// Sweeps and searches that were left out or ended early stay so when the bake is resumed.
     #[must_use]
     pub fn with_time(mut self, time: Duration) -> Self {
-        let now = (self.clock)();
-        for (stage, part) in [(GROUP, 1.0 / 3.0), (SWEEP, 0.5), (LOOK, 0.75)] {
-            self.ends[stage as usize] = now.saturating_add(time.mul_f64(part));
-        }
+        self.time.limit(time);
         self
     }
 
@@ -362,7 +324,7 @@ impl<'a> SandwichBaker<'a> {
         &self,
         number: u32,
         stage: u32,
-        known: &mut Option<(Arc<GroupRecord>, bool)>,
+        known: &mut Option<Arc<GroupRecord>>,
         scratch: &mut BakeScratch,
     ) -> Result<Group, LevelError> {
         if let Some(record) = &self.found_groups[number as usize]
@@ -370,10 +332,13 @@ impl<'a> SandwichBaker<'a> {
         {
             let objects = record.trace.replay(&self.level.tree).unwrap_or_default();
             let content = match stage {
-                SWEEP => Content::Scene(Box::new(self.level.prepared(&objects)?)),
+                SWEEP if self.level.may_be_copied() && objects == self.level.tree.order => {
+                    Content::Scene(self.level.whole()?)
+                }
+                SWEEP => Content::Scene(Arc::new(self.level.prepared(&objects)?)),
                 _ => Content::Objects,
             };
-            return Ok(Group { record: record.clone(), objects, is_cut: false, content });
+            return Ok(Group { record: record.clone(), objects, content });
         }
         let members = &self.groups.cells[number as usize];
         let all = self.viewcells.cells();
@@ -382,40 +347,44 @@ impl<'a> SandwichBaker<'a> {
         let is_usable = |records: &[CellRecord], objects: &[u32]| {
             records.len() == members.len() && records.iter().all(|record| record.is_of(objects))
         };
-        // In a bake that was resumed, some of the viewcells may be done.
-        if known.is_none()
-            && let Some(record) = &self.found_groups[number as usize]
-        {
-            let places = members.iter().filter_map(|&cell| (cell as usize).checked_sub(self.range.start));
-            let mut found = places.filter_map(|place| self.done.get(place)?.as_ref());
-            *known = Some((record.clone(), found.any(|found| found.is_skipped)));
+        if known.is_none() {
+            // In a bake that was resumed, some of the viewcells may be done.
+            known.clone_from(&self.found_groups[number as usize]);
         }
         let whole = with_members(self.content_hash([]));
         // With a limit of time groups are not divided, and so may have other results.
-        let is_limited = self.ends[GROUP as usize] != Duration::MAX;
-        let question = if is_limited { with_members(self.content_hash([]).with(1)) } else { whole };
+        let question =
+            if self.time.is_limited() { with_members(self.content_hash([]).with(1)) } else { whole };
         let answer = self.cache.answer(whole).or_else(|| self.cache.answer(question));
         if let Some((record, cells)) = answer
             && let Some(objects) = record.trace.replay(&self.level.tree)
             && is_usable(cells, &objects)
         {
             let content = Content::Cached(cells.to_vec());
-            return Ok(Group { record: record.clone(), objects, is_cut: false, content });
+            return Ok(Group { record: record.clone(), objects, content });
         }
-        let (record, is_cut) = match known {
+        let record = match known {
             Some(record) => record.clone(),
             None => {
-                let (sweep, whole) = (&mut scratch.sweep, &mut scratch.whole);
-                let end = self.end_of_sweep(GROUP, members.len());
-                let is_over = || end.is_some_and(|end| (self.clock)() >= end);
-                let stop = end.is_some().then_some(&is_over as &dyn Fn() -> bool);
-                let trace = sweep_near_to_far(&self.level, all, members, sweep, whole, stop)?;
-                let is_cut = is_over();
-                // The surfaces of the last sweep are needed no more.
-                scratch.sweep = ExtendedProjectionCuller::new();
+                let (trace, is_cut) = if self.time.leaves_groups_out() && self.level.may_be_copied() {
+                    (Trace::of_all(&self.level.tree), true)
+                } else {
+                    let (sweep, whole) = (&mut scratch.sweep, &mut scratch.whole);
+                    let end = self.end_of_sweep(GROUP, members.len());
+                    let is_over = || self.time.is_over(end);
+                    let stop = end.is_some().then_some(&is_over as &dyn Fn() -> bool);
+                    let trace = sweep_near_to_far(&self.level, all, members, sweep, whole, stop)?;
+                    // The surfaces of the last sweep are needed no more.
+                    scratch.sweep = ExtendedProjectionCuller::new();
+                    (trace, is_over())
+                };
                 let objects = trace.replay(&self.level.tree).unwrap_or_default();
+                if !is_cut {
+                    let asked = self.level.objects.len();
+                    self.time.note_group(asked, asked - objects.len());
+                }
                 let key = with_members(self.content_hash(objects));
-                known.insert((Arc::new(GroupRecord { question, key, trace }), is_cut)).clone()
+                known.insert(Arc::new(GroupRecord { question, key, trace, is_cut })).clone()
             }
         };
         // What was opened in this bake is what it was.
@@ -424,23 +393,18 @@ impl<'a> SandwichBaker<'a> {
             Some(records) => Content::Cached(records.to_vec()),
             None => Content::Objects,
         };
-        Ok(Group { record, objects, is_cut, content })
+        Ok(Group { record, objects, content })
     }
 
-    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now: after a
-    /// quarter of the time that is left for its stage, or after their share of it, if that is more. `None`
-    /// without a limit. A sweep finds most in its end, so equal shares for all would often find less than
-    /// whole sweeps for a few.
+    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now. `None` without
+    /// a limit.
     fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
-        let end = self.ends[stage as usize];
-        if end == Duration::MAX {
-            return None;
-        }
-        let now = (self.clock)();
-        let waits = |done: &&Option<FoundCell>| done.as_ref().is_none_or(|found| found.next <= stage);
-        let waiting = self.done.iter().filter(waits).count().max(viewcells).max(1);
-        let share = (viewcells as f64 / waiting as f64).max(0.25);
-        Some(now + end.saturating_sub(now).mul_f64(share))
+        self.time.end_of_sweep(stage, viewcells, self.waiting(stage))
+    }
+
+    /// Returns the number of viewcells that were not through with a stage before this round.
+    fn waiting(&self, stage: u32) -> usize {
+        self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
     }
 
     /// Works on an item as [`work`](Baker::work) does, with the memory that is free.
@@ -450,10 +414,10 @@ impl<'a> SandwichBaker<'a> {
         scratch: &mut BakeScratch,
         stop: &dyn Fn() -> bool,
     ) -> Result<Option<Option<FoundCell>>, LevelError> {
-        let begun = (self.clock)();
+        let begun = self.time.now();
         let mut last = begun;
         let mut lap = || {
-            let now = (self.clock)();
+            let now = self.time.now();
             now.saturating_sub(std::mem::replace(&mut last, now))
         };
         let (place, stage) = self.place_and_stage(item);
@@ -461,15 +425,13 @@ impl<'a> SandwichBaker<'a> {
         if before.map_or(GROUP, |before| before.next) != stage {
             return Ok(Some(None));
         }
-        if begun >= self.ends[stage as usize] {
+        if self.time.is_past(stage, begun) {
             if let Some(before) = before
                 && stage == SWEEP
             {
                 return Ok(Some(Some(FoundCell { next: LOOK, is_skipped: true, ..before.clone() })));
             }
-            let phase = &self.phases[stage as usize];
-            if phase.load(Ordering::Relaxed) != PUT_OFF {
-                phase.store(ENDED, Ordering::Relaxed);
+            if self.time.end(stage) {
                 return Ok(None);
             }
         }
@@ -481,7 +443,8 @@ impl<'a> SandwichBaker<'a> {
         }
         let objects = &group.objects;
         let done = STAGES as u32;
-        let mut is_cut = group.is_cut;
+        let mut is_skipped = before.is_some_and(|before| before.is_skipped);
+        let mut is_cut = before.is_some_and(|before| before.is_cut);
         let (record, times, next) = match (&group.content, before) {
             (Content::Cached(records), _) => {
                 let member = self.groups.cells[of as usize].binary_search(&(number as u32));
@@ -490,26 +453,35 @@ impl<'a> SandwichBaker<'a> {
             (Content::Scene(scene), before) => {
                 let _memory = self.level.reserve_cell(objects, false)?;
                 let (record, is_known, cut) = self.sweep(number, objects, scene, scratch);
-                is_cut = cut;
+                is_skipped |= cut;
                 let group = before.map_or(Duration::ZERO, |before| before.times.sweep);
                 let times = MethodTimes { sweep: group + lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
             }
             (Content::Objects, None) => {
                 let left: Vec<u32> = (0..objects.len() as u32).collect();
-                // A sweep of the viewcell would take as long as that of the group.
-                let next = if group.is_cut { LOOK } else { SWEEP };
                 let hash = self.content_hash(objects.iter().copied());
                 let key = with_viewcell(hash, &self.viewcells.cells()[number]).value();
                 let record = CellRecord { key, answers: vec![OPEN; left.len()], left, steps: 0 };
-                (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, next)
+                (record, MethodTimes { sweep: lap(), ..MethodTimes::default() }, SWEEP)
             }
             (Content::Objects, Some(before)) if self.is_too_large(&before.record, objects) => {
                 return Ok(Some(None));
             }
             // Saved bytes may be forged.
             (Content::Objects, Some(before)) if before.record.is_of(objects) => {
-                match self.search(number, objects, before, &mut lap, stop)? {
+                let share = self.time.share_of_search(self.waiting(stage));
+                let seconds = self.triangles_left(&before.record, objects) as f64 / SEARCHED_A_SECOND;
+                let found = if share.is_some_and(|share| share.as_secs_f64() < seconds) {
+                    is_cut = true;
+                    self.sweep_in_parts(number, objects, before, &mut lap, stop)?
+                } else {
+                    self.search(number, objects, before, share, &mut lap, stop)?.map(|(found, cut)| {
+                        is_cut |= cut;
+                        found
+                    })
+                };
+                match found {
                     Some(found) => found,
                     None => return Ok(None),
                 }
@@ -525,7 +497,8 @@ impl<'a> SandwichBaker<'a> {
             cost: open.map(cost).sum(),
             record,
             is_reused: stage <= SWEEP && next == done,
-            is_skipped: is_cut || before.is_some_and(|before| before.is_skipped),
+            is_skipped,
+            is_cut,
             next,
         })))
     }
@@ -545,7 +518,7 @@ impl<'a> SandwichBaker<'a> {
         }
         let (_, sweep) = scratch.local.get_or_insert_with(|| (number, prepared.clone()));
         let end = self.end_of_sweep(SWEEP, 1);
-        let is_over = || end.is_some_and(|end| (self.clock)() >= end);
+        let is_over = || self.time.is_over(end);
         // The scene of a group has the indices of the group's list.
         let left: Vec<u32> = swept(sweep, scene, cell, &is_over).iter().map(|id| id.index() as u32).collect();
         let key = with_viewcell(self.content_hash(left.iter().map(|&at| objects[at as usize])), cell).value();
@@ -558,29 +531,65 @@ impl<'a> SandwichBaker<'a> {
     /// Returns whether the objects that the sweep of a viewcell has left have more triangles than a search
     /// may copy. Positions beyond the list of the group count as none.
     fn is_too_large(&self, record: &CellRecord, objects: &[u32]) -> bool {
-        let left = record.left.iter().filter_map(|&at| objects.get(at as usize));
-        left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum::<u64>()
-            > self.level.most_copied
+        self.triangles_left(record, objects) > self.level.most_copied
     }
 
-    /// Finds answers for the objects that the sweep of a viewcell has left, and the next stage. `None` once
-    /// `stop` has returned true.
-    fn search(
+    /// Returns the number of triangles of the objects that the sweep of a viewcell has left.
+    fn triangles_left(&self, record: &CellRecord, objects: &[u32]) -> u64 {
+        let left = record.left.iter().filter_map(|&at| objects.get(at as usize));
+        left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum()
+    }
+
+    /// Sweeps what the sweep of a viewcell has left from parts of the viewcell, smaller ones in each stage,
+    /// in place of a search that has not the time to begin. Returns what is left, and the next stage. `None`
+    /// once `stop` has returned true.
+    fn sweep_in_parts(
         &self,
         viewcell: usize,
         objects: &[u32],
         before: &FoundCell,
         lap: &mut impl FnMut() -> Duration,
         stop: &dyn Fn() -> bool,
-    ) -> Result<Option<(CellRecord, MethodTimes, u32)>, LevelError> {
+    ) -> Result<Option<Found>, LevelError> {
+        let mut record = before.record.clone();
+        let numbers: Vec<u32> = record.left.iter().map(|&at| objects[at as usize]).collect();
+        let PreparedScene { scene, mut sweep, .. } = self.level.prepared(&numbers)?;
+        let mut visible = VisibleSet::new();
+        sweep.cull_in_parts(&scene, &self.viewcells.cells()[viewcell], before.next, &mut visible, stop);
+        if stop() {
+            return Ok(None);
+        }
+        // The scene has the indices of the list of what is left.
+        let left = ids_of(&visible, &scene).into_iter().map(|id| id.index());
+        (record.left, record.answers) =
+            left.map(|at| (before.record.left[at], before.record.answers[at])).unzip();
+        let mut times = before.times;
+        times.sweep += lap();
+        Ok(Some((record, times, before.next + 1)))
+    }
+
+    /// Finds answers for the objects that the sweep of a viewcell has left, in a share of the time if that is
+    /// limited. Returns them with the next stage, and whether the time was over. `None` once `stop` has
+    /// returned true.
+    fn search(
+        &self,
+        viewcell: usize,
+        objects: &[u32],
+        before: &FoundCell,
+        share: Option<Duration>,
+        lap: &mut impl FnMut() -> Duration,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<(Found, bool)>, LevelError> {
         let record = &before.record;
+        let end = share.map(|share| self.time.now() + share);
+        let is_over = || stop() || self.time.is_over(end);
         let left: Vec<u32> = record.left.iter().map(|&at| objects[at as usize]).collect();
         let _memory = self.level.reserve_cell(&left, true)?;
         let scene = self.level.scene_with_triangles(&left)?;
         let triangles = SceneTriangles::new(&scene);
         let cell = &self.viewcells.cells()[viewcell];
         let answers = record.answers.clone();
-        let mut search = Search::new(&scene, cell, &triangles, &self.settings, answers, stop);
+        let mut search = Search::new(&scene, cell, &triangles, &self.settings, answers, &is_over);
         let mut times = before.times;
         match before.next {
             LOOK => {
@@ -594,13 +603,14 @@ impl<'a> SandwichBaker<'a> {
             }
         }
         times.proofs += lap();
-        if search.is_stopped() {
+        let is_cut = search.is_stopped();
+        if is_cut && !self.time.is_over(end) {
             return Ok(None);
         }
         let next = if search.is_met() { STAGES as u32 } else { before.next + 1 };
         let steps = record.steps.saturating_add(search.steps());
         let (key, left) = (record.key, record.left.clone());
-        Ok(Some((CellRecord { key, left, answers: search.answers, steps }, times, next)))
+        Ok(Some(((CellRecord { key, left, answers: search.answers, steps }, times, next), is_cut)))
     }
 
     /// Returns the sandwich of a record, given the objects of its group.
@@ -629,28 +639,6 @@ fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
     }
 }
 
-/// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
-/// same hash belong together. Time is linear in the numbers of triangles and viewcells.
-pub fn bake_fingerprint(scene: &Scene, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
-    fingerprint(&TiledScene::new(scene), viewcells, settings)
-}
-
-fn fingerprint(level: &TiledScene<'_>, viewcells: &Viewcells, settings: &SandwichSettings) -> u64 {
-    let hash = Fingerprint::new().with(METHODS).with_u64(level.version());
-    viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
-}
-
-fn with_settings(hash: Fingerprint, settings: &SandwichSettings) -> Fingerprint {
-    hash.with_u64(settings.gap.to_bits()).with_u64(settings.clearance.to_bits()).with(settings.rays)
-}
-
-fn with_viewcell(hash: Fingerprint, cell: &Viewcell) -> Fingerprint {
-    let vector =
-        |hash: Fingerprint, v: DVec3| v.to_array().iter().fold(hash, |hash, x| hash.with_u64(x.to_bits()));
-    let hash = vector(vector(hash, cell.min), cell.max).with(cell.planes.len() as u32);
-    cell.planes.iter().fold(hash, |hash, plane| vector(hash, plane.normal).with_u64(plane.offset.to_bits()))
-}
-
 impl Baker for SandwichBaker<'_> {
     type Scratch = BakeScratch;
     /// `None` for a viewcell with nothing left to do, or whose objects could not be had.
@@ -659,7 +647,7 @@ impl Baker for SandwichBaker<'_> {
 
     // Threads wait for one another at the end of a round, so short rounds leave many threads idle.
     const ROUND: usize = 64;
-    const KIND: u32 = 32;
+    const KIND: u32 = 33;
 
     fn item_count(&self) -> usize {
         STAGES * self.range.len()
@@ -679,13 +667,16 @@ impl Baker for SandwichBaker<'_> {
     fn stage(&self, item: u32) -> u32 {
         let (place, stage) = self.place_and_stage(item);
         let next = self.done[place].as_ref().map_or(GROUP, |found| found.next) as usize;
-        let Some(phase) = self.phases.get(next) else { return stage };
-        if phase.load(Ordering::Relaxed) == IN_TIME {
-            return stage;
-        }
         // No item is worked on while the next round is chosen.
-        phase.store(PUT_OFF, Ordering::Relaxed);
-        stage + STAGES as u32
+        if self.time.is_put_off(next) {
+            stage + STAGES as u32
+        } else if self.time.is_limited() && (stage, next) == (BOXES, BOXES as usize) {
+            // Rays hide nothing: where the time is limited, boxes are proven before other viewcells have
+            // rays.
+            SWEEP
+        } else {
+            stage
+        }
     }
 
     fn work(
@@ -696,6 +687,7 @@ impl Baker for SandwichBaker<'_> {
     ) -> Option<Option<FoundCell>> {
         let (place, stage) = self.place_and_stage(item);
         let of = self.groups.of[self.range.start + place];
+        let _begun = self.time.begin();
         let mut attempt = |is_alone| {
             // Content of groups is released before the work ends: a thread that works alone counts on it.
             let _working = self.level.work(is_alone);
@@ -724,6 +716,7 @@ impl Baker for SandwichBaker<'_> {
     }
 
     fn take_in(&mut self, item: u32, found: Option<FoundCell>) -> u64 {
+        self.time.end_round();
         let Some(found) = found else { return 0 };
         let (place, _) = self.place_and_stage(item);
         let of = self.groups.of[self.range.start + place] as usize;
@@ -736,8 +729,7 @@ impl Baker for SandwichBaker<'_> {
 
     fn finish(self, waiting: &[u32]) -> SandwichOutcome {
         let all: Arc<[u32]> = self.level.objects.iter().map(|object| object.index).collect();
-        let is_done =
-            |done: &Option<FoundCell>| done.as_ref().is_some_and(|found| found.next as usize == STAGES);
+        let is_done = |done: &Option<FoundCell>| done.as_ref().is_some_and(FoundCell::is_done);
         let mut cache = BakeCache::default();
         for members in &self.groups.cells {
             let found = members.iter().map(|&cell| {
@@ -747,15 +739,13 @@ impl Baker for SandwichBaker<'_> {
             // A bake that sweeps all of a group would find other results.
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
-                && !found.iter().any(|found| found.is_skipped)
+                && found.iter().all(|found| found.is_whole())
             {
                 cache.insert(first.group.clone(), found.iter().map(|found| found.record.clone()).collect());
             }
         }
-        let has_passed =
-            |found: &FoundCell, stage: u32| found.next > stage && !(stage == SWEEP && found.is_skipped);
         let stages = [0, 1, 2, 3, 4]
-            .map(|stage| self.done.iter().flatten().filter(|found| has_passed(found, stage)).count());
+            .map(|stage| self.done.iter().flatten().filter(|found| found.has_passed(stage)).count());
         let too_large = |found: &FoundCell| {
             (LOOK..STAGES as u32).contains(&found.next) && {
                 let objects = found.group.trace.replay(&self.level.tree).unwrap_or_default();
@@ -790,12 +780,7 @@ impl Baker for SandwichBaker<'_> {
         for done in &self.done {
             state.u32(u32::from(done.is_some()));
             if let Some(found) = done {
-                found.sandwich.save(state);
-                found.times.save(state);
-                found.record.save(state);
-                state.u64(found.cost);
-                state.u32(u32::from(found.is_reused) | u32::from(found.is_skipped) << 1);
-                state.u32(found.next);
+                found.save(state);
             }
         }
     }
@@ -819,21 +804,8 @@ impl Baker for SandwichBaker<'_> {
             *done = match (state.u32()?, &self.found_groups[of]) {
                 (0, _) => None,
                 (_, None) => return Err(state.content_error("the group of a viewcell is missing")),
-                (_, Some(group)) => {
-                    let (sandwich, times) = (CellSandwich::load(state, limit)?, MethodTimes::load(state)?);
-                    let (record, cost) = (CellRecord::load(state)?, state.u64()?);
-                    let (flags, next, group) = (state.u32()?, state.u32()?, group.clone());
-                    let [is_reused, is_skipped] = [1, 2].map(|flag| flags & flag != 0);
-                    Some(FoundCell { sandwich, times, group, record, cost, is_reused, is_skipped, next })
-                }
+                (_, Some(group)) => Some(FoundCell::load(state, group.clone(), limit, left[of])?),
             };
-            let is_wrong = |found: &FoundCell| {
-                found.next as usize > STAGES
-                    || found.record.left.last().is_some_and(|&last| last as usize >= left[of])
-            };
-            if done.as_ref().is_some_and(is_wrong) {
-                return Err(state.content_error("the results of a viewcell are not of its group"));
-            }
         }
         self.count();
         Ok(())

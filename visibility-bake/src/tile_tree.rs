@@ -48,6 +48,8 @@ pub(crate) struct TileTree {
     pub tiles: Vec<Tile>,
     /// Numbers of objects, tile by tile, ascending in each.
     pub order: Vec<u32>,
+    /// Hash of all tiles.
+    pub hash: u64,
 }
 
 impl TileTree {
@@ -74,7 +76,7 @@ impl TileTree {
             exponent_above(some.iter().map(|&at| center(at).abs().max_element()).fold(0.0, f64::max))
         };
         let top = reach(&rest);
-        let mut tree = Self { tiles: Vec::new(), order: Vec::with_capacity(objects.len()) };
+        let mut tree = Self { tiles: Vec::new(), order: Vec::with_capacity(objects.len()), hash: 0 };
         let mut edges = vec![top + 1];
         tree.tiles.push(Tile::empty());
         // Tiles in the order of their numbers: members, and whether all of them are the tile's own.
@@ -158,6 +160,8 @@ impl TileTree {
             tile.bounds = Aabb::new(rounded(bounds.min, DVec3::floor), rounded(bounds.max, DVec3::ceil));
             tile.hash = hash.value();
         }
+        let tiles = self.tiles.iter();
+        self.hash = tiles.fold(Fingerprint::new(), |hash, tile| hash.with_u64(tile.hash)).value();
     }
 
     /// Returns the numbers of the objects of a tile.

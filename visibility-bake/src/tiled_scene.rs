@@ -280,6 +280,12 @@ impl<'a> TiledScene<'a> {
         Ok(whole.insert(Arc::new(self.prepared(&self.tree.order)?)).clone())
     }
 
+    /// Returns whether the level is in memory and has no more than a search may copy.
+    pub(crate) fn may_be_copied(&self) -> bool {
+        !self.is_in_file()
+            && self.objects.iter().map(|object| u64::from(object.triangles)).sum::<u64>() <= self.most_copied
+    }
+
     /// Returns whether the content of the objects is in a file.
     pub(crate) fn is_in_file(&self) -> bool {
         matches!(self.store, Store::File(_))

@@ -268,27 +268,82 @@ fn little_time_is_divided_among_the_stages() {
         pool.install(|| while !is_over() && bake.advance_unless(is_over, || false).is_some() {});
         bake.finish()
     };
-    // Groups are swept for a third of the time; those that are left then wait until rays have been there.
-    let [groups, swept, seen, ..] = timed(50, 37).stages;
-    assert!(0 < groups && groups < 10 && swept == 0 && seen > 0, "{groups} groups, {seen} seen");
+    // Groups come first, then viewcells, and searches with what is left.
+    let [groups, swept, ..] = timed(100, 95).stages;
+    assert!(0 < groups && groups < 10 && swept < 10, "{groups} groups, {swept} swept");
+    let [groups, swept, seen, ..] = timed(3000, 2990).stages;
+    assert!(
+        (groups, swept) == (10, 10) && 0 < seen && seen < 10,
+        "{groups} groups, {swept} swept, {seen} seen"
+    );
     // If there is time in the end, it is for what was put off, but not for sweeps that were cut short.
-    let late = timed(2000, u64::MAX);
-    assert!(late.complete && [0, 2, 3, 4].map(|stage| late.stages[stage]) == [10; 4]);
-    let cut = late.cells.iter().filter(|cell| cell.swept == 0).count();
-    assert!(cut > 0 && late.stages[1] > 0 && cut + late.stages[1] <= 10, "{cut} cut, {:?}", late.stages);
+    let late = timed(50, u64::MAX);
+    assert!(late.complete && late.stages[2..] == [10; 3], "{:?}", late.stages);
+    let found = late.cells.iter().zip(&whole.cells).filter(|(late, whole)| late.swept == whole.swept).count();
+    assert!(late.stages[0] < 10 && late.stages[1] < 10 && found < 10, "{:?}, {found} swept", late.stages);
     for (late, whole) in late.cells.iter().zip(&whole.cells) {
         assert!(whole.seen.iter().all(|index| late.reported().contains(index)), "a seen object is hidden");
-        assert!(late.swept == 0 || late.swept == whole.swept);
     }
     // Results without sweeps are not for a bake that sweeps.
     let bytes = |outcome| Shard::new(0, outcome).to_bytes();
     assert!(bytes(Bake::new(baker().with_cache(late.cache)).run()) == bytes(whole));
     // A group that was cut short stays so when the bake is resumed before all of its viewcells are done.
     ASKED.store(0, Ordering::Relaxed);
-    let mut bake = Bake::new(baker().with_clock(clock).with_time(Duration::from_millis(100)));
+    let mut bake = Bake::new(baker().with_clock(clock).with_time(Duration::from_millis(20)));
     bake.advance_unless(|| ASKED.load(Ordering::Relaxed) > 10, || false);
     let resumed = Bake::resume(baker(), &bake.save()).unwrap().run();
-    assert!(resumed.complete && resumed.stages[1] < 10, "{:?}", resumed.stages);
+    assert!(resumed.complete && resumed.stages[0] < 10, "{:?}", resumed.stages);
+    assert!(resumed.stages[1..] == [10; 4] && resumed.cache == BakeCache::default());
+}
+
+/// A field of so many triangles that no search could begin in its share of the time, and before it a street
+/// of which more is hidden from parts of each viewcell; and open country, where groups hide nothing.
+#[test]
+fn what_a_search_has_not_the_time_for_is_swept_in_parts() {
+    let (mut scene, cells) = street();
+    let field = (0..320).flat_map(|x| (0..320).map(move |y| Vec3::new(x as f32, y as f32, 0.0)));
+    let field: Vec<Triangle> = field.map(|at| [at, at + Vec3::X * 0.5, at + Vec3::Y * 0.5]).collect();
+    let field: Vec<Triangle> = field.iter().map(|t| t.map(|p| p * 0.1 - Vec3::Z)).collect();
+    let id = scene.insert(Aabb::from_points(field.as_flattened().iter().copied()));
+    scene.set_triangles(id, field).unwrap();
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_range(0..2);
+    let mut swept = Bake::new(baker());
+    swept.advance();
+    swept.advance();
+    let swept = swept.finish();
+    let limited = Bake::new(baker().with_time(Duration::from_millis(1))).run();
+    assert!(limited.complete && limited.cache == BakeCache::default());
+    let mut more = 0;
+    for (limited, swept) in limited.cells.iter().zip(&swept.cells) {
+        assert_eq!((limited.seen.len(), limited.proven, limited.steps), (0, 0, 0), "searched");
+        assert!(limited.swept >= swept.swept);
+        more += limited.swept - swept.swept;
+    }
+    assert!(more > 0);
+    let seen = Bake::new(baker()).run();
+    for (limited, seen) in limited.cells.iter().zip(&seen.cells) {
+        assert!(seen.seen.iter().all(|index| limited.reported().contains(index)));
+    }
+}
+
+#[test]
+fn groups_from_which_nothing_is_hidden_are_left_out() {
+    let mut scene = Scene::new();
+    for i in 0..40 {
+        let x = i as f32 * 20.0;
+        insert(&mut scene, [x, 50.0, 0.0], [x + 1.0, 51.0, 1.0], true);
+    }
+    scene.prepare_occluders(&Default::default());
+    let grid = Grid::new(DVec3::ZERO, DVec3::new(8.0, 4.0, 1.0)).unwrap();
+    let cells = Viewcells::new(grid.over(DVec3::ZERO, DVec3::new(799.0, 3.0, 1.0)).unwrap());
+    let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+    let baker = || SandwichBaker::new(&scene, &cells, settings);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let outcome = pool.install(|| Bake::new(baker().with_time(Duration::from_secs(1))).run());
+    // Four groups of 16 viewcells are tried.
+    assert_eq!(outcome.stages, [64, 100, 100, 100, 100]);
+    let whole = Bake::new(baker()).run();
+    assert_eq!((whole.stages[0], whole.cells), (100, outcome.cells));
 }
 
 #[test]

@@ -38,6 +38,11 @@ const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
 const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
 const QUICK_PARTS: u32 = 1000;
 const ALL_PARTS: u32 = 4000;
+/// Nodes for the boxes of an object before the first of them is hidden, and for each triangle that they have
+/// hidden: its own search would take more. Of the objects that no ray finds, most are seen through a gap, and
+/// no part of them is hidden.
+const FIRST_PARTS: u32 = 400;
+const PART_TRIANGLE: u32 = 16;
 /// Least number of triangles in a part.
 const PART_TRIANGLES: usize = 16;
 /// A second look at each triangle of an object whose others are all hidden. Where occluders meet in a corner
@@ -560,6 +565,7 @@ impl<'a> CellQuery<'a> {
         let triangles = self.search.triangles;
         let count = order.len();
         let (mut stack, mut spent, mut left) = (vec![(0, count)], 0, Vec::new());
+        let (all, mut most) = (most, most.min(FIRST_PARTS));
         while let Some((start, end)) = stack.pop() {
             let part = &mut order[start..end];
             let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -578,6 +584,7 @@ impl<'a> CellQuery<'a> {
                         if self.settings.keep_proofs {
                             proofs.push(self.proof(target));
                         }
+                        most = all.min(most.saturating_add(PART_TRIANGLE.saturating_mul(part.len() as u32)));
                         continue;
                     }
                     Answer::Visible(line) => {

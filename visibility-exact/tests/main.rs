@@ -10,6 +10,7 @@ mod groups;
 mod guided_rays;
 mod hostile_input;
 mod large_meshes;
+mod leaves;
 mod one_sided;
 mod planted_gaps;
 mod quick_looks;

@@ -5,7 +5,8 @@
 //! are intersected with all triangles, and the rays of the sampling culler, which are guided to gaps.
 
 use crate::common::random_world;
-use visibility_core::{Accuracy, RegionCuller, VisibleSet};
+use visibility_core::pvs::Viewcell;
+use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 use visibility_region::{
     ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, VirtualSweepCuller, VolumetricCuller,
 };
@@ -45,6 +46,37 @@ fn search(cullers: &mut [Box<dyn RegionCuller>], seed: u64, trials: usize, rays:
 fn no_ray_from_the_cell_reaches_a_hidden_object() {
     let [worlds, seen] = search(&mut [Box::new(ExtendedProjectionCuller::new())], 1, 500, 1000);
     assert!(worlds < 60 && seen > 20 * worlds, "{worlds} worlds, {seen} objects seen");
+}
+
+/// The sweep from parts of the viewcell: 3 by 3.
+struct Parts(ExtendedProjectionCuller);
+
+impl RegionCuller for Parts {
+    fn accuracy(&self) -> Accuracy {
+        self.0.accuracy()
+    }
+
+    fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
+        self.0.cull_in_parts(scene, cell, 3, visible, &|| false)
+    }
+}
+
+#[test]
+fn no_ray_from_the_cell_reaches_what_is_hidden_from_its_parts() {
+    search(&mut [Box::new(Parts(ExtendedProjectionCuller::new()))], 7, 200, 500);
+    let (mut rng, mut sweep) = (Random(8), ExtendedProjectionCuller::new());
+    let (world, cell) = random_world(&mut rng, 1.0);
+    let mut left = |parts: Option<u32>, is_over: bool| {
+        let mut visible = VisibleSet::new();
+        match parts {
+            Some(parts) => sweep.cull_in_parts(&world.scene, &cell, parts, &mut visible, &|| is_over),
+            None => sweep.cull(&world.scene, &cell, &mut visible),
+        };
+        visible.count(&world.scene)
+    };
+    let (all, whole) = (world.scene.len(), left(None, false));
+    assert!(whole < all && left(Some(1), false) == whole, "one part is the whole");
+    assert_eq!((left(Some(0), false), left(Some(2), true)), (all, all));
 }
 
 #[test]

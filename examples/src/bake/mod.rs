@@ -1,10 +1,11 @@
-//! Parts of the program `bake`: the job that a user states, the level with its viewcells, the run, the report
-//! and its pictures.
+//! Parts of the program `bake`: the job that a user states, the level with its viewcells, the plan and the
+//! run, the report and its pictures.
 
 mod failure;
 mod job;
 mod level;
 pub mod pictures;
+mod plan;
 pub mod report;
 mod run;
 pub mod viewcells;
@@ -12,4 +13,5 @@ pub mod viewcells;
 pub use failure::Failure;
 pub use job::Job;
 pub use level::Level;
+pub use plan::Plan;
 pub use run::{Run, forget, run};

@@ -172,9 +172,8 @@ impl Report {
             text +=
                 &format!("seconds of all threads: sweep {sweep:.1}, rays {rays:.1}, proofs {proofs:.1}\n");
         }
-        if let [groups, swept, seen, boxes, triangles] = self.stages
-            && groups > 0
-        {
+        if self.stages != [0; 5] {
+            let [groups, swept, seen, boxes, triangles] = self.stages;
             text += &format!(
                 "viewcells done with: {groups} sweep of their group, {swept} sweep of their own, {seen} rays, \
                  {boxes} proofs of boxes, {triangles} of triangles\n"

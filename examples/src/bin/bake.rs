@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use visibility_bake::{CellSandwich, Shard, assemble};
 use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
-use visibility_examples::bake::{Failure, Job, Level, Run, forget, run};
+use visibility_examples::bake::{Failure, Job, Level, Plan, Run, forget, run};
 use visibility_examples::output_file::{Lock, beside, is_special, target, write};
 use visibility_examples::{eprintln, print, println};
 
@@ -182,7 +182,15 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         let at = |i: usize| (count as u128 * i as u128 / n as u128) as usize;
         at(i)..at(i + 1)
     });
-    let limit = limit.map(|limit| limit.saturating_sub(begun.elapsed()));
+    let left = || limit.map(|limit| limit.saturating_sub(begun.elapsed()));
+    if let Some(limit) = left().filter(|_| !beside(&base, ".state").exists()) {
+        let threads = match arguments.threads {
+            0 => std::thread::available_parallelism().map_or(1, |threads| threads.get()),
+            threads => threads,
+        };
+        eprintln!("{}", Plan::measure(&level, limit, threads, arguments.job.places.size).text());
+    }
+    let limit = left();
     let settings = Run { threads: arguments.threads, limit, save_every, state: beside(&base, ".state") };
     // The bar is drawn on standard error, and only if that is a terminal.
     let bar = ProgressBar::new(range.len() as u64);

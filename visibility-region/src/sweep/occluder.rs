@@ -105,25 +105,25 @@ impl<'a> Occluder<'a> {
     pub(crate) fn is_precise(&self, direction: &Direction) -> bool {
         self.error <= 4.0 * direction.error
     }
+}
 
-    /// Returns the pixels that may be within all views of what this occluder has between depth `near` and the
-    /// plane. `None` if there are none: the occluder then covers no pixel.
-    pub(crate) fn pixels_behind(
-        &self,
-        direction: &Direction,
-        window: &Window,
-        near: f64,
-    ) -> Option<PixelRect> {
-        let (near, far) = (self.bounds.lo.z.max(near), self.bounds.hi.z.min(window.d));
-        (near <= far).then_some(())?;
-        let along = |lat| {
-            let [left, right] = direction.common_view(window.d, &self.bounds, [near, far], lat);
-            let [left, right] = window.widened([left, right], lat);
-            let (left, right) = (left.max(0.0), right.min(SIDE as f64));
-            (right - left >= 1.0).then_some(())?;
-            let first = left as usize + usize::from(left > (left as usize) as f64);
-            (first < right as usize).then_some([first, right as usize - 1])
-        };
-        Some(PixelRect { x: along(0)?, y: along(1)? })
-    }
+/// Returns the pixels that may be within all views of what an occluder, or a part of one, within `bounds` has
+/// between depth `near` and the plane. `None` if there are none: it then covers no pixel.
+pub(super) fn pixels_behind(
+    bounds: &LocalBox,
+    direction: &Direction,
+    window: &Window,
+    near: f64,
+) -> Option<PixelRect> {
+    let (near, far) = (bounds.lo.z.max(near), bounds.hi.z.min(window.d));
+    (near <= far).then_some(())?;
+    let along = |lat| {
+        let [left, right] = direction.common_view(window.d, bounds, [near, far], lat);
+        let [left, right] = window.widened([left, right], lat);
+        let (left, right) = (left.max(0.0), right.min(SIDE as f64));
+        (right - left >= 1.0).then_some(())?;
+        let first = left as usize + usize::from(left > (left as usize) as f64);
+        (first < right as usize).then_some([first, right as usize - 1])
+    };
+    Some(PixelRect { x: along(0)?, y: along(1)? })
 }

@@ -4,7 +4,7 @@
 use super::coverage::{PieceMaps, Target};
 use super::direction::{Direction, LocalBox};
 use super::facing::facing;
-use super::occluder::{Occluder, Shape};
+use super::occluder::{Occluder, Shape, pixels_behind};
 use super::ray_map::RayMap;
 use super::window::{SLACK, Window};
 use alloc::vec::Vec;
@@ -44,7 +44,7 @@ impl OccluderRaster {
         occluder: &Occluder<'_>,
         near: f64,
     ) -> bool {
-        let Some(rect) = occluder.pixels_behind(direction, window, near) else { return false };
+        let Some(rect) = pixels_behind(&occluder.bounds, direction, window, near) else { return false };
         if map.all_set(rect) || !Self::decides(direction, window, occluder, near) {
             return false;
         }
@@ -130,6 +130,15 @@ impl OccluderRaster {
             self.collect_piece(mesh, first as u32, side);
             let (vertices, facing, piece) = (&self.vertices, &self.facing, &self.piece);
             let corners = |t: u32| mesh.triangles()[t as usize].map(|i| vertices[i as usize]);
+            // Most leaves of a tree are narrower than the viewcell, and cover nothing.
+            let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            for corner in piece.iter().flat_map(|&t| corners(t)) {
+                (lo, hi) = (lo.min(corner), hi.max(corner));
+            }
+            let Target { direction, window, near, .. } = *target;
+            let rect = pixels_behind(&LocalBox { lo, hi }, direction, window, near);
+            let Some(rect) = rect.filter(|&rect| !map.all_set(rect)) else { continue };
+            let target = &Target { rect, ..*target };
             let contour = piece.iter().flat_map(|&t| {
                 let (edges, corners) = (mesh.triangle_edges()[t as usize], corners(t));
                 (0..3).filter_map(move |corner| {

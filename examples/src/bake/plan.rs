@@ -1,0 +1,84 @@
+//! What a bake with a limit of time will come to, said before it begins.
+
+use super::level::Level;
+use std::time::{Duration, Instant};
+use visibility_core::bake::Bake;
+
+/// Part of the time that is for sweeps at most.
+const SWEEPS: f64 = 0.85;
+
+/// Part of the time that the sweeps of the first viewcell may take, which are not kept.
+const TRIAL: f64 = 0.1;
+
+/// What is known of a bake before it begins.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Plan {
+    /// Number of viewcells.
+    pub viewcells: usize,
+    /// Seconds that the sweep of the first viewcell took by itself, on one thread.
+    pub first: f64,
+    /// Seconds that the bake may take.
+    pub limit: f64,
+    /// Number of threads, at least 1.
+    pub threads: usize,
+    /// Size of a viewcell in metres: two sizes on the ground, and the height.
+    pub size: [f64; 3],
+}
+
+impl Plan {
+    /// Sweeps the first viewcell of a level to see how long that takes, at most a tenth of the limit.
+    pub fn measure(level: &Level, limit: Duration, threads: usize, size: [f64; 3]) -> Self {
+        let trial = level.baker().with_range(0..1).with_time(limit.mul_f64(TRIAL));
+        let mut bake = Bake::new(trial);
+        // The sweep of the group, with what is prepared for all viewcells.
+        bake.advance();
+        let start = Instant::now();
+        bake.advance();
+        Self {
+            viewcells: level.viewcells.cells().len(),
+            first: start.elapsed().as_secs_f64(),
+            limit: limit.as_secs_f64(),
+            threads,
+            size,
+        }
+    }
+
+    /// Returns one line for a person.
+    pub fn text(&self) -> String {
+        let Self { viewcells, first, limit, threads, size } = *self;
+        let needed = first * viewcells as f64 / threads as f64;
+        let begin = format!("{viewcells} viewcells, the first swept in {first:.2} s: ");
+        let time = limit * SWEEPS;
+        if needed <= time {
+            let left = limit - needed;
+            return format!(
+                "{begin}all are in some {needed:.0} s, and {left:.0} s are left for rays and proofs"
+            );
+        }
+        let reached = (time / needed * viewcells as f64) as usize;
+        // Viewcells become fewer with the square of their size on the ground.
+        let wider = (needed / time).sqrt();
+        let [width, depth, height] = [size[0] * wider, size[1] * wider, size[2]].map(f64::ceil);
+        let fewer = (time / first * threads as f64) as usize;
+        format!(
+            "{begin}some {reached} are in {limit:.0} s; for the others only what is hidden from their groups is \
+             known; --size {width},{depth},{height} makes some {fewer}"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_says_what_is_reached() {
+        let plan = Plan { viewcells: 4000, first: 0.25, limit: 60.0, threads: 2, size: [4.0, 4.0, 2.0] };
+        let needs = "4000 viewcells, the first swept in 0.25 s: some 408 are in 60 s; for the others only what \
+                     is hidden from their groups is known; --size 13,13,2 makes some 408";
+        assert_eq!(plan.text(), needs);
+        let all = "100 viewcells, the first swept in 0.25 s: all are in some 12 s, and 48 s are left for rays \
+                   and proofs";
+        assert_eq!(Plan { viewcells: 100, ..plan }.text(), all);
+    }
+}

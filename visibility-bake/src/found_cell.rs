@@ -1,0 +1,78 @@
+//! What is known of a viewcell while a bake runs.
+
+use crate::bake_cache::{CellRecord, GroupRecord};
+use crate::cell_sandwich::CellSandwich;
+use crate::method_times::MethodTimes;
+use crate::time_plan::{GROUP, STAGES, SWEEP};
+use std::sync::Arc;
+use visibility_core::binary_format::{FormatError, Reader, Writer};
+
+/// The results of one viewcell.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct FoundCell {
+    pub(crate) sandwich: CellSandwich,
+    pub(crate) times: MethodTimes,
+    pub(crate) group: Arc<GroupRecord>,
+    pub(crate) record: CellRecord,
+    /// Cost of the open objects.
+    pub(crate) cost: u64,
+    pub(crate) is_reused: bool,
+    /// Whether the sweep of the viewcell was left out or cut short.
+    pub(crate) is_skipped: bool,
+    /// Whether a search was cut short, or sweeps from parts of the viewcell were in its place.
+    pub(crate) is_cut: bool,
+    /// The next stage, or their number if there is nothing left to do.
+    pub(crate) next: u32,
+}
+
+impl FoundCell {
+    /// Returns whether nothing is left to do.
+    pub(crate) fn is_done(&self) -> bool {
+        self.next as usize == STAGES
+    }
+
+    /// Returns whether the viewcell was worked on in a stage, or needed it no more.
+    pub(crate) fn has_passed(&self, stage: u32) -> bool {
+        let is_left_out = match stage {
+            GROUP => self.group.is_cut,
+            SWEEP => self.is_skipped,
+            _ => false,
+        };
+        self.next > stage && !is_left_out
+    }
+
+    /// Returns whether nothing was left out or cut short, so that a bake without a limit of time finds the
+    /// same.
+    pub(crate) fn is_whole(&self) -> bool {
+        !(self.group.is_cut || self.is_skipped || self.is_cut)
+    }
+
+    /// Writes all but the group.
+    pub(crate) fn save(&self, to: &mut Writer) {
+        self.sandwich.save(to);
+        self.times.save(to);
+        self.record.save(to);
+        to.u64(self.cost);
+        to.u32s([self.is_reused, self.is_skipped, self.is_cut].map(u32::from));
+        to.u32(self.next);
+    }
+
+    /// Reads what [`save`](Self::save) has written for a viewcell of a group. `limit` is the greatest index
+    /// of an object plus 1, and `left` the number of objects that the sweep of the group has left.
+    pub(crate) fn load(
+        from: &mut Reader<'_>,
+        group: Arc<GroupRecord>,
+        limit: usize,
+        left: usize,
+    ) -> Result<Self, FormatError> {
+        let (sandwich, times) = (CellSandwich::load(from, limit)?, MethodTimes::load(from)?);
+        let (record, cost) = (CellRecord::load(from)?, from.u64()?);
+        let mut flag = || from.u32().map(|flag| flag != 0);
+        let (is_reused, is_skipped, is_cut) = (flag()?, flag()?, flag()?);
+        let next = from.u32()?;
+        if next as usize > STAGES || record.left.last().is_some_and(|&last| last as usize >= left) {
+            return Err(from.content_error("the results of a viewcell are not of its group"));
+        }
+        Ok(Self { sandwich, times, group, record, cost, is_reused, is_skipped, is_cut, next })
+    }
+}

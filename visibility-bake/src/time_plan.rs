@@ -1,0 +1,184 @@
+//! How a bake divides its time among stages and viewcells, if that is limited.
+//!
+//! What is hidden is found first by the sweeps of groups, each for many viewcells, then by those of
+//! viewcells, and in the end by searches: in less time for an object the earlier. So each stage has all of
+//! the time that the later ones need not have, and a viewcell that is not swept at all counts more than ten
+//! that are not searched.
+
+use std::sync::atomic::{AtomicU8, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::time::Duration;
+
+/// Number of stages of a bake. All groups of viewcells are swept; then all viewcells; then all are looked
+/// from along rays; then, where the gap is not met, boxes are proven hidden, and in the end triangles.
+pub(crate) const STAGES: usize = 5;
+/// The stage of the sweeps of groups, whose results all viewcells of a group take.
+pub(crate) const GROUP: u32 = 0;
+/// The stage of the sweeps of viewcells.
+pub(crate) const SWEEP: u32 = 1;
+/// The stage of rays.
+pub(crate) const LOOK: u32 = 2;
+/// The stage of proofs of boxes.
+pub(crate) const BOXES: u32 = 3;
+
+/// Part of the time after which a stage of sweeps gives way to the next.
+const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, 0.85)];
+
+/// Least part of the time left for its stage that a sweep may take. A sweep finds most in its end, so equal
+/// shares for all would often find less than whole sweeps for a few.
+const LEAST_PART: f64 = 0.25;
+
+/// Number of sweeps of groups after which the others may be left out.
+const TRIED: u64 = 4;
+
+/// Least part of the objects that sweeps of groups find hidden, if they are not left out. In open country
+/// next to nothing is hidden from a group, and more from each of its viewcells.
+const LEAST_HIDDEN: f64 = 0.125;
+
+/// Least time of a search: with less, nothing would be left after the rays.
+const LEAST_SEARCH: Duration = Duration::from_millis(500);
+
+/// Phase of a stage that has time left.
+const IN_TIME: u8 = 0;
+/// Phase of a stage in the round in which its time has ended: no item is begun any more.
+const ENDED: u8 = 1;
+/// Phase of a stage later on: its items come after those of all viewcells that have come farther.
+const PUT_OFF: u8 = 2;
+
+/// The time of a bake.
+pub(crate) struct TimePlan {
+    /// Returns the time passed since any fixed moment.
+    clock: fn() -> Duration,
+    /// By stage, the time on the clock at which the stage gives way to later ones: for all after the sweeps
+    /// the end of the bake. [`Duration::MAX`] without a limit.
+    ends: [Duration; STAGES],
+    /// By stage, [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
+    phases: [AtomicU8; STAGES],
+    /// Number of items that are worked on now.
+    working: AtomicUsize,
+    /// Number of searches begun in this round.
+    begun: AtomicUsize,
+    /// Numbers of sweeps of groups, and of objects that they were asked about and found hidden.
+    groups: [AtomicU64; 3],
+}
+
+impl TimePlan {
+    /// Returns a plan without a limit, and a clock that stands still.
+    pub(crate) fn new() -> Self {
+        Self {
+            clock: || Duration::ZERO,
+            ends: [Duration::MAX; STAGES],
+            phases: Default::default(),
+            working: AtomicUsize::new(0),
+            begun: AtomicUsize::new(0),
+            groups: Default::default(),
+        }
+    }
+
+    pub(crate) fn set_clock(&mut self, clock: fn() -> Duration) {
+        self.clock = clock;
+    }
+
+    /// Limits the time from now on.
+    pub(crate) fn limit(&mut self, time: Duration) {
+        let now = self.now();
+        self.ends = [now.saturating_add(time); STAGES];
+        for (stage, part) in ENDS {
+            self.ends[stage as usize] = now.saturating_add(time.mul_f64(part));
+        }
+    }
+
+    pub(crate) fn is_limited(&self) -> bool {
+        self.ends[GROUP as usize] != Duration::MAX
+    }
+
+    pub(crate) fn now(&self) -> Duration {
+        (self.clock)()
+    }
+
+    /// Returns whether a time on the clock, if any, is over.
+    pub(crate) fn is_over(&self, end: Option<Duration>) -> bool {
+        end.is_some_and(|end| self.now() >= end)
+    }
+
+    /// Begins an item, which ends when the result is dropped.
+    pub(crate) fn begin(&self) -> Working<'_> {
+        self.working.fetch_add(1, Relaxed);
+        Working(self)
+    }
+
+    /// Returns whether the time of a stage is over at a time on the clock.
+    pub(crate) fn is_past(&self, stage: u32, now: Duration) -> bool {
+        now >= self.ends[stage as usize]
+    }
+
+    /// Ends a stage whose time is over. Returns false if its items are worked on nevertheless, since nothing
+    /// else is left.
+    pub(crate) fn end(&self, stage: u32) -> bool {
+        let phase = &self.phases[stage as usize];
+        let is_new = phase.load(Relaxed) != PUT_OFF;
+        if is_new {
+            phase.store(ENDED, Relaxed);
+        }
+        is_new
+    }
+
+    /// Returns whether the items of a stage wait until all others are done. Called while no item is worked
+    /// on.
+    pub(crate) fn is_put_off(&self, stage: usize) -> bool {
+        let Some(phase) = self.phases.get(stage).filter(|phase| phase.load(Relaxed) != IN_TIME) else {
+            return false;
+        };
+        phase.store(PUT_OFF, Relaxed);
+        true
+    }
+
+    /// Notes what the sweep of a group has found that was not cut short.
+    pub(crate) fn note_group(&self, asked: usize, hidden: usize) {
+        for (sum, number) in self.groups.iter().zip([1, asked as u64, hidden as u64]) {
+            sum.fetch_add(number, Relaxed);
+        }
+    }
+
+    /// Returns whether sweeps of groups are left out: the time is limited, and they find next to nothing.
+    pub(crate) fn leaves_groups_out(&self) -> bool {
+        let [swept, asked, hidden] = self.groups.each_ref().map(|sum| sum.load(Relaxed));
+        self.is_limited() && swept >= TRIED && (hidden as f64) < LEAST_HIDDEN * asked as f64
+    }
+
+    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now: after
+    /// [`LEAST_PART`] of the time that is left for its stage, or after their share of it, if that is more.
+    /// `waiting` counts the viewcells that are not swept. `None` without a limit.
+    pub(crate) fn end_of_sweep(&self, stage: u32, viewcells: usize, waiting: usize) -> Option<Duration> {
+        self.is_limited().then(|| {
+            let (now, end) = (self.now(), self.ends[stage as usize]);
+            let share = viewcells as f64 / waiting.max(viewcells).max(1) as f64;
+            now + end.saturating_sub(now).mul_f64(share.max(LEAST_PART))
+        })
+    }
+
+    /// Returns how long a search may take that begins now: its share of the time left, and at least
+    /// [`LEAST_SEARCH`]. `waiting` counts the viewcells that are not searched before this round. `None`
+    /// without a limit.
+    pub(crate) fn share_of_search(&self, waiting: usize) -> Option<Duration> {
+        self.is_limited().then(|| {
+            let waiting = waiting.saturating_sub(self.begun.fetch_add(1, Relaxed));
+            let left = self.ends[LOOK as usize].saturating_sub(self.now());
+            let share = self.working.load(Relaxed) as f64 / waiting.max(1) as f64;
+            left.mul_f64(share.min(1.0)).max(LEAST_SEARCH)
+        })
+    }
+
+    /// Notes that the results of a round are taken in.
+    pub(crate) fn end_round(&mut self) {
+        *self.begun.get_mut() = 0;
+    }
+}
+
+/// An item that is worked on.
+pub(crate) struct Working<'a>(&'a TimePlan);
+
+impl Drop for Working<'_> {
+    fn drop(&mut self) {
+        self.0.working.fetch_sub(1, Relaxed);
+    }
+}
