@@ -329,7 +329,7 @@ fn instances_are_placed_one_by_one() {
     file.root["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": attributes}});
     file.root["nodes"][0]["translation"] = json!([0, 0, 5]);
     let scene = file.scene();
-    let names: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
+    let names: Vec<String> = scene.objects.iter().map(|object| object.name.to_string()).collect();
     assert_eq!(names, ["it[0]", "it[1]"]);
     let is = |at: usize, expected: [[f32; 3]; 3]| {
         for (p, expected) in scene.objects[at].triangles.view().get(0).unwrap().iter().zip(expected) {
@@ -384,7 +384,7 @@ fn skins_are_placed_by_their_joints() {
     assert_eq!(points(&scene), [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [6.0, 5.0, 0.0]]);
     let object = &scene.objects[0];
     assert!(!object.opaque && !object.never_cull);
-    let (low, high) = object.motion.expect("a skin moves");
+    let (low, high) = *object.motion.as_deref().expect("a skin moves");
     assert!(low.cmple(Vec3::new(6.0, 0.0, 0.0)).all() && high.cmpge(Vec3::new(11.0, 5.0, 0.0)).all());
     let mut wrong = skinned();
     wrong.root["skins"][0]["joints"] = json!([1]);
@@ -398,7 +398,7 @@ fn motion(file: &File) -> (Vec3, Vec3) {
     assert!(!object.opaque && !object.never_cull && object.fixed_triangles().is_empty());
     let bounds = object.object().bounds;
     assert!(!object.object().occluder);
-    assert_eq!(object.motion, Some((bounds.min, bounds.max)));
+    assert_eq!(object.motion.as_deref(), Some(&(bounds.min, bounds.max)));
     (bounds.min, bounds.max)
 }
 
@@ -677,7 +677,7 @@ fn movers_far_from_the_origin_are_relative_to_it_too() {
     file.root["scenes"][0]["nodes"] = json!([2]);
     file.push("nodes", json!({"children": [0, 1], "translation": [0, 0, 6_400_000]}));
     let scene = file.scene();
-    let (low, high) = scene.objects[0].motion.expect("a door");
+    let (low, high) = *scene.objects[0].motion.as_deref().expect("a door");
     let [low, high] = [low, high].map(|corner| corner.as_dvec3() + scene.origin);
     assert!((low - DVec3::new(-2.0, -2.0, 6.4e6)).length() < 0.01, "{low}");
     assert!((high - DVec3::new(2.0, 7.0, 6.4e6)).length() < 0.01, "{high}");
