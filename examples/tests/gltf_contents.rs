@@ -719,7 +719,7 @@ fn a_house_on_its_side_gets_a_hint() {
     let notes = |size: f32, floors: usize, is_y_up: bool| {
         let mut file = File::new();
         for floor in 0..floors {
-            let level = rectangle([0.0, size], [0.0, size], floor as f32);
+            let level = rectangle([0.0, size], [0.0, size], floor as f32 * size / 20.0);
             let turned = level.iter().map(|&[x, y, z]| if is_y_up { [x, z, -y] } else { [x, y, z] });
             let mesh = file.mesh(&turned.collect::<Vec<_>>());
             file.node(json!({"mesh": mesh}));
@@ -727,8 +727,30 @@ fn a_house_on_its_side_gets_a_hint() {
         file.scene().notes.join("\n")
     };
     assert_eq!(notes(8.0, 10, false), "its largest faces are level along z: if z is up, say --up z");
+    assert_eq!(
+        notes(8000.0, 10, false),
+        "its largest faces are level along z: if z is up, say --up z\nit is 8000 by 8000 by 3600 m: if it is \
+         in mm, say --unit mm"
+    );
     // A house that stands, and a thing of few parts.
     assert_eq!(notes(8.0, 10, true) + &notes(8.0, 7, false), "");
+}
+
+#[test]
+fn a_wide_scene_of_giants_gets_a_hint() {
+    let notes = |count: usize, height: f32| {
+        let mut file = File::new();
+        let wall = rectangle([0.0, 2000.0], [0.0, height], 0.0);
+        let other = wall.iter().map(|&[x, y, z]| [z, y, x]);
+        let floor = rectangle([0.0, 2000.0], [0.0, 2000.0], 0.0).into_iter().map(|[x, y, z]| [x, z, y]);
+        let mesh = file.mesh(&wall.iter().copied().chain(other).chain(floor).collect::<Vec<_>>());
+        for i in 0..count {
+            file.node(json!({"mesh": mesh, "translation": [12_000 * i, 0, 12_000 * (i % 5)]}));
+        }
+        file.scene().notes.join("\n")
+    };
+    assert!(notes(10, 1500.0).ends_with("if it is in mm, say --unit mm"), "trees in millimetres");
+    assert_eq!(notes(10, 900.0) + &notes(9, 1500.0), "", "towers, and a few mountains");
 }
 
 #[test]
