@@ -728,9 +728,10 @@ fn a_house_on_its_side_gets_a_hint() {
     };
     assert_eq!(notes(8.0, 10, false), "its largest faces are level along z: if z is up, say --up z");
     assert_eq!(
-        notes(8000.0, 10, false),
-        "its largest faces are level along z: if z is up, say --up z\nit is 8000 by 8000 by 3600 m: if it is \
-         in mm, say --unit mm"
+        notes(2000.0, 10, false),
+        "its largest faces are level along z: if z is up, say --up z\nit is 2000 by 2000 by 900 m: if it is \
+         in cm, say --unit cm",
+        "the height is that along z"
     );
     // A house that stands, and a thing of few parts.
     assert_eq!(notes(8.0, 10, true) + &notes(8.0, 7, false), "");
