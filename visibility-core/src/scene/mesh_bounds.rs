@@ -30,8 +30,8 @@ pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
         let [least, greatest] = widened(bounds, p.abs());
         p.cmplt(least).any() || p.cmpgt(greatest).any()
     };
-    // A coordinate less or more its slack grows with the coordinate, so where neither end of a box is outside
-    // nothing in the box is.
+    // A coordinate plus or minus its slack grows with the coordinate: where neither end of a box is outside,
+    // no point of the box is.
     let is_inside = |known: Aabb| known.is_proper() && !outside(known.min) && !outside(known.max);
     bounds.is_proper()
         && !triangles.known_bounds().is_some_and(is_inside)

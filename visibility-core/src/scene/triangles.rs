@@ -11,8 +11,8 @@ use glam::{Affine3A, DAffine3, DVec3, Vec3};
 ///
 /// Triangles with a [transform](Self::placed) are placed one by one as they are read: in `f64`, and then
 /// rounded to `f32`. The transform is kept in `f32`, as renderers have it, which moves a vertex by at most a
-/// few roundings of its coordinates. Where that could move vertices more, it is kept in `f64`. Memory: 36
-/// bytes for each triangle of the mesh, once, and 64 bytes for each of the transforms that are
+/// few roundings of the greatest coordinate. Where that could move vertices more, it is kept in `f64`.
+/// Memory: 36 bytes for each triangle of the mesh, once, and 64 bytes for each of the transforms that are
 /// [given together](Self::placed_each).
 ///
 /// ```
