@@ -6,6 +6,9 @@ use glam::Vec3;
 
 /// Height in metres from which on a scene may be in centimetres, and in millimetres.
 const TALL: [f32; 2] = [300.0, 1500.0];
+/// Height in metres from which on half of the objects, and least number of objects, make a scene one that may
+/// be in millimetres however wide it is.
+const GIANTS: (f32, usize) = (1000.0, 10);
 /// Size in metres below which a scene is a thing rather than a place, and stands in any way.
 const PLACE: f32 = 30.0;
 /// Size in metres, and number of objects, from which on a scene may be a house with rooms.
@@ -15,7 +18,7 @@ const HOUSE: (f32, usize) = (6.0, 10);
 /// extents or its walls suggest others.
 pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
     let Some((low, high)) = scene.bounds() else { return Vec::new() };
-    let (size, up) = (high - low, scene.up.abs());
+    let (size, mut up) = (high - low, scene.up.abs());
     let mut lines = Vec::new();
     let [x, y, z] = size.to_array();
     if reading.up.is_none() && scene.up == Vec3::Y {
@@ -33,17 +36,25 @@ pub fn hints(scene: &SceneSource, reading: &Reading) -> Vec<String> {
         };
         if let Some(why) = why {
             lines.push(format!("{why}: if z is up, say --up z"));
-            // The height is not known before that.
-            return lines;
+            up = Vec3::Z;
         }
     }
     let ground = (size * (Vec3::ONE - up)).max_element();
     let height = size.dot(up);
-    if reading.unit.is_none() && height > TALL[0] && height > ground / 3.0 {
-        let unit = if height < TALL[1] { "cm" } else { "mm" };
+    let is_tall = height > TALL[0] && height > ground / 3.0;
+    if reading.unit.is_none() && (is_tall || has_giants(scene, up)) {
+        let unit = if is_tall && height < TALL[1] { "cm" } else { "mm" };
         lines.push(format!("it is {x:.0} by {y:.0} by {z:.0} m: if it is in {unit}, say --unit {unit}"));
     }
     lines
+}
+
+/// Returns whether half of the objects, of which there are many, are higher along an axis than things are.
+fn has_giants(scene: &SceneSource, up: Vec3) -> bool {
+    let bounds = scene.objects.iter().filter_map(|object| object.triangles.view().known_bounds());
+    let heights: Vec<f32> = bounds.map(|bounds| (bounds.max - bounds.min).dot(up)).collect();
+    let giants = heights.iter().filter(|&&height| height >= GIANTS.0).count();
+    heights.len() >= GIANTS.1 && 2 * giants >= heights.len()
 }
 
 /// Parts of the area of all triangles, each from 0 to 1, 0 without an area. Of a scene of more than four

@@ -17,6 +17,7 @@ mod json;
 pub mod level_occluders;
 pub mod load;
 pub mod made_up_walks;
+pub mod object_name;
 pub mod occlusion;
 mod other_formats;
 pub mod output_file;

@@ -156,9 +156,9 @@ fn cars5_by_object(path: &Path, each: &mut dyn FnMut(SourceObject)) -> Result<Sc
         let turn = DQuat::from_rotation_y(yaw.to_radians());
         let place = |p: Vec3| (turn * p.as_dvec3() + DVec3::new(*x, 0.0, *z)).as_vec3();
         let copies = car.objects.iter().map(|part| SourceObject {
-            name: format!("car{number}/{}", part.name),
+            name: format!("car{number}/{}", part.name).into(),
             triangles: part.triangles.iter().map(|t| t.map(place)).collect::<Vec<_>>().into(),
-            ..*part
+            ..part.clone()
         });
         copies.for_each(&mut *each);
     }

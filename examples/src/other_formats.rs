@@ -18,8 +18,10 @@ const OTHER_FORMATS: &[OtherFormat] = &[
     OtherFormat {
         extensions: &["ifc", "ifczip"],
         name: "an IFC building model",
-        way: "`IfcConvert IN.ifc OUT.glb` makes glTF of it, an object for each product (IfcConvert is part of \
-              IfcOpenShell)",
+        way: "`IfcConvert IN.ifc OUT.glb` of IfcOpenShell makes glTF of it, an object for each product; so do \
+              `pip install ifcopenshell` and `python -c \"import ifcopenshell as i, ifcopenshell.geom as g; \
+              f = i.open('IN.ifc'); s = g.settings(); o = g.serializers.gltf('OUT.glb', s); o.setFile(f); \
+              o.writeHeader(); [o.write(e) for e in g.iterate(s, f)]; o.finalize()\"`",
     },
     OtherFormat {
         extensions: &["json", "jsonl", "gml"],
@@ -47,7 +49,13 @@ const OTHER_FORMATS: &[OtherFormat] = &[
               IN.obj -o OUT.glb` makes glTF of .obj. Give each sector and wall an object of its own",
     },
     OtherFormat {
-        extensions: &["blend", "fbx", "dae", "stl", "ply", "3ds", "usd", "usda", "usdc", "usdz"],
+        extensions: &["stl", "ply"],
+        name: "a single mesh",
+        way: "`pip install trimesh`, then `python -c \"import trimesh; trimesh.load('IN.ply').export('OUT.glb')\"` \
+              makes glTF of it, one object in all",
+    },
+    OtherFormat {
+        extensions: &["blend", "fbx", "dae", "3ds", "usd", "usda", "usdc", "usdz"],
         name: "no scene that is read here",
         way: "open or import it in Blender, and export glTF 2.0 (.glb)",
     },
@@ -70,11 +78,12 @@ mod tests {
         let way = |name: &str| way_to_gltf(Path::new(name)).unwrap_or_default();
         for (name, part) in [
             ("house.OBJ", "npx obj2gltf"),
-            ("a/house.ifc", "IfcConvert"),
+            ("a/house.ifc", "pip install ifcopenshell"),
             ("delft.city.json", "cjio IN.city.json export glb"),
             ("castle.vox", "vox2obj"),
             ("e1m1.bsp", "TrenchBroom"),
             ("doom.wad", "Doom"),
+            ("scan.ply", "pip install trimesh"),
             ("car.fbx", "Blender"),
         ] {
             assert!(way(name).contains(part), "{name}: {}", way(name));

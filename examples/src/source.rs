@@ -6,6 +6,7 @@
 //! Objects with the same mesh share its triangles, each with a transform of its own.
 
 use crate::error::SourceError;
+use crate::object_name::ObjectName;
 use crate::walk::Walk;
 use glam::{DAffine3, DVec3, Vec3};
 use std::fmt;
@@ -89,7 +90,7 @@ fn size(cells: &Viewcells) -> (f64, f64) {
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceObject {
     /// Name in the source; not necessarily unique.
-    pub name: String,
+    pub name: ObjectName,
     /// Triangles relative to the scene's origin, in metres, which other objects may share. Of an object that
     /// moves, those at rest. Vertices from files are kept unchanged, NaN and infinities included.
     pub triangles: SharedTriangles,
@@ -108,7 +109,7 @@ pub struct SourceObject {
     pub never_cull: bool,
     /// Bounds of the object wherever its animations move it, relative to the scene's origin. `None` if none
     /// does.
-    pub motion: Option<Corners>,
+    pub motion: Option<Box<Corners>>,
 }
 
 /// Numbers of triangles of a scene, by how they are drawn.
@@ -176,7 +177,7 @@ pub type Corners = (Vec3, Vec3);
 
 impl SourceObject {
     /// Creates an opaque object that is drawn from both sides and not a door, from its world-space triangles.
-    pub fn new(name: impl Into<String>, triangles: impl Into<SharedTriangles>) -> Self {
+    pub fn new(name: impl Into<ObjectName>, triangles: impl Into<SharedTriangles>) -> Self {
         Self {
             name: name.into(),
             triangles: triangles.into(),
@@ -204,8 +205,8 @@ impl SourceObject {
     /// Returns the box around the triangles and all places that animations move them to.
     fn all_bounds(&self) -> Aabb {
         let bounds = self.triangles.bounds();
-        match self.motion {
-            Some((low, high)) => Aabb::from_points([bounds.min, bounds.max, low, high]),
+        match self.motion.as_deref() {
+            Some(&(low, high)) => Aabb::from_points([bounds.min, bounds.max, low, high]),
             None => bounds,
         }
     }
@@ -219,7 +220,7 @@ impl SourceObject {
     /// Moves the triangles.
     fn move_by(&mut self, shift: DVec3) {
         if let (_, Some(transform)) = self.triangles.view().mesh() {
-            self.triangles = self.triangles.placed(DAffine3::from_translation(shift) * *transform);
+            self.triangles = self.triangles.placed(DAffine3::from_translation(shift) * transform);
             return;
         }
         let move_by = |point: &mut Vec3| *point = (point.as_dvec3() + shift).as_vec3();
@@ -248,7 +249,7 @@ impl SourceObject {
     /// were for this object.
     pub fn take_all(&mut self, hints: &[(Hint, String)], is_named: &mut [bool]) {
         for ((hint, part), is_named) in hints.iter().zip(is_named) {
-            if self.name.contains(part) {
+            if self.name.to_string().contains(part) {
                 self.take(*hint);
                 *is_named = true;
             }
@@ -326,10 +327,10 @@ impl SceneSource {
         self.objects.extend(other.objects.into_iter().map(|mut object| {
             if shift != DVec3::ZERO {
                 object.move_by(shift);
-                object.motion = object.motion.map(|(low, high)| {
+                if let Some((low, high)) = object.motion.as_deref_mut() {
                     let bounds = Aabb::from_world(low.as_dvec3(), high.as_dvec3(), -shift);
-                    (bounds.min, bounds.max)
-                });
+                    (*low, *high) = (bounds.min, bounds.max);
+                }
             }
             object
         }));
@@ -394,10 +395,11 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// Encloses the finite coordinates of an object.
+    /// Encloses the finite coordinates of an object, or the box around the image of the mesh's box where the
+    /// object is an instance of a mesh.
     pub fn add(&mut self, object: &SourceObject) {
-        let bounds = object.triangles.bounds();
-        if bounds.is_finite() {
+        let bounds = object.triangles.view().known_bounds();
+        if let Some(bounds) = bounds.filter(Aabb::is_finite) {
             (self.low, self.high) = (self.low.min(bounds.min), self.high.max(bounds.max));
             return;
         }

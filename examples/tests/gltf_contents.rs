@@ -329,7 +329,7 @@ fn instances_are_placed_one_by_one() {
     file.root["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": attributes}});
     file.root["nodes"][0]["translation"] = json!([0, 0, 5]);
     let scene = file.scene();
-    let names: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
+    let names: Vec<String> = scene.objects.iter().map(|object| object.name.to_string()).collect();
     assert_eq!(names, ["it[0]", "it[1]"]);
     let is = |at: usize, expected: [[f32; 3]; 3]| {
         for (p, expected) in scene.objects[at].triangles.view().get(0).unwrap().iter().zip(expected) {
@@ -384,7 +384,7 @@ fn skins_are_placed_by_their_joints() {
     assert_eq!(points(&scene), [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [6.0, 5.0, 0.0]]);
     let object = &scene.objects[0];
     assert!(!object.opaque && !object.never_cull);
-    let (low, high) = object.motion.expect("a skin moves");
+    let (low, high) = *object.motion.as_deref().expect("a skin moves");
     assert!(low.cmple(Vec3::new(6.0, 0.0, 0.0)).all() && high.cmpge(Vec3::new(11.0, 5.0, 0.0)).all());
     let mut wrong = skinned();
     wrong.root["skins"][0]["joints"] = json!([1]);
@@ -398,7 +398,7 @@ fn motion(file: &File) -> (Vec3, Vec3) {
     assert!(!object.opaque && !object.never_cull && object.fixed_triangles().is_empty());
     let bounds = object.object().bounds;
     assert!(!object.object().occluder);
-    assert_eq!(object.motion, Some((bounds.min, bounds.max)));
+    assert_eq!(object.motion.as_deref(), Some(&(bounds.min, bounds.max)));
     (bounds.min, bounds.max)
 }
 
@@ -677,7 +677,7 @@ fn movers_far_from_the_origin_are_relative_to_it_too() {
     file.root["scenes"][0]["nodes"] = json!([2]);
     file.push("nodes", json!({"children": [0, 1], "translation": [0, 0, 6_400_000]}));
     let scene = file.scene();
-    let (low, high) = scene.objects[0].motion.expect("a door");
+    let (low, high) = *scene.objects[0].motion.as_deref().expect("a door");
     let [low, high] = [low, high].map(|corner| corner.as_dvec3() + scene.origin);
     assert!((low - DVec3::new(-2.0, -2.0, 6.4e6)).length() < 0.01, "{low}");
     assert!((high - DVec3::new(2.0, 7.0, 6.4e6)).length() < 0.01, "{high}");
@@ -719,7 +719,7 @@ fn a_house_on_its_side_gets_a_hint() {
     let notes = |size: f32, floors: usize, is_y_up: bool| {
         let mut file = File::new();
         for floor in 0..floors {
-            let level = rectangle([0.0, size], [0.0, size], floor as f32);
+            let level = rectangle([0.0, size], [0.0, size], floor as f32 * size / 20.0);
             let turned = level.iter().map(|&[x, y, z]| if is_y_up { [x, z, -y] } else { [x, y, z] });
             let mesh = file.mesh(&turned.collect::<Vec<_>>());
             file.node(json!({"mesh": mesh}));
@@ -727,8 +727,31 @@ fn a_house_on_its_side_gets_a_hint() {
         file.scene().notes.join("\n")
     };
     assert_eq!(notes(8.0, 10, false), "its largest faces are level along z: if z is up, say --up z");
+    assert_eq!(
+        notes(2000.0, 10, false),
+        "its largest faces are level along z: if z is up, say --up z\nit is 2000 by 2000 by 900 m: if it is \
+         in cm, say --unit cm",
+        "the height is that along z"
+    );
     // A house that stands, and a thing of few parts.
     assert_eq!(notes(8.0, 10, true) + &notes(8.0, 7, false), "");
+}
+
+#[test]
+fn a_wide_scene_of_giants_gets_a_hint() {
+    let notes = |count: usize, height: f32| {
+        let mut file = File::new();
+        let wall = rectangle([0.0, 2000.0], [0.0, height], 0.0);
+        let other = wall.iter().map(|&[x, y, z]| [z, y, x]);
+        let floor = rectangle([0.0, 2000.0], [0.0, 2000.0], 0.0).into_iter().map(|[x, y, z]| [x, z, y]);
+        let mesh = file.mesh(&wall.iter().copied().chain(other).chain(floor).collect::<Vec<_>>());
+        for i in 0..count {
+            file.node(json!({"mesh": mesh, "translation": [12_000 * i, 0, 12_000 * (i % 5)]}));
+        }
+        file.scene().notes.join("\n")
+    };
+    assert!(notes(10, 1500.0).ends_with("if it is in mm, say --unit mm"), "trees in millimetres");
+    assert_eq!(notes(10, 900.0) + &notes(9, 1500.0), "", "towers, and a few mountains");
 }
 
 #[test]

@@ -133,7 +133,7 @@ fn nodes_place_strips_fans_and_lists() {
     let scene = read(&square()).expect("a good file");
     assert_eq!(scene.up, Vec3::Y);
     assert_eq!(scene.objects.len(), 1);
-    assert_eq!(scene.objects[0].name, "tile");
+    assert_eq!(scene.objects[0].name.to_string(), "tile");
     let strip = [[p(10.0, 0.0), p(12.0, 0.0), p(10.0, 2.0)], [p(12.0, 0.0), p(12.0, 2.0), p(10.0, 2.0)]];
     assert_eq!(scene.objects[0].triangles, strip.into());
     assert!(scene.walks.is_empty() && scene.near > 0.0);

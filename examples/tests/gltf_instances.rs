@@ -10,6 +10,7 @@ use visibility_examples::gltf_file::parse;
 use visibility_examples::walkthrough::{Trial, World, cullers, judge, output, run};
 use visibility_examples::{CameraKey, Reading, SceneSource, Walk};
 use visibility_measure::ItemBuffer;
+use visibility_testing::allocations::{LIVE, PEAK};
 
 /// Document with a box that has no floor: ten triangles that face outwards, drawn from the front alone.
 struct File {
@@ -118,6 +119,7 @@ fn with_walk(mut scene: SceneSource) -> SceneSource {
         [[-28.5, 1.0, 1.7], [1.4, 0.4, 1.3], [0.4, 12.0, -20.0], [16.0, 0.7, 4.9]].map(DVec3::from_array);
     let keys = eyes.iter().map(|&eye| CameraKey { eye, target: eye * 0.1 + DVec3::Z * 0.3 }).collect();
     scene.walks = vec![Walk { name: "walk".into(), fov_y_degrees: 70.0, up: Vec3::Y, keys }];
+    scene.near = 0.1;
     scene
 }
 
@@ -162,7 +164,12 @@ fn instances_are_what_nodes_with_their_own_meshes_are() {
         let triangles = |scene: &SceneSource| -> Vec<Vec<Triangle>> {
             scene.objects.iter().map(|object| object.triangles.iter().collect()).collect()
         };
-        assert!(triangles(&shared) == triangles(&own), "bit for bit");
+        let [shared_triangles, own_triangles] = [triangles(&shared), triangles(&own)];
+        assert!(!exact || shared_triangles == own_triangles, "bit for bit");
+        let corners = |all: &[Vec<Triangle>]| all.iter().flatten().flatten().copied().collect::<Vec<Vec3>>();
+        let moved = corners(&shared_triangles).into_iter().zip(corners(&own_triangles));
+        let moved = moved.map(|(a, b)| (a - b).abs().max_element()).fold(0.0, f32::max);
+        assert!(moved <= 8e-6, "{moved} m: four roundings of coordinates of up to 32 m");
         let worlds = [shared, own].map(|scene| World::new(scene, (160, 90), None).expect("a world"));
         let pictures = worlds.each_ref().map(|world| {
             let mut buffer = ItemBuffer::new(160, 90).expect("an image");
@@ -172,17 +179,17 @@ fn instances_are_what_nodes_with_their_own_meshes_are() {
             };
             world.views.iter().map(draw).collect::<Vec<_>>()
         });
-        assert!(pictures[0] == pictures[1], "the pictures");
+        assert!(!exact || pictures[0] == pictures[1], "the pictures");
         for name in ["frustum", "hzb", "hzb-level", "naylor", "view-cdt", "occlusion-tree"] {
             let trials: [Trial; 2] = worlds.each_ref().map(|world| {
                 let (name, pipeline) = cullers::parse(name, world).expect("a culler").remove(0);
                 run(name, pipeline, world)
             });
             let counts = trials.each_ref().map(|trial| trial.reported.iter().map(Vec::len).sum::<usize>());
-            if exact || !["hzb", "view-cdt", "occlusion-tree"].contains(&name) {
+            if exact {
                 assert_eq!(trials[0].reported, trials[1].reported, "{name}");
             }
-            // With a transform, other occluders may be chosen, and rounding is in doubt elsewhere.
+            // Vertices are moved by rounding, and rounding is in doubt elsewhere.
             assert!(counts[0].abs_diff(counts[1]) <= counts[1] / 10 && counts[0] > 20, "{name}: {counts:?}");
             for (world, trial) in worlds.iter().zip(&trials) {
                 let judged = judge(world, std::slice::from_ref(trial), || ()).expect("few triangles");
@@ -287,4 +294,51 @@ fn limits_are_of_what_is_kept() {
     }
     let error = parse(&file.glb(), Path::new("test.glb")).expect_err("too many").to_string();
     assert!(error.contains("triangles of all instances"), "{error}");
+}
+
+/// Returns a file with boxes that are moved, turned and stretched: copies by one node, or a node for each.
+fn rows_of_boxes(count: usize, by_one_node: bool) -> File {
+    let mut file = File::new();
+    let places: Vec<[f32; 3]> =
+        (0..count).map(|i| [(i % 100 * 3) as f32, 0.0, (i / 100 * 3) as f32]).collect();
+    let turn = |i: usize| [0.0, (i as f32 * 0.1).sin(), 0.0, (i as f32 * 0.1).cos()];
+    let size = |i: usize| [1.0, 1.0 + (i % 7) as f32 * 0.1, 1.0];
+    if by_one_node {
+        let rotations = file.floats(&(0..count).map(turn).collect::<Vec<_>>());
+        let scales = file.floats(&(0..count).map(size).collect::<Vec<_>>());
+        let attributes = json!({"TRANSLATION": file.floats(&places), "ROTATION": rotations, "SCALE": scales});
+        file.node(json!({"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}));
+    } else {
+        for (i, place) in places.iter().enumerate() {
+            file.node(json!({"mesh": 0, "translation": place, "rotation": turn(i), "scale": size(i)}));
+        }
+    }
+    file
+}
+
+#[test]
+fn an_instance_takes_few_bytes() {
+    for by_one_node in [true, false] {
+        let bytes = |count: usize| {
+            let file = rows_of_boxes(count, by_one_node).glb();
+            let before = LIVE.get();
+            PEAK.set(before);
+            let scene = parse(&file, Path::new("test.glb")).expect("a valid file");
+            let [loaded, loading] = [LIVE.get() - before, PEAK.get() - before];
+            PEAK.set(LIVE.get());
+            let world = World::new(with_walk(scene), (64, 36), Some(1)).expect("a world");
+            let [kept, most] = [LIVE.get() - before, PEAK.get() - before];
+            assert_eq!(world.scene.len(), count);
+            [loaded, loading, kept, most].map(|bytes| bytes as f64)
+        };
+        let (few, many) = (bytes(10_000), bytes(30_000));
+        let [loaded, loading, kept, most] = std::array::from_fn(|i| ((many[i] - few[i]) / 20_000.0).round());
+        println!("by one node {by_one_node}: {loaded} {loading} {kept} {most}");
+        // Name, flags and triangles of 48 bytes, and a transform of 64.
+        assert!(loaded <= 112.0, "{loaded} bytes an instance in the loaded file");
+        // With it, the scene's 16 for triangles, 8 for the occluder mesh and 50 for box, layers and ids.
+        assert!(kept <= 187.0 && most <= 1.2 * kept, "{kept} bytes an instance, at most {most}");
+        let most = if by_one_node { 1.5 * kept } else { 9.0 * kept };
+        assert!(loading <= most, "{loading} bytes an instance while loading");
+    }
 }

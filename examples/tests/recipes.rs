@@ -36,7 +36,7 @@ fn larger_sizes_have_their_counts() {
     assert_eq!(counts(&built_in("forest:1450,226").expect("in bounds")), (1_571, 1_465_488));
     let city = built_in("london:101,101").expect("in bounds");
     assert_eq!(counts(&city), (249_851 + 101 * 101, 2_518_912));
-    let buildings = city.objects.iter().filter(|o| o.name != "ground");
+    let buildings = city.objects.iter().filter(|o| o.name != *"ground");
     assert_eq!(buildings.count(), 249_851);
 }
 
@@ -176,7 +176,7 @@ fn walks_follow_the_stored_ones() {
         assert_eq!(Some(scene.objects.len() as u64), facts.objects);
         assert_eq!(Some(scene.triangle_count() as u64), facts.triangles);
         for (object, stored) in scene.objects.iter().zip(&facts.object_names) {
-            assert_eq!(&object.name, stored, "{name}");
+            assert_eq!(&object.name.to_string(), stored, "{name}");
         }
         let (low, high) = scene.bounds().expect("a scene");
         let corners = [(low, facts.bounds_min), (high, facts.bounds_max)];

@@ -49,11 +49,11 @@ fn doors_glass_and_billboards_are_told_apart() {
     let clinic = scene("clinic");
     assert!(clinic.objects[..2586].iter().all(|o| o.opaque));
     assert!(clinic.objects[2586..].iter().all(|o| !o.opaque));
-    assert!(clinic.objects.iter().all(|o| o.door == o.name.contains("IfcDoor")));
+    assert!(clinic.objects.iter().all(|o| o.door == o.name.to_string().contains("IfcDoor")));
     assert!(clinic.objects.iter().any(|o| o.door));
     let alpine = scene("alpine1");
     let billboard = |name: &str| name.starts_with("TREEP") || name.starts_with("FOREST");
-    assert!(alpine.objects.iter().all(|o| o.opaque != billboard(&o.name)));
+    assert!(alpine.objects.iter().all(|o| o.opaque != billboard(&o.name.to_string())));
     assert!(alpine.objects.iter().any(|o| !o.opaque));
 }
 

@@ -98,7 +98,7 @@ fn the_description_beside_a_file_is_used_and_checked() {
     assert_eq!((room.up, room.near), (Vec3::Y, 0.5));
     let kinds: Vec<_> = room.objects.iter().map(|o| (o.opaque, o.door)).collect();
     assert_eq!(kinds, [(true, true), (false, false), (false, false)]);
-    let names: Vec<_> = room.objects.iter().map(|o| o.name.as_str()).collect();
+    let names: Vec<_> = room.objects.iter().map(|o| o.name.to_string()).collect();
     assert_eq!(names, ["IfcDoor 1", "TREE", "glass"]);
 
     for (text, part) in [

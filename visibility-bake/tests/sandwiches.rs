@@ -8,9 +8,9 @@ use visibility_bake::{
     SandwichSettings, Shard, assemble,
 };
 use visibility_core::bake::Bake;
-use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::pvs::{PvsCuller, Viewcells};
-use visibility_core::scene::Triangle;
+use visibility_core::glam::{DAffine3, DVec3, Vec3};
+use visibility_core::pvs::{PvsCuller, Viewcell, Viewcells};
+use visibility_core::scene::{SharedTriangles, Triangle};
 use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet};
 use visibility_testing::{Random, is_clear};
 
@@ -344,6 +344,32 @@ fn groups_from_which_nothing_is_hidden_are_left_out() {
     assert_eq!(outcome.stages, [64, 100, 100, 100, 100]);
     let whole = Bake::new(baker()).run();
     assert_eq!((whole.stages[0], whole.cells), (100, outcome.cells));
+}
+
+/// Copies of a mesh of 2^12 triangles, of which 2^9 are as many triangles as a search may copy.
+#[test]
+fn a_viewcell_that_sees_too_many_triangles_is_left_open() {
+    let strip = |i: usize| {
+        let corner = |x: usize, z: f32| Vec3::new(x as f32 * 1e-4, 0.0, z);
+        [corner(i, 0.0), corner(i + 1, 0.0), corner(i, 1.0)]
+    };
+    let mesh = SharedTriangles::from((0..1 << 12).map(strip).collect::<Vec<Triangle>>());
+    let bake = |copies: u32| {
+        let mut scene = Scene::new();
+        for i in 0..copies {
+            let at = DVec3::new(f64::from(i % 32), 3.0 + f64::from(i / 32), 0.0);
+            let placed = mesh.placed(DAffine3::from_translation(at));
+            let id = scene.insert(placed.bounds());
+            scene.set_triangles(id, placed).unwrap();
+        }
+        let cells = Viewcells::new(vec![Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+        Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings { rays: 1, ..Default::default() }))
+            .run()
+    };
+    let outcome = bake((1 << 9) + 1);
+    assert_eq!((outcome.too_large, outcome.complete, outcome.cells[0].open.len()), (1, false, 513));
+    let outcome = bake(1 << 9);
+    assert_eq!((outcome.too_large, outcome.complete), (0, true));
 }
 
 #[test]

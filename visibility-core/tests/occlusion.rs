@@ -700,6 +700,73 @@ fn a_limit_bounds_the_work_of_a_frame() {
     }
 }
 
+/// A map that takes an occluder for a triangle each, and hides all that is farther than 100 m.
+struct Fog {
+    added: u32,
+}
+
+impl OcclusionMap for Fog {
+    fn name(&self) -> &str {
+        "fog"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn begin(&mut self, _: &View, _: DVec3) {
+        self.added = 0;
+    }
+
+    fn cost(&self, _: &OccluderMesh) -> usize {
+        1
+    }
+
+    fn add(&mut self, _: &OccluderMesh, _: &Affine3A) {
+        self.added += 1;
+    }
+
+    fn flush(&mut self) {}
+
+    fn test(&self, bounds: &Aabb) -> Occlusion {
+        if bounds.min.x > 100.0 { Occlusion::Hidden } else { Occlusion::Visible }
+    }
+}
+
+/// An occluder takes three triangles of the limit: it is tested again, looked at and drawn. From the 1025th
+/// on it takes eight more. A frame's occluders may take half of the limit.
+#[test]
+fn the_thousandth_occluder_takes_more_of_the_limit_than_the_first() {
+    let mut scene = Scene::new();
+    let unit = Aabb::from_arrays([0.0; 3], [0.1; 3]);
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&unit).unwrap());
+    for i in 0..4000 {
+        let min = Vec3::new(20.0, (i % 64) as f32 * 0.15 - 4.8, (i / 64) as f32 * 0.15 - 4.8);
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::new(min, min + 0.1)) });
+        scene.set_mesh(id, mesh, Affine3A::from_translation(min)).unwrap();
+    }
+    // What the fog hides pays for all.
+    scene.insert_batch((0..4000).map(|i| {
+        let y = (i % 64) as f32 - 32.0;
+        Aabb::from_arrays([110.0, y, (i / 64) as f32 - 32.0], [111.0, y + 0.5, (i / 64) as f32 - 31.5])
+    }));
+    scene.rebuild();
+    let drawn = |limit: u32| {
+        let culler = OcclusionCuller::new(Fog { added: 0 }).with_price(1000);
+        let mut culler = culler.with_work_limit(limit);
+        let mut set = VisibleSet::new();
+        set.fill(&scene, &along_x());
+        FrustumCuller::new().cull(&scene, &along_x(), &mut set);
+        culler.cull(&scene, &along_x(), &mut set);
+        culler.map().added
+    };
+    // Tests of boxes take some as well.
+    assert_eq!(drawn(u32::MAX), 4000);
+    assert!((700..=900).contains(&drawn(6 * 900)), "{}", drawn(6 * 900));
+    let all = drawn(6 * 1024 + 22 * 1000);
+    assert!((1950..=2024).contains(&all), "{all}");
+}
+
 /// A map that begins each frame with a wall of its own: what the wall hides is neither offered nor drawn.
 #[test]
 fn occluders_behind_what_the_map_holds_already_are_not_looked_at() {

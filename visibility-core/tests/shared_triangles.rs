@@ -154,3 +154,40 @@ fn a_shared_mesh_goes_with_the_triangles() {
     scene.set_transform(id, Affine3A::from_translation(Vec3::Y)).unwrap();
     assert!(!scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty());
 }
+
+/// Transforms that are given together are kept in `f32`, or all in `f64` if one cannot be rounded. Boxes that
+/// are known hold all corners.
+#[test]
+fn transforms_given_together_place_as_each_does() {
+    let mut random = Random(11);
+    for (far, is_rounded) in [(0.0, true), (1e6, false)] {
+        let mesh = SharedTriangles::from(solid(Aabb::new(Vec3::splat(far), Vec3::splat(far + 1.0))));
+        let transforms: Vec<DAffine3> = (0..50)
+            .map(|i| {
+                let turn = DQuat::from_rotation_z(random.unit() * 6.0);
+                let scale = DVec3::new(1.0 + random.unit(), 1.0, if i % 3 == 0 { -1.0 } else { 1.0 });
+                let at = random.vec3(-50.0, 50.0).as_dvec3();
+                // One of the meshes far from its origin stays there.
+                let back = turn * (scale * -f64::from(far)) * if i == 7 { 0.0 } else { 1.0 };
+                DAffine3::from_scale_rotation_translation(scale, turn, at + back)
+            })
+            .collect();
+        let placed = mesh.placed_each(&transforms);
+        assert_eq!(placed.len(), 50);
+        for (i, (placed, transform)) in placed.iter().zip(&transforms).enumerate() {
+            assert!(placed.shares_mesh(&mesh));
+            let bounds = placed.view().known_bounds();
+            assert_eq!(bounds.is_some(), is_rounded, "{far}, {i}");
+            let alone = mesh.placed(*transform);
+            for (corner, of_alone) in placed.iter().flatten().zip(alone.iter().flatten()) {
+                assert!(bounds.is_none_or(|bounds| bounds.contains_point(corner)), "{far}, {i}: {corner}");
+                // The one that stays far is rounded alone.
+                assert!(corner == of_alone || i == 7 && !is_rounded, "{far}, {i}");
+            }
+            let exact = mesh.iter().flatten().map(|p| transform.transform_point3(p.as_dvec3()).as_vec3());
+            let corners: Vec<Vec3> = exact.collect();
+            let moved = |p: Vec3| corners.iter().map(|q| p.distance(*q)).fold(f32::INFINITY, f32::min);
+            assert!(i == 7 || placed.iter().flatten().all(|p| moved(p) < 2e-5), "{far}, {i}");
+        }
+    }
+}

@@ -18,6 +18,7 @@ mod shape;
 mod unread;
 
 use crate::error::SourceError;
+use crate::object_name::ObjectName;
 use crate::reading::Reading;
 use crate::source::{Hint, SceneSource, SourceObject};
 use crate::{frame_hints, walk};
@@ -31,9 +32,11 @@ use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, uni
 use nodes::Nodes;
 use serde_json::Value;
 use shape::Shape;
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::Path;
 use std::rc::Rc;
+use std::vec;
 use visibility_core::{Aabb, scene::SharedTriangles};
 
 /// Maximum number of objects of a scene, which may have few triangles or none.
@@ -89,6 +92,7 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         placed: 0,
         users: users_of_meshes(&document, &nodes),
         meshes: HashMap::new(),
+        names: HashMap::new(),
     };
     collector.origin = collector.origin_near_content()?;
     let shown = placed(&document, &nodes)
@@ -158,18 +162,31 @@ struct Collector<'a> {
     kept: usize,
     /// Number of triangles of all objects.
     placed: usize,
-    /// Number of times that the scene shows a mesh, by its index.
-    users: Vec<usize>,
+    /// Nodes that show a mesh, by its index.
+    users: Vec<Users>,
     /// Primitives of meshes that several objects share, by the mesh's index.
     meshes: HashMap<usize, Rc<[Primitive]>>,
+    /// Names so far, without their numbers, by the texts before and after.
+    names: HashMap<[String; 2], ObjectName>,
 }
 
-/// Returns the number of times that the scene shows a mesh, by the index of the mesh.
-fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<usize> {
-    let mut users = vec![0; document.gltf.meshes().len()];
+/// Nodes of the scene that show a mesh.
+#[derive(Clone, Default)]
+struct Users {
+    /// Indices of the nodes, in the order of the file.
+    nodes: Vec<usize>,
+    /// Number of times that they show the mesh.
+    count: usize,
+}
+
+/// Returns the nodes that show a mesh, by the index of the mesh.
+fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<Users> {
+    let mut users = vec![Users::default(); document.gltf.meshes().len()];
     for node in placed(document, nodes) {
         if let Some(mesh) = node.mesh() {
-            users[mesh.index()] += instance_count(&node, &document.gltf);
+            let users = &mut users[mesh.index()];
+            users.nodes.push(node.index());
+            users.count += instance_count(&node, &document.gltf);
         }
     }
     users
@@ -178,8 +195,8 @@ fn users_of_meshes(document: &Document, nodes: &Nodes) -> Vec<usize> {
 /// Triangles of a primitive before they are placed.
 struct Primitive {
     shape: Shape,
-    /// Triangles in the coordinates of the mesh, if several objects share them.
-    shared: Option<SharedTriangles>,
+    /// Triangles of the objects to come that share those of the mesh, in their order. Empty if none does.
+    shared: RefCell<vec::IntoIter<SharedTriangles>>,
     /// Vertices of the corners.
     order: Vec<u32>,
     corners: Corners,
@@ -242,25 +259,20 @@ impl Collector<'_> {
         let Some(mesh) = node.mesh() else {
             return Ok(());
         };
-        let name =
-            node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_owned);
         let hint = self.hint(node)?;
         let several = mesh.primitives().len() > 1;
         let primitives = self.primitives(node, &mesh)?;
         let copies = Instances::read(node, &self.document.gltf, self.buffers, self.path)?;
+        let names: Vec<ObjectName> = (0..primitives.len())
+            .map(|index| self.name(node, &mesh, if several { format!("/{index}") } else { String::new() }))
+            .collect();
         let is_copied = node.extension_value("EXT_mesh_gpu_instancing").is_some();
         let triangles = primitives.iter().map(|primitive| primitive.corners.len()).sum();
         self.check_placed(copies.count, triangles, node)?;
         for copy in 0..copies.count {
             let instance = &copies.matrix(copy);
-            for (index, primitive) in primitives.iter().enumerate() {
-                let mut name = name.clone();
-                if is_copied {
-                    name += &format!("[{copy}]");
-                }
-                if several {
-                    name += &format!("/{index}");
-                }
+            for (primitive, name) in primitives.iter().zip(&names) {
+                let name = if is_copied { name.with_number(copy as u32) } else { name.clone() };
                 let triangles = self.place(node, primitive, instance)?;
                 let Primitive { see_through, one_sided, .. } = *primitive;
                 let mut object = SourceObject {
@@ -279,6 +291,21 @@ impl Collector<'_> {
         Ok(())
     }
 
+    /// Returns the name of the objects of a node that end in `end`: that of the node or else the mesh, with
+    /// brackets for the number of a copy, or the number of the node.
+    fn name(&mut self, node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>, end: String) -> ObjectName {
+        let is_copied = node.extension_value("EXT_mesh_gpu_instancing").is_some();
+        let own = node.name().or(mesh.name()).map(str::to_owned);
+        let texts = match (&own, is_copied) {
+            (Some(own), true) => [format!("{own}["), format!("]{end}")],
+            (None, true) => [format!("node {}[", node.index()), format!("]{end}")],
+            (Some(own), false) => [format!("{own}{end}"), String::new()],
+            (None, false) => ["node ".into(), end],
+        };
+        let name = self.names.entry(texts).or_insert_with_key(|texts| texts.clone().into());
+        if own.is_none() && !is_copied { name.with_number(node.index() as u32) } else { name.clone() }
+    }
+
     /// Notes what the next object, which a node and an instance place, is moved by, if anything. An object
     /// that moves hides nothing, whatever its hint says.
     fn move_object(
@@ -295,7 +322,7 @@ impl Collector<'_> {
             return;
         }
         object.opaque = false;
-        object.motion = Some((Vec3::ZERO, Vec3::ZERO));
+        object.motion = Some(Box::default());
         let (mover, mut all) = (self.at_rest.len(), EMPTY);
         for (node, to_node, bounds) in primitive.shape.boxes(node.index(), instance, &primitive.order) {
             // Where a pointer moves a node to is not read.
@@ -317,7 +344,7 @@ impl Collector<'_> {
             let object = &mut self.objects[object];
             let bounds = Aabb::from_world(low, high, self.origin);
             object.never_cull |= !known || !low.is_finite() || !high.is_finite() || !bounds.is_finite();
-            object.motion = Some((bounds.min, bounds.max));
+            object.motion = Some(Box::new((bounds.min, bounds.max)));
         }
     }
 
@@ -343,21 +370,26 @@ impl Collector<'_> {
     ) -> Result<Rc<[Primitive]>, SourceError> {
         let is_soft = node.skin().is_some()
             || mesh.primitives().any(|primitive| primitive.morph_targets().next().is_some());
-        let is_shared = !is_soft && self.users[mesh.index()] > 1;
+        let is_shared = !is_soft && self.users[mesh.index()].count > 1;
         if is_shared && let Some(known) = self.meshes.get(&mesh.index()) {
             return Ok(known.clone());
         }
         let mut read = Vec::with_capacity(mesh.primitives().len());
+        let mut transforms = Vec::new();
         for primitive in mesh.primitives() {
             let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
             let mut primitive = self.primitive(node, &primitive, &place)?;
             if is_shared {
                 self.keep(primitive.corners.len(), node)?;
-                self.check_placed(self.users[mesh.index()], primitive.corners.len(), node)?;
+                self.check_placed(self.users[mesh.index()].count, primitive.corners.len(), node)?;
+                if transforms.is_empty() {
+                    transforms = self.transforms(mesh)?;
+                }
                 let Primitive { shape, order, corners, .. } = &primitive;
                 let corner = |i: usize| shape.positions[order[i] as usize];
                 let triangles = (0..corners.len()).map(|t| corners.of(t).map(corner));
-                primitive.shared = Some(triangles.collect::<Vec<_>>().into());
+                let triangles = SharedTriangles::from(triangles.collect::<Vec<_>>());
+                primitive.shared = RefCell::new(triangles.placed_each(&transforms).into_iter());
             }
             read.push(primitive);
         }
@@ -366,6 +398,23 @@ impl Collector<'_> {
             self.meshes.insert(mesh.index(), read.clone());
         }
         Ok(read)
+    }
+
+    /// Returns the transforms of all objects that share the triangles of a mesh, in their order.
+    fn transforms(&self, mesh: &gltf::Mesh<'_>) -> Result<Vec<DAffine3>, SourceError> {
+        let users = &self.users[mesh.index()];
+        let mut transforms = Vec::with_capacity(users.count);
+        for node in users.nodes.iter().filter_map(|&node| self.document.gltf.nodes().nth(node)) {
+            if node.skin().is_some() {
+                continue;
+            }
+            let copies = Instances::read(&node, &self.document.gltf, self.buffers, self.path)?;
+            transforms.extend((0..copies.count).map(|copy| {
+                let world = self.nodes.worlds[node.index()] * copies.matrix(copy);
+                DAffine3::from_translation(-self.origin) * DAffine3::from_mat4(world)
+            }));
+        }
+        Ok(transforms)
     }
 
     /// Returns an error if `copies` of `triangles` triangles, beside those of the objects so far, are too
@@ -413,7 +462,7 @@ impl Collector<'_> {
             self.without_triangles += 1;
             return Ok(Primitive {
                 shape: Shape::default(),
-                shared: None,
+                shared: RefCell::default(),
                 order: Vec::new(),
                 corners: corners(Mode::Points, 0),
                 see_through: false,
@@ -444,7 +493,7 @@ impl Collector<'_> {
         let shape = Shape::read(node, primitive, positions, self.motion, self.buffers, (self.path, place))?;
         let material = primitive.material();
         let (see_through, one_sided) = (is_see_through(&material), !material.double_sided());
-        Ok(Primitive { shape, shared: None, order, corners, see_through, one_sided })
+        Ok(Primitive { shape, shared: RefCell::default(), order, corners, see_through, one_sided })
     }
 
     /// Returns the triangles of a primitive, relative to the origin. `instance` maps the mesh's space to the
@@ -458,10 +507,8 @@ impl Collector<'_> {
         let Primitive { shape, order, corners, shared, .. } = primitive;
         self.check_placed(1, corners.len(), node)?;
         self.placed += corners.len();
-        if let Some(shared) = shared {
-            let mut transform = DAffine3::from_mat4(self.nodes.worlds[node.index()] * *instance);
-            transform.translation -= self.origin;
-            return Ok(shared.placed(transform));
+        if let Some(shared) = shared.borrow_mut().next() {
+            return Ok(shared);
         }
         self.keep(corners.len(), node)?;
         let placed = shape.placed(node.index(), instance, self.nodes);

@@ -215,7 +215,7 @@ fn is_door(axes: &GroundAxes, object: &SourceObject) -> bool {
     if object.door {
         return true;
     }
-    if !object.name.to_lowercase().contains("door") {
+    if !object.name.to_string().to_lowercase().contains("door") {
         return false;
     }
     object.bounds().is_some_and(|(low, high)| {

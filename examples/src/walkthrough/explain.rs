@@ -7,7 +7,7 @@ use visibility_core::{Pipeline, VisibleSet};
 /// Returns the index of the object that a person names: by its index, or by its name, of which the first
 /// object counts. A number below the number of objects is always an index. `None` if there is no such object.
 pub fn find(world: &World, wanted: &str) -> Option<u32> {
-    let by_name = || world.source.objects.iter().position(|object| object.name == wanted);
+    let by_name = || world.source.objects.iter().position(|object| object.name == *wanted);
     let place =
         wanted.parse().ok().filter(|&place: &usize| place < world.source.objects.len()).or_else(by_name)?;
     u32::try_from(place).ok()

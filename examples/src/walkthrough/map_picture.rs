@@ -5,8 +5,8 @@ use super::canvas::{Canvas, Color};
 use super::judge::Judgement;
 use super::palette::{HIDDEN, INK, LOST, PAPER, REPORTED, VIEW, VISIBLE};
 use super::{Trial, World};
-use glam::{DVec3, Vec3};
-use visibility_core::{OccluderMesh, Pose, View, scene::SharedTriangles, view::Window};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use visibility_core::{Aabb, OccluderMesh, Pose, View, scene::SharedTriangles, view::Window};
 use visibility_measure::{ItemBuffer, MeasureError, NONE};
 
 const WALK: Color = [120, 120, 200];
@@ -19,7 +19,7 @@ const CAPTION: u32 = 960;
 const MARGIN: f64 = 0.04;
 /// Fraction of the map's area above which an object counts as ground and is drawn pale.
 const GROUND: f64 = 0.05;
-/// Number of triangles above which instances of meshes are drawn as their boxes: a map copies what it draws.
+/// Number of triangles above which instances of meshes are drawn as their boxes, which takes less time.
 const MOST_TRIANGLES: usize = 1 << 20;
 /// Height of the legend below the map, in pixels.
 const LEGEND: u32 = 64;
@@ -201,22 +201,30 @@ impl Map {
         order.retain(|&(area, object)| shown(object, area / whole));
         let areas: Vec<f64> = order.iter().map(|&(area, _)| area).collect();
         let all: usize = order.iter().map(|&(_, object)| objects[object as usize].triangles.len()).sum();
+        let onto = |axis: DVec3| DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        let onto_map = onto(self.right) + onto(self.ahead);
+        let unit = Aabb::new(Vec3::ZERO, Vec3::ONE).corners();
+        let cuboid = SharedTriangles::from(OccluderMesh::CUBOID.map(|t| t.map(|i| unit[i as usize])));
         let flat: Vec<(u32, SharedTriangles)> = (1..)
             .zip(&order)
             .map(|(rank, &(_, object))| {
-                let height = self.up * f64::from(rank);
-                let flatten = |p: Vec3| {
-                    let offset = p.as_dvec3() + world.origin() - self.center;
-                    (self.right * offset.dot(self.right) + self.ahead * offset.dot(self.ahead) + height)
-                        .as_vec3()
-                };
+                let translation = onto_map * (world.origin() - self.center) + self.up * f64::from(rank);
+                let flatten = DAffine3 { matrix3: onto_map, translation };
                 let triangles = &objects[object as usize].triangles;
-                if all > MOST_TRIANGLES && triangles.view().mesh().1.is_some() {
-                    let corners = triangles.bounds().corners().map(flatten);
-                    return (object, OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize])).into());
-                }
-                let flat = triangles.iter().map(|triangle| triangle.map(flatten));
-                (object, flat.collect::<Vec<_>>().into())
+                let flat = match triangles.view().mesh().1 {
+                    Some(_) if all > MOST_TRIANGLES => {
+                        let Aabb { min, max } = triangles.bounds();
+                        let scale = DMat3::from_diagonal((max - min).as_dvec3());
+                        cuboid.placed(flatten * DAffine3 { matrix3: scale, translation: min.as_dvec3() })
+                    }
+                    Some(transform) => triangles.placed(flatten * transform),
+                    None => triangles
+                        .iter()
+                        .map(|triangle| triangle.map(|p| flatten.transform_point3(p.as_dvec3()).as_vec3()))
+                        .collect::<Vec<_>>()
+                        .into(),
+                };
+                (object, flat)
             })
             .collect();
         let top = self.up * (objects.len() as f64 + 2.0);

@@ -1,10 +1,9 @@
 //! Making occluders from the triangles of opaque objects.
 
 use super::OccluderMesh;
-use crate::scene::{MeshId, SharedTriangles, Triangle};
-use crate::{Aabb, Scene};
+use crate::Scene;
+use crate::scene::{MeshId, Triangle};
 use alloc::vec::Vec;
-use glam::Affine3A;
 use hashbrown::HashMap;
 
 /// Settings of [`prepare`]: which triangles are dropped from an occluder because they cost more than they
@@ -68,8 +67,8 @@ impl Scene {
     ///
     /// Objects without [local bounds](Scene::set_local_bounds) whose triangles are
     /// [placed](crate::scene::SharedTriangles::placed) share one mesh, and have the transform of the
-    /// triangles, rounded to `f32`. Each gets a mesh of its own where that rounding could move a vertex more
-    /// than rounding its coordinates does, or where the object's bounds do not contain the mesh so placed.
+    /// triangles. Each gets a mesh of its own where that transform is kept in `f64`, or where the object's
+    /// bounds do not contain the mesh so placed.
     pub fn prepare_occluders(&mut self, preparation: &Preparation) -> usize {
         let ids: Vec<_> = self.ids().collect();
         let mut shared: HashMap<(usize, bool), Option<MeshId>> = HashMap::new();
@@ -80,7 +79,7 @@ impl Scene {
                 continue;
             };
             let sides = Preparation { two_sided: preparation.two_sided && !object.one_sided, ..*preparation };
-            let placed = if self.local_bounds(id).is_some() { None } else { rounded(&triangles) };
+            let placed = triangles.rounded_transform().filter(|_| self.local_bounds(id).is_none());
             if let Some(transform) = placed {
                 let key = (triangles.mesh_address(), sides.two_sided);
                 let known = shared.get(&key).copied();
@@ -90,8 +89,8 @@ impl Scene {
                 });
                 shared.insert(key, mesh);
                 let Some(mesh) = mesh else { continue };
-                if self.is_mesh_inside(id, mesh, &transform) {
-                    self.set_prepared_mesh(id, mesh, Some(transform));
+                if self.is_mesh_inside(id, mesh, transform) {
+                    self.set_prepared_mesh(id, mesh, true);
                     made += 1;
                     continue;
                 }
@@ -102,7 +101,7 @@ impl Scene {
             };
             if let Some(mesh) = own {
                 let mesh = self.add_mesh(mesh);
-                self.set_prepared_mesh(id, mesh, None);
+                self.set_prepared_mesh(id, mesh, false);
                 let _ = self.remove_mesh(mesh);
                 made += 1;
             }
@@ -113,21 +112,4 @@ impl Scene {
         }
         made
     }
-}
-
-/// Returns the transform of placed triangles, rounded to `f32`. `None` for triangles in scene coordinates,
-/// for a transform that is not finite, and where products and sums are so much larger than the coordinates
-/// that they yield that rounding would move vertices: more than 4 times.
-fn rounded(triangles: &SharedTriangles) -> Option<Affine3A> {
-    let transform = triangles.view().mesh().1?;
-    let reach = |bounds: &Aabb| bounds.min.abs().max(bounds.max.abs()).as_dvec3();
-    let (of_mesh, coordinates) = (reach(triangles.mesh_bounds()), reach(&triangles.bounds()));
-    let [x, y, z] = [0, 1, 2].map(|axis| transform.matrix3.col(axis).abs());
-    let size = transform.translation.abs() + x * of_mesh.x + y * of_mesh.y + z * of_mesh.z;
-    let rounded = Affine3A {
-        matrix3: transform.matrix3.as_mat3().into(),
-        translation: transform.translation.as_vec3a(),
-    };
-    let is_near = size.max_element() <= 4.0 * coordinates.max_element();
-    (is_near && rounded.is_finite()).then_some(rounded)
 }

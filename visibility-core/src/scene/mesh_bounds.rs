@@ -25,18 +25,17 @@ pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb
 /// Tests whether a corner of `triangles` lies outside of `bounds` by more than rounding. False if `bounds`
 /// are improper; NaN corners are not outside.
 pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
-    let is_inside = |known: &Aabb| {
-        known.is_proper() && bounds.contains_point(known.min) && bounds.contains_point(known.max)
-    };
-    if triangles.known_bounds().is_some_and(is_inside) {
-        return false;
-    }
     let outside = |p: Vec3| {
         let p = Vec3A::from(p);
         let [least, greatest] = widened(bounds, p.abs());
         p.cmplt(least).any() || p.cmpgt(greatest).any()
     };
-    bounds.is_proper() && triangles.iter().flatten().any(outside)
+    // A coordinate plus or minus its slack grows with the coordinate: where neither end of a box is outside,
+    // no point of the box is.
+    let is_inside = |known: Aabb| known.is_proper() && !outside(known.min) && !outside(known.max);
+    bounds.is_proper()
+        && !triangles.known_bounds().is_some_and(is_inside)
+        && triangles.iter().flatten().any(outside)
 }
 
 /// Returns the corners of `bounds`, moved outwards by what the rounding of the bounds and of points that they

@@ -44,10 +44,9 @@ impl Meshes {
             .filter(|slot| slot.mesh.is_some() && slot.generation == id.generation)
     }
 
-    /// Returns the mesh that an object has. `None` for an id that names no mesh, though not if the mesh was
-    /// removed while the object had it.
-    pub(super) fn of_object(&self, id: MeshId) -> Option<&OccluderMesh> {
-        self.slot(id)?.mesh.as_ref()
+    /// Returns the mesh at an index that an object has, removed or not. `None` in a free slot.
+    pub(super) fn at(&self, index: u32) -> Option<&OccluderMesh> {
+        self.slots.get(index as usize)?.mesh.as_ref()
     }
 
     /// Returns the number of objects that have a mesh. `None` for an id that names no mesh, or one that was
@@ -72,15 +71,15 @@ impl Meshes {
         is_known
     }
 
-    /// Counts an object that gets a mesh. `id` names a stored mesh.
-    pub(super) fn add_user(&mut self, id: MeshId) {
-        self.slots[id.index as usize].users += 1;
+    /// Counts an object that gets the mesh at an index.
+    pub(super) fn add_user(&mut self, index: u32) {
+        self.slots[index as usize].users += 1;
     }
 
     /// Takes out an object that had a mesh, counted by [`add_user`](Self::add_user).
-    pub(super) fn remove_user(&mut self, id: MeshId) {
-        self.slots[id.index as usize].users -= 1;
-        self.free_unused(id.index);
+    pub(super) fn remove_user(&mut self, index: u32) {
+        self.slots[index as usize].users -= 1;
+        self.free_unused(index);
     }
 
     /// Frees the slot of a removed mesh that no object has.

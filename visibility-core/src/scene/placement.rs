@@ -1,12 +1,11 @@
-//! Where objects with a local box or an occluder mesh are: one transform for each, from which the object's
-//! bounds and the place of its mesh both follow.
+//! Where objects with a local box or an occluder mesh are: a transform from which the object's bounds and the
+//! place of its mesh both follow, and what places a mesh otherwise.
 
-use super::MeshId;
 use crate::Aabb;
 use alloc::vec::Vec;
 use glam::Affine3A;
 
-/// The transform of an object, and what it places.
+/// The transform of an object, and the box that it places.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
     /// Index of the object.
@@ -14,7 +13,6 @@ pub(super) struct Placement {
     /// Box of the object in its local coordinates. `None` if the object's bounds are given in scene
     /// coordinates.
     pub(super) local: Option<Aabb>,
-    pub(super) mesh: Option<PlacedMesh>,
     /// Maps local coordinates, those of `local` and of a mesh that was given, to scene coordinates.
     pub(super) transform: Affine3A,
 }
@@ -22,13 +20,23 @@ pub(super) struct Placement {
 /// The occluder mesh of an object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlacedMesh {
-    pub(super) id: MeshId,
-    /// Whether the mesh was made from the object's triangles, and is dropped with them.
-    pub(super) is_prepared: bool,
-    /// Whether the mesh is in scene coordinates, so that the object's transform does not place it.
-    pub(super) in_scene: bool,
+    /// Index of the mesh, which stays the same mesh while an object has it.
+    pub(super) index: u32,
+    pub(super) origin: MeshOrigin,
     /// Whether the mesh lies within the object's bounds. It hides nothing otherwise.
     pub(super) is_inside: bool,
+}
+
+/// Where an object's occluder mesh comes from, and so what places it.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum MeshOrigin {
+    /// It was given, and the object's transform places it.
+    Given,
+    /// It was made from a mesh of [`SharedTriangles`](super::SharedTriangles), whose transform places it, and
+    /// is dropped with them.
+    Placed,
+    /// It was made from the object's triangles in scene coordinates, and is dropped with them.
+    InScene,
 }
 
 /// The placements of a scene, with constant-time look-up by object index.
@@ -38,25 +46,39 @@ pub(super) struct Placements {
     /// Shorter than the index range, and empty until an object first gets a placement.
     rows: Vec<u32>,
     dense: Vec<Placement>,
+    /// Occluder mesh of each object, indexed by object index. Shorter than the index range, and empty until
+    /// an object first gets a mesh.
+    meshes: Vec<Option<PlacedMesh>>,
 }
 
 const NONE: u32 = u32::MAX;
 
 impl Placements {
     pub(super) fn is_empty(&self) -> bool {
-        self.dense.is_empty()
+        self.dense.is_empty() && self.meshes.is_empty()
+    }
+
+    pub(super) fn mesh(&self, index: u32) -> Option<PlacedMesh> {
+        *self.meshes.get(index as usize)?
+    }
+
+    /// Sets or removes the mesh of an object.
+    pub(super) fn set_mesh(&mut self, index: u32, mesh: Option<PlacedMesh>) {
+        let i = index as usize;
+        if mesh.is_some() && self.meshes.len() <= i {
+            self.meshes.resize(i + 1, None);
+        }
+        if let Some(place) = self.meshes.get_mut(i) {
+            *place = mesh;
+        }
     }
 
     pub(super) fn get(&self, index: u32) -> Option<&Placement> {
         self.dense.get(*self.rows.get(index as usize)? as usize)
     }
 
-    pub(super) fn get_mut(&mut self, index: u32) -> Option<&mut Placement> {
-        self.dense.get_mut(*self.rows.get(index as usize)? as usize)
-    }
-
-    /// Returns the placement of an object; a new one, without box and mesh and with the identity as its
-    /// transform, if the object has none.
+    /// Returns the placement of an object; a new one, without a box and with the identity as its transform,
+    /// if the object has none.
     pub(super) fn get_or_insert(&mut self, index: u32) -> &mut Placement {
         let i = index as usize;
         if self.rows.len() <= i {
@@ -64,26 +86,26 @@ impl Placements {
         }
         if self.rows[i] == NONE {
             self.rows[i] = self.dense.len() as u32;
-            self.dense.push(Placement { index, local: None, mesh: None, transform: Affine3A::IDENTITY });
+            self.dense.push(Placement { index, local: None, transform: Affine3A::IDENTITY });
         }
         &mut self.dense[self.rows[i] as usize]
     }
 
-    /// Removes the placement of an object and returns it. `None` if the object has none.
-    pub(super) fn remove(&mut self, index: u32) -> Option<Placement> {
-        let row = core::mem::replace(self.rows.get_mut(index as usize)?, NONE) as usize;
+    /// Removes the placement of an object, if it has one.
+    pub(super) fn remove(&mut self, index: u32) {
+        let Some(row) = self.rows.get_mut(index as usize) else { return };
+        let row = core::mem::replace(row, NONE) as usize;
         if row >= self.dense.len() {
-            return None;
+            return;
         }
-        let removed = self.dense.swap_remove(row);
+        self.dense.swap_remove(row);
         if let Some(moved) = self.dense.get(row) {
             self.rows[moved.index as usize] = row as u32;
         }
-        Some(removed)
     }
 
     /// Returns the number of bytes in use, without reserved capacity.
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&self.rows[..]) + size_of_val(&self.dense[..])
+        size_of_val(&self.rows[..]) + size_of_val(&self.dense[..]) + size_of_val(&self.meshes[..])
     }
 }

@@ -9,7 +9,7 @@
 
 use super::boxes64::lanes;
 use super::mesh_bounds::{is_any_outside, is_within};
-use super::placement::PlacedMesh;
+use super::placement::{MeshOrigin, PlacedMesh};
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, SharedTriangles, Slot, ToAffine, Triangles};
 use crate::{Aabb, OccluderMesh};
 use glam::Affine3A;
@@ -39,8 +39,7 @@ impl Scene {
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.
     pub fn set_local_bounds(&mut self, id: ObjectId, local: Aabb) -> Result<(), SceneError> {
         self.slot(id)?;
-        let mesh = self.placements.get(id.index).and_then(|placement| placement.mesh);
-        if mesh.is_some_and(|mesh| mesh.is_prepared && !mesh.in_scene) {
+        if self.placements.mesh(id.index).is_some_and(|mesh| mesh.origin == MeshOrigin::Placed) {
             // Its transform is that of triangles, not the object's.
             self.drop_prepared_mesh(id.index);
         }
@@ -67,7 +66,27 @@ impl Scene {
     /// bounds, to scene coordinates. The identity if none was set. `None` if the object is unknown.
     pub fn transform(&self, id: ObjectId) -> Option<Affine3A> {
         self.slot(id).ok()?;
-        Some(self.placements.get(id.index).map_or(Affine3A::IDENTITY, |placement| placement.transform))
+        Some(match self.placements.mesh(id.index) {
+            Some(mesh) if mesh.origin == MeshOrigin::Placed => *self.mesh_transform(id.index, mesh),
+            _ => *self.own_transform(id.index),
+        })
+    }
+
+    /// Returns the transform that was set for an object; the identity if none was.
+    fn own_transform(&self, index: u32) -> &Affine3A {
+        self.placements.get(index).map_or(&Affine3A::IDENTITY, |placement| &placement.transform)
+    }
+
+    /// Returns the transform from the coordinates of an object's mesh to scene coordinates.
+    fn mesh_transform(&self, index: u32, mesh: PlacedMesh) -> &Affine3A {
+        match mesh.origin {
+            MeshOrigin::Given => self.own_transform(index),
+            MeshOrigin::Placed => {
+                let triangles = self.triangles.get(index as usize).and_then(Option::as_ref);
+                triangles.and_then(SharedTriangles::rounded_transform).unwrap_or(&Affine3A::IDENTITY)
+            }
+            MeshOrigin::InScene => &Affine3A::IDENTITY,
+        }
     }
 
     /// Moves an object with [local bounds](Self::set_local_bounds): its bounds and its mesh, from local to
@@ -133,8 +152,7 @@ impl Scene {
         let placement = self.placements.get_or_insert(id.index);
         let is_moved = core::mem::replace(&mut placement.transform, transform) != transform;
         let local = placement.local.unwrap_or(Aabb::EMPTY);
-        let is_prepared = placement.mesh.is_some_and(|mesh| mesh.is_prepared);
-        if is_moved && (is_prepared || !self.triangles.is_empty()) {
+        if is_moved && !self.triangles.is_empty() {
             self.drop_triangles(id.index);
         }
         local.transformed(&transform)
@@ -154,6 +172,7 @@ impl Scene {
     /// its local box.
     pub(super) fn forget_place(&mut self, id: ObjectId, bounds: &Aabb) {
         if self.placements.get(id.index).is_none()
+            && self.placements.mesh(id.index).is_none()
             && self.triangles.get(id.index()).is_none_or(Option::is_none)
         {
             return;
@@ -162,14 +181,16 @@ impl Scene {
         if self.tree.bounds[slot.node()].get(slot.lane()) != *bounds {
             self.drop_triangles(id.index);
             self.replace_mesh(id.index, None);
-            self.remove_placement(id.index);
+            self.placements.remove(id.index);
         }
     }
 
     /// Removes what places an object, and its mesh from the object.
     pub(super) fn remove_placement(&mut self, index: u32) {
-        if let Some(mesh) = self.placements.remove(index).and_then(|placement| placement.mesh) {
-            self.meshes.remove_user(mesh.id);
+        self.placements.remove(index);
+        if let Some(mesh) = self.placements.mesh(index) {
+            self.placements.set_mesh(index, None);
+            self.meshes.remove_user(mesh.index);
         }
     }
 
@@ -181,13 +202,10 @@ impl Scene {
         self.drop_prepared_mesh(index);
     }
 
-    /// Takes away a mesh that was made from the object's triangles, and the transform that it came with.
+    /// Takes away a mesh that was made from the object's triangles.
     fn drop_prepared_mesh(&mut self, index: u32) {
-        let mesh = self.placements.get(index).and_then(|placement| placement.mesh);
-        let Some(mesh) = mesh.filter(|mesh| mesh.is_prepared) else { return };
-        self.replace_mesh(index, None);
-        if let Some(placement) = self.placements.get_mut(index).filter(|_| !mesh.in_scene) {
-            placement.transform = Affine3A::IDENTITY;
+        if self.placements.mesh(index).is_some_and(|mesh| mesh.origin != MeshOrigin::Given) {
+            self.replace_mesh(index, None);
         }
     }
 
@@ -195,22 +213,20 @@ impl Scene {
     /// found it within the object's bounds.
     pub(super) fn replace_mesh(&mut self, index: u32, mesh: Option<PlacedMesh>) {
         self.count_occluder(index, false);
-        let former = self.placements.get(index).and_then(|placement| placement.mesh);
+        let former = self.placements.mesh(index);
         if let Some(mesh) = mesh {
-            self.meshes.add_user(mesh.id);
-            self.placements.get_or_insert(index).mesh = Some(mesh);
-        } else if let Some(placement) = self.placements.get_mut(index) {
-            placement.mesh = None;
+            self.meshes.add_user(mesh.index);
         }
+        self.placements.set_mesh(index, mesh);
         if let Some(former) = former {
-            self.meshes.remove_user(former.id);
+            self.meshes.remove_user(former.index);
         }
         self.count_occluder(index, true);
     }
 
     /// Returns whether a stored mesh, placed in scene coordinates, lies within the bounds of an object.
     pub(crate) fn is_mesh_inside(&self, id: ObjectId, mesh: MeshId, transform: &Affine3A) -> bool {
-        let (Some(mesh), Ok(bounds)) = (self.meshes.of_object(mesh), self.bounds(id)) else { return false };
+        let (Some(mesh), Ok(bounds)) = (self.meshes.at(mesh.index), self.bounds(id)) else { return false };
         is_within(mesh, transform, &bounds)
     }
 
@@ -218,17 +234,15 @@ impl Scene {
     /// the object has a local box, which moves together with the mesh, otherwise in scene coordinates. Does
     /// nothing for an object without a mesh.
     fn check_mesh(&mut self, index: u32) {
-        let Some((placement, mesh)) = self.placements.get(index).and_then(|p| Some((p, p.mesh?))) else {
-            return;
-        };
+        let Some(mesh) = self.placements.mesh(index) else { return };
         let slot = self.tree.slots[index as usize];
         let bounds = self.tree.bounds[slot.node()].get(slot.lane());
-        let (transform, bounds) = match placement.local {
-            Some(local) if !mesh.in_scene => (Affine3A::IDENTITY, local),
-            _ => (if mesh.in_scene { Affine3A::IDENTITY } else { placement.transform }, bounds),
+        let local = self.placements.get(index).and_then(|placement| placement.local);
+        let (transform, bounds) = match local {
+            Some(local) if mesh.origin == MeshOrigin::Given => (&Affine3A::IDENTITY, local),
+            _ => (self.mesh_transform(index, mesh), bounds),
         };
-        let is_inside =
-            self.meshes.of_object(mesh.id).is_some_and(|mesh| is_within(mesh, &transform, &bounds));
+        let is_inside = self.meshes.at(mesh.index).is_some_and(|mesh| is_within(mesh, transform, &bounds));
         if is_inside != mesh.is_inside {
             self.replace_mesh(index, Some(PlacedMesh { is_inside, ..mesh }));
         }
@@ -238,8 +252,7 @@ impl Scene {
     /// out. Does nothing for an object with neither the flag nor a mesh, or with both.
     pub(super) fn count_occluder(&mut self, index: u32, is_added: bool) {
         let is_flagged = self.tree.payload(self.tree.slots[index as usize]).occluder;
-        let mesh = self.placements.get(index).and_then(|placement| placement.mesh);
-        let count = match (mesh, is_flagged) {
+        let count = match (self.placements.mesh(index), is_flagged) {
             (None, true) => &mut self.meshless,
             (Some(mesh), true) if !mesh.is_inside => &mut self.outside,
             (Some(_), false) => &mut self.unflagged,
@@ -380,7 +393,7 @@ impl Scene {
         if !transform.is_finite() {
             return Err(SceneError::NonFiniteTransform(id));
         }
-        let placed = PlacedMesh { id: mesh, is_prepared: false, in_scene: false, is_inside: false };
+        let placed = PlacedMesh { index: mesh.index, origin: MeshOrigin::Given, is_inside: false };
         self.replace_mesh(id.index, Some(placed));
         if self.local_bounds(id).is_some() {
             self.check_mesh(id.index);
@@ -392,16 +405,12 @@ impl Scene {
         Ok(())
     }
 
-    /// Gives an object an occluder mesh made from its triangles, which is dropped when these change.
-    /// `transform` maps the mesh to scene coordinates, for an object without local bounds; `None` for a mesh
+    /// Gives an object an occluder mesh made from its triangles, which is dropped when these change: a mesh
+    /// that the transform of the triangles places (`is_placed`), for an object without local bounds, or one
     /// in scene coordinates.
-    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Option<Affine3A>) {
-        let in_scene = transform.is_none();
-        let placed = PlacedMesh { id: mesh, is_prepared: true, in_scene, is_inside: false };
-        self.replace_mesh(id.index, Some(placed));
-        if let Some(transform) = transform {
-            self.placements.get_or_insert(id.index).transform = transform;
-        }
+    pub(crate) fn set_prepared_mesh(&mut self, id: ObjectId, mesh: MeshId, is_placed: bool) {
+        let origin = if is_placed { MeshOrigin::Placed } else { MeshOrigin::InScene };
+        self.replace_mesh(id.index, Some(PlacedMesh { index: mesh.index, origin, is_inside: false }));
         self.check_mesh(id.index);
         self.log.push(id, self.generations.len());
     }
@@ -409,7 +418,7 @@ impl Scene {
     /// Returns whether an object has an occluder mesh, flagged as an occluder or not. False for an unknown
     /// object.
     pub fn has_mesh(&self, id: ObjectId) -> bool {
-        self.contains(id) && self.placements.get(id.index).is_some_and(|placement| placement.mesh.is_some())
+        self.contains(id) && self.placements.mesh(id.index).is_some()
     }
 
     /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
@@ -426,10 +435,8 @@ impl Scene {
     /// Returns what [`occluder`](Self::occluder) does, for an object that is in the scene and flagged as an
     /// occluder.
     pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, &Affine3A)> {
-        let placement = self.placements.get(id.index)?;
-        let mesh = placement.mesh.filter(|mesh| mesh.is_inside)?;
-        let transform = if mesh.in_scene { &Affine3A::IDENTITY } else { &placement.transform };
-        Some((self.meshes.of_object(mesh.id)?, transform))
+        let mesh = self.placements.mesh(id.index).filter(|mesh| mesh.is_inside)?;
+        Some((self.meshes.at(mesh.index)?, self.mesh_transform(id.index, mesh)))
     }
 
     /// Loads into the cache what is asked of the occluders of a leaf. The processor waits for many cache

@@ -5,13 +5,15 @@ use super::Triangle;
 use crate::Aabb;
 use alloc::{boxed::Box, sync::Arc, vec::Vec};
 use core::slice;
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{Affine3A, DAffine3, DVec3, Vec3};
 
 /// Triangles that objects share. A clone refers to the same triangles.
 ///
-/// Triangles with a [transform](Self::placed) are placed one by one as they are read, in `f64`, and then
-/// rounded to `f32`: they are the same to the last bit as triangles that were placed so beforehand. Memory:
-/// 36 bytes for each triangle of the mesh, once, and about 150 bytes for each transform.
+/// Triangles with a [transform](Self::placed) are placed one by one as they are read: in `f64`, and then
+/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, which moves a vertex by at most a
+/// few roundings of the greatest coordinate. Where that could move vertices more, it is kept in `f64`.
+/// Memory: 36 bytes for each triangle of the mesh, once, and 64 bytes for each of the transforms that are
+/// [given together](Self::placed_each).
 ///
 /// ```
 /// use visibility_core::glam::{DAffine3, DVec3, Vec3};
@@ -23,8 +25,16 @@ use glam::{DAffine3, DVec3, Vec3};
 /// ```
 #[derive(Clone, Debug)]
 pub struct SharedTriangles {
-    mesh: Arc<Mesh>,
-    instance: Option<Arc<Instance>>,
+    source: Source,
+}
+
+/// Where triangles come from.
+#[derive(Clone, Debug)]
+enum Source {
+    /// A mesh in scene coordinates.
+    InScene(Arc<Mesh>),
+    /// A mesh, and the index of the transform that places it.
+    Placed(Arc<Instances>, u32),
 }
 
 /// Triangles in coordinates of their own, with the box around them.
@@ -34,46 +44,97 @@ struct Mesh {
     bounds: Aabb,
 }
 
-/// Transform from mesh to scene coordinates, with the box around the triangles in scene coordinates.
+/// A mesh with the transforms from its coordinates to those of the scene.
 #[derive(Debug)]
-struct Instance {
-    transform: DAffine3,
-    bounds: Aabb,
+struct Instances {
+    mesh: Arc<Mesh>,
+    transforms: Transforms,
+}
+
+#[derive(Debug)]
+enum Transforms {
+    /// Each [rounded].
+    Rounded(Box<[Affine3A]>),
+    /// As they were given, since one at least cannot be rounded.
+    Exact(Box<[DAffine3]>),
 }
 
 impl SharedTriangles {
     /// Returns triangles of the same mesh, placed by a transform from the coordinates of the mesh to those of
-    /// the scene. It takes the place of a former transform. Visits every triangle once, for their bounds.
+    /// the scene. It takes the place of a former transform.
     ///
     /// A transform that mirrors (with a negative determinant) turns triangles inside out. Two of their
     /// corners are then exchanged, so that the front of each stays its front.
     #[must_use]
     pub fn placed(&self, transform: DAffine3) -> Self {
-        let view = Triangles { transform: Some(&transform), ..self.mesh.view() };
-        let bounds = Aabb::from_points(view.iter().flatten());
-        Self { mesh: self.mesh.clone(), instance: Some(Arc::new(Instance { transform, bounds })) }
+        Self { source: Source::Placed(Arc::new(self.instances(&[transform])), 0) }
+    }
+
+    /// Returns triangles of the same mesh, [placed](Self::placed) by each of some transforms, in less memory
+    /// than by a call for each. It is freed with the last of the triangles. At most 2^32 - 1 transforms are
+    /// taken.
+    ///
+    /// ```
+    /// use visibility_core::glam::{DAffine3, DVec3, Vec3};
+    /// use visibility_core::scene::SharedTriangles;
+    /// let leaf = SharedTriangles::from([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+    /// let row = [0.0, 4.0, 8.0].map(|x| DAffine3::from_translation(DVec3::X * x));
+    /// assert_eq!(leaf.placed_each(&row)[2].bounds().min, Vec3::X * 8.0);
+    /// ```
+    #[must_use]
+    pub fn placed_each(&self, transforms: &[DAffine3]) -> Vec<Self> {
+        let instances = Arc::new(self.instances(transforms));
+        let placed = (0..u32::MAX).take(transforms.len());
+        placed.map(|index| Self { source: Source::Placed(instances.clone(), index) }).collect()
+    }
+
+    fn instances(&self, transforms: &[DAffine3]) -> Instances {
+        let mesh = self.mesh();
+        let rounded: Option<Box<_>> = transforms.iter().map(|each| rounded(each, &mesh.bounds)).collect();
+        let transforms = rounded.map_or_else(|| Transforms::Exact(transforms.into()), Transforms::Rounded);
+        Instances { mesh: mesh.clone(), transforms }
+    }
+
+    fn mesh(&self) -> &Arc<Mesh> {
+        match &self.source {
+            Source::InScene(mesh) => mesh,
+            Source::Placed(instances, _) => &instances.mesh,
+        }
     }
 
     /// Returns the triangles in scene coordinates.
     pub fn view(&self) -> Triangles<'_> {
-        match &self.instance {
-            None => self.mesh.view(),
-            Some(instance) => Triangles {
-                mesh: &self.mesh.triangles,
-                transform: Some(&instance.transform),
-                bounds: Some(&instance.bounds),
+        let mesh = self.mesh();
+        let transform = match &self.source {
+            Source::InScene(_) => None,
+            Source::Placed(instances, index) => Some(match &instances.transforms {
+                Transforms::Rounded(transforms) => exact(&transforms[*index as usize]),
+                Transforms::Exact(transforms) => transforms[*index as usize],
+            }),
+        };
+        Triangles { mesh: &mesh.triangles, transform, mesh_bounds: Some(&mesh.bounds) }
+    }
+
+    /// Returns the transform from mesh to scene coordinates, if it is kept in `f32`. `None` for triangles
+    /// without a transform.
+    pub(crate) fn rounded_transform(&self) -> Option<&Affine3A> {
+        match &self.source {
+            Source::Placed(instances, index) => match &instances.transforms {
+                Transforms::Rounded(transforms) => transforms.get(*index as usize),
+                Transforms::Exact(_) => None,
             },
+            Source::InScene(_) => None,
         }
     }
 
     /// Returns the number of triangles.
     pub fn len(&self) -> usize {
-        self.mesh.triangles.len()
+        self.mesh().triangles.len()
     }
 
     /// Returns whether there are no triangles.
     pub fn is_empty(&self) -> bool {
-        self.mesh.triangles.is_empty()
+        self.mesh().triangles.is_empty()
     }
 
     /// Returns all triangles in scene coordinates, in their order.
@@ -81,30 +142,54 @@ impl SharedTriangles {
         self.view().iter()
     }
 
-    /// Returns the box around the triangles in scene coordinates, [empty](Aabb::EMPTY) without triangles, NaN
-    /// if a coordinate is. Takes constant time.
+    /// Returns the smallest box around the triangles in scene coordinates, [empty](Aabb::EMPTY) without
+    /// triangles, NaN if a coordinate is. Takes constant time for triangles without a transform, otherwise
+    /// visits all.
     pub fn bounds(&self) -> Aabb {
-        self.instance.as_ref().map_or(self.mesh.bounds, |instance| instance.bounds)
+        match &self.source {
+            Source::InScene(mesh) => mesh.bounds,
+            Source::Placed(..) => Aabb::from_points(self.iter().flatten()),
+        }
     }
 
     /// Returns whether the triangles are those of the same mesh in memory.
     pub fn shares_mesh(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.mesh, &other.mesh)
+        Arc::ptr_eq(self.mesh(), other.mesh())
     }
 
     /// Returns the number of bytes of the mesh, which all that share it have together.
     pub fn mesh_memory(&self) -> usize {
-        size_of::<Mesh>() + size_of_val(&self.mesh.triangles[..])
-    }
-
-    /// Returns the box around the triangles in the coordinates of the mesh.
-    pub(crate) fn mesh_bounds(&self) -> &Aabb {
-        &self.mesh.bounds
+        size_of::<Mesh>() + size_of_val(&self.mesh().triangles[..])
     }
 
     /// Returns the address of the mesh, by which objects that share it are told from others.
     pub(crate) fn mesh_address(&self) -> usize {
-        Arc::as_ptr(&self.mesh).addr()
+        Arc::as_ptr(self.mesh()).addr()
+    }
+}
+
+/// Returns a transform rounded to `f32`. `None` if it is not finite then, and where products and sums are so
+/// much larger than the coordinates that they yield that rounding could move vertices of a mesh with the
+/// given box: more than 4 times.
+fn rounded(transform: &DAffine3, mesh_bounds: &Aabb) -> Option<Affine3A> {
+    let rounded = Affine3A {
+        matrix3: transform.matrix3.as_mat3().into(),
+        translation: transform.translation.as_vec3a(),
+    };
+    let [x, y, z] = [0, 1, 2].map(|axis| rounded.matrix3.col(axis).abs());
+    let of_mesh = mesh_bounds.min.abs().max(mesh_bounds.max.abs());
+    let size = rounded.translation.abs() + x * of_mesh.x + y * of_mesh.y + z * of_mesh.z;
+    let placed = mesh_bounds.transformed(&rounded);
+    let coordinates = placed.min.abs().max(placed.max.abs());
+    let is_near = size.max_element() <= 4.0 * coordinates.max_element();
+    (is_near && rounded.is_finite()).then_some(rounded)
+}
+
+/// Returns a transform in `f64`, without rounding.
+fn exact(transform: &Affine3A) -> DAffine3 {
+    DAffine3 {
+        matrix3: glam::Mat3::from(transform.matrix3).as_dmat3(),
+        translation: Vec3::from(transform.translation).as_dvec3(),
     }
 }
 
@@ -115,17 +200,11 @@ impl PartialEq for SharedTriangles {
     }
 }
 
-impl Mesh {
-    fn view(&self) -> Triangles<'_> {
-        Triangles { mesh: &self.triangles, transform: None, bounds: Some(&self.bounds) }
-    }
-}
-
 impl From<Box<[Triangle]>> for SharedTriangles {
     /// Takes triangles in scene coordinates, or in those of a mesh that is to be [placed](Self::placed).
     fn from(triangles: Box<[Triangle]>) -> Self {
         let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
-        Self { mesh: Arc::new(Mesh { triangles, bounds }), instance: None }
+        Self { source: Source::InScene(Arc::new(Mesh { triangles, bounds })) }
     }
 }
 
@@ -159,9 +238,9 @@ impl<const N: usize> From<[Triangle; N]> for SharedTriangles {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Triangles<'a> {
     mesh: &'a [Triangle],
-    transform: Option<&'a DAffine3>,
-    /// Box around the placed triangles, if it is known.
-    bounds: Option<&'a Aabb>,
+    transform: Option<DAffine3>,
+    /// Box around the triangles in the coordinates of the mesh, if it is known.
+    mesh_bounds: Option<&'a Aabb>,
 }
 
 impl<'a> Triangles<'a> {
@@ -195,15 +274,19 @@ impl<'a> Triangles<'a> {
         self.iter().collect()
     }
 
-    /// Returns the box around the triangles in scene coordinates, if it is known without visiting them: for
-    /// those of [`SharedTriangles`], and so of all objects of a scene. NaN if a coordinate is.
-    pub fn known_bounds(&self) -> Option<&'a Aabb> {
-        self.bounds
+    /// Returns a box around the triangles in scene coordinates, if one is known without visiting them: for
+    /// [`SharedTriangles`], unless their transform is kept in `f64`. It is the smallest for triangles without
+    /// a transform, and otherwise the box around the image of the mesh's box. NaN if a coordinate is.
+    pub fn known_bounds(&self) -> Option<Aabb> {
+        let bounds = self.mesh_bounds?;
+        let Some(transform) = self.transform else { return Some(*bounds) };
+        let rounded = rounded(&transform, bounds).filter(|rounded| exact(rounded) == transform)?;
+        Some(bounds.transformed(&rounded))
     }
 
     /// Returns the triangles in the coordinates of their mesh, and the transform from these to scene
     /// coordinates, which is `None` where both are the same.
-    pub fn mesh(&self) -> (&'a [Triangle], Option<&'a DAffine3>) {
+    pub fn mesh(&self) -> (&'a [Triangle], Option<DAffine3>) {
         (self.mesh, self.transform)
     }
 }
@@ -217,7 +300,7 @@ impl PartialEq for Triangles<'_> {
 
 impl<'a> From<&'a [Triangle]> for Triangles<'a> {
     fn from(mesh: &'a [Triangle]) -> Self {
-        Self { mesh, transform: None, bounds: None }
+        Self { mesh, transform: None, mesh_bounds: None }
     }
 }
 
@@ -255,7 +338,7 @@ impl<'a> IntoIterator for &'a SharedTriangles {
 #[derive(Clone, Debug)]
 pub struct TriangleIter<'a> {
     rest: slice::Iter<'a, Triangle>,
-    placement: Placement<'a>,
+    placement: Placement,
 }
 
 impl Iterator for TriangleIter<'_> {
@@ -275,14 +358,14 @@ impl ExactSizeIterator for TriangleIter<'_> {}
 
 /// How the triangles of a mesh are placed in the scene as they are read.
 #[derive(Clone, Copy, Debug)]
-enum Placement<'a> {
+enum Placement {
     InScene,
-    Moved(&'a DAffine3),
-    Mirrored(&'a DAffine3),
+    Moved(DAffine3),
+    Mirrored(DAffine3),
 }
 
-impl<'a> Placement<'a> {
-    fn of(transform: Option<&'a DAffine3>) -> Self {
+impl Placement {
+    fn of(transform: Option<DAffine3>) -> Self {
         match transform {
             None => Self::InScene,
             Some(transform) if transform.matrix3.determinant() < 0.0 => Self::Mirrored(transform),
@@ -291,7 +374,7 @@ impl<'a> Placement<'a> {
     }
 
     #[inline]
-    fn place(self, triangle: &Triangle) -> Triangle {
+    fn place(&self, triangle: &Triangle) -> Triangle {
         match self {
             Self::InScene => *triangle,
             Self::Moved(transform) => triangle.map(|p| place(transform, p)),

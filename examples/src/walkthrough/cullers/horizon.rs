@@ -36,7 +36,8 @@ pub(super) const KNOWN: &[Known] = &[
             let crossings = dial.map_or(Ok(10), |dial| {
                 dial.parse().ok().filter(|&count: &u8| count > 0).ok_or_else(|| refused(dial))
             })?;
-            let is_tree = |id: &ObjectId| world.source.objects[id.index()].name.starts_with("tree");
+            let is_tree =
+                |id: &ObjectId| world.source.objects[id.index()].name.to_string().starts_with("tree");
             let trees: Vec<ObjectId> = world.scene.ids().filter(is_tree).collect();
             if trees.is_empty() {
                 return Err("this scene has no objects named tree".to_owned());
