@@ -4,6 +4,7 @@
 mod clipping;
 mod common;
 mod enclosures;
+mod eye_plane;
 mod hom;
 mod hom_no_allocation;
 mod hom_occluders;

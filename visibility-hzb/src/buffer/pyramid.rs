@@ -3,7 +3,7 @@
 //! Cohen-Or, Chrysanthou, Silva and Durand, "A Survey of Visibility for Walkthrough Applications", 2003,
 //! section 6.1).
 
-use super::tile_layout::{LINES, Rectangle, SIDE, mask};
+use super::tile_layout::{EMPTY_DEPTH, LINES, Rectangle, SIDE, mask};
 use super::tiles::{Tiles, UNCHANGED, join};
 use crate::lanes::least;
 use alloc::vec::Vec;
@@ -60,6 +60,19 @@ impl Pyramid {
     /// Level 0 is the first above the tiles. `None` beyond the last level.
     pub(crate) fn level(&self, level: usize) -> Option<(usize, usize, &[f32])> {
         self.levels.get(level).map(|level| (level.columns, level.rows, &level.least[..]))
+    }
+
+    /// Returns the least depth keys under the texels from `column` on in a row of a level, counted from the
+    /// tiles, which are level 0. Negative infinity where there are no texels.
+    #[inline(always)]
+    pub(crate) fn texels<const N: usize>(&self, level: usize, column: usize, row: usize) -> [f32; N] {
+        let mut texels = [EMPTY_DEPTH; N];
+        if let Some(level) = self.levels.get(level.wrapping_sub(1))
+            && let Some(own) = level.least.get(row * level.columns + column..(row + 1) * level.columns)
+        {
+            texels.iter_mut().zip(own).for_each(|(texel, own)| *texel = *own);
+        }
+        texels
     }
 
     /// Recomputes all texels above the dirty tiles (those changed since the last update) of `tiles`, and

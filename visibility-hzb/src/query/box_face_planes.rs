@@ -29,6 +29,9 @@ use crate::setup::screen_projection::{ScreenProjection, U};
 /// together. Lanes 0 to 2 are the faces of greatest x, y and z, lanes 3 to 5 those of least x, y and z.
 pub(crate) const LANES: usize = 8;
 
+/// Lane indices.
+const STEPS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
 /// Sign of the outward normal of each face along its axis; 0 in the two unused lanes.
 const SIGNS: [f64; LANES] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
 
@@ -162,6 +165,13 @@ impl FacePlaneSetup {
 }
 
 impl BoxFacePlanes {
+    /// Returns whether any face bounds the box's depth key from above: whether the eye is certainly outside
+    /// the box.
+    #[inline(always)]
+    pub(crate) fn bounds_from_above(&self) -> bool {
+        lowest(&self.upper) < f64::INFINITY
+    }
+
     /// Returns true for each face that bounds the box's depth key from above by a plane strictly below the
     /// plane `a x + b y + c` (pixel coordinates) in a whole rectangle (left, right, top, bottom in pixels).
     /// False for faces that are not upper bounds. The difference of two planes is least at a corner of the
@@ -192,6 +202,26 @@ impl BoxFacePlanes {
             (above[i], below[i]) = (value + self.upper[i], value + self.lower[i]);
         }
         [lowest(&above), -lowest(&below)]
+    }
+}
+
+impl BoxFacePlanes {
+    /// Returns what [`range`](Self::range) does for [`LANES`] squares side by side, of which the first has
+    /// its upper left corner at `left` and `top`, in pixels: upper bounds, and lower bounds.
+    #[inline(always)]
+    pub(crate) fn ranges(&self, [left, top]: [f64; 2], size: f64) -> [[f64; LANES]; 2] {
+        let (mut above, mut below) = ([f64::INFINITY; LANES], [f64::INFINITY; LANES]);
+        for face in 0..6 {
+            let [a, b] = [self.slope[0][face], self.slope[1][face]];
+            let row = b * if b > 0.0 { top + size } else { top } + self.constant[face];
+            let first = if a > 0.0 { left + size } else { left };
+            for i in 0..LANES {
+                let value = a * (first + size * STEPS[i]) + row;
+                above[i] = least(value + self.upper[face], above[i]);
+                below[i] = least(value + self.lower[face], below[i]);
+            }
+        }
+        [above, below.map(|value| -value)]
     }
 }
 
@@ -268,6 +298,32 @@ mod tests {
             }
         }
         assert!(above > 2_000 && below > 2_000, "{above} {below}");
+    }
+
+    #[test]
+    fn ranges_of_squares_are_those_of_rectangles() {
+        let mut random = random(9);
+        for _ in 0..2_000 {
+            let mut lanes = |size: f64| [0; LANES].map(|_| random(-size, size));
+            let mut box_planes = BoxFacePlanes {
+                slope: [lanes(0.1), lanes(0.1)],
+                constant: lanes(4.0),
+                upper: lanes(1.0).map(|side| if side > 0.0 { 0.0 } else { f64::INFINITY }),
+                lower: [0.0; LANES],
+            };
+            box_planes.lower = box_planes.upper.map(|upper| if upper > 0.0 { 0.0 } else { f64::INFINITY });
+            (box_planes.upper[6], box_planes.upper[7]) = (f64::INFINITY, f64::INFINITY);
+            (box_planes.lower[6], box_planes.lower[7]) = (f64::INFINITY, f64::INFINITY);
+            let [left, top, size] = [40.0, 64.0, 8.0];
+            let [most, least] = box_planes.ranges([left, top], size);
+            for i in 0..LANES {
+                let x = left + size * i as f64;
+                let own = box_planes.range([x, x + size, top, top + size]);
+                for (a, b) in own.into_iter().zip([most[i], least[i]]) {
+                    assert!(a == b || (a - b).abs() < 1e-12, "square {i}: {b} instead of {a}");
+                }
+            }
+        }
     }
 
     #[test]

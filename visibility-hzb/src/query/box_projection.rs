@@ -103,6 +103,14 @@ impl ScreenProjection32 {
     }
 }
 
+impl ScreenProjection32 {
+    /// Returns the width and height of the picture in whole pixels.
+    #[inline(always)]
+    pub(crate) fn picture_size(&self) -> [u32; 2] {
+        self.picture.map(|side| side as u32)
+    }
+}
+
 /// [`WIDTH`] points on the screen.
 pub(crate) struct ScreenPoints {
     /// Columns in pixels. Meaningless where `error` is infinite, as are all other values.

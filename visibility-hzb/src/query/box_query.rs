@@ -7,7 +7,7 @@
 
 use super::box_face_planes::FacePlaneSetup;
 use super::box_projection::{ProjectedBoxes, ScreenProjection32, project};
-use super::face_query::faces_hide;
+use super::face_query::FaceTest;
 use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, bits};
@@ -114,6 +114,7 @@ fn decide<const N: usize>(
         let coarsely = query.pyramid.hides_coarsely(query.tiles, &projected.rectangle(i), nearest);
         hidden |= u64::from(coarsely) << i;
     }
+    let sides_of = |i: usize| boxes.each_ref().map(|side| side[i]);
     let mut left = rest & !hidden;
     while left != 0 {
         let i = left.trailing_zeros() as usize % N;
@@ -125,15 +126,19 @@ fn decide<const N: usize>(
         if !(behind > projected.farthest[i]) {
             continue;
         }
-        let mut sides = [0.0; 6];
-        for row in 0..6 {
-            sides[row] = boxes[row][i];
-        }
         if behind > nearest && query.pyramid.hides(query.tiles, &rectangle, nearest)
-            || faces_hide(query.faces, query.tiles, &rectangle, sides, nearest)
+            || FaceTest::new(query, rectangle, sides_of(i), nearest).is_some_and(|test| test.is_hidden())
         {
             hidden |= 1 << i;
         }
+    }
+    // Boxes that reach the plane of the eye, such as a wall beside a corridor or what is behind that wall.
+    let mut left = lanes & !outside & !visible & !gather(&projected.known);
+    while left != 0 {
+        let i = left.trailing_zeros() as usize % N;
+        left &= left - 1;
+        let test = FaceTest::at_eye(query, sides_of(i));
+        hidden |= u64::from(test.is_some_and(|test| test.is_hidden())) << i;
     }
     (hidden, visible)
 }

@@ -1,100 +1,223 @@
-//! Tests whether drawn occluders hide a box, by bounds on the box's depth from the planes of its faces: tile
-//! by tile, then row by row, then pixel by pixel.
+//! Tests whether drawn occluders hide a box, by bounds on the box's depth from the planes of its faces: block
+//! by block of 8 x 8 tiles, then tile by tile, row by row, pixel by pixel.
 
-use super::box_face_planes::{BoxFacePlanes, FacePlaneSetup};
+use super::box_face_planes::{BoxFacePlanes, LANES};
+use super::box_query::BoxQuery;
+use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tile_layout::{Rectangle, SIDE, mask};
 use crate::buffer::tiles::Tiles;
 use crate::rounding::up;
 
-/// Maximum number of tiles that a tested box may meet. Larger boxes are not tested by their faces: most are
-/// nodes of a hierarchy, whose children are tested anyway.
-const MAX_FACE_TEST_TILES: u32 = 64;
+/// Width and height of a block, in tiles: one texel of a level of the pyramid.
+const BLOCK: u32 = 1 << BLOCK_LEVEL;
 
-/// Returns whether the tiles hide a box in every pixel of `rectangle`, the rectangle around the box. `sides`
-/// are the box's least x, y, z and greatest x, y, z in scene coordinates. `nearest` is an upper bound on the
-/// box's depth keys (greater is nearer). The caller guarantees that the whole box is in front of the eye.
-/// False for parallel views, and for boxes that meet more than [`MAX_FACE_TEST_TILES`] tiles.
-#[inline(always)]
-pub(crate) fn faces_hide(
-    faces: &FacePlaneSetup,
-    tiles: &Tiles,
-    rectangle: &Rectangle,
-    sides: [f32; 6],
+/// Level of the pyramid whose texels are blocks, counted from the tiles.
+const BLOCK_LEVEL: usize = 3;
+
+/// Part of the picture that a tested box may meet: one in so many tiles. Larger boxes are not tested by their
+/// faces. Most are nodes of a hierarchy, whose children are tested anyway (measured: without a limit 1 to 3 %
+/// fewer objects are reported, for 1 to 4 % of the time).
+const LARGE_SHARE: usize = 8;
+
+/// Number of tiles that a tested box may always meet.
+const FEW_TILES: usize = 64;
+
+/// Width and height of a tile, in pixels.
+const STEP: u32 = SIDE as u32;
+
+/// A box that is tested by its faces.
+pub(crate) struct FaceTest<'a> {
+    /// Bounds on the box's depth key by its faces.
+    planes: BoxFacePlanes,
+    tiles: &'a Tiles,
+    /// May be older than the tiles, which is conservative.
+    pyramid: &'a Pyramid,
+    /// Pixels that the box may meet.
+    rectangle: Rectangle,
+    /// Upper bound on the box's depth keys (greater is nearer). Infinity for a box that may reach the eye's
+    /// plane.
     nearest: f32,
-) -> bool {
-    const STEP: u32 = SIDE as u32;
-    let ([x0, x1], [y0, y1]) = (rectangle.columns, rectangle.lines);
-    let (across, down) = ((x1 - 1) / STEP + 1 - x0 / STEP, (y1 - 1) / STEP + 1 - y0 / STEP);
-    if !(faces.scale > 0.0) || across * down > MAX_FACE_TEST_TILES {
-        return false;
+}
+
+impl<'a> FaceTest<'a> {
+    /// Prepares the test of a box in front of the plane of the eye, given by `sides`: its least x, y, z and
+    /// greatest x, y, z in scene coordinates. It meets no pixel beside `rectangle`, and has no depth key
+    /// above `nearest`. `None` if the faces bound nothing, as in parallel views, or if the rectangle is
+    /// [large](LARGE_SHARE).
+    #[inline(always)]
+    pub(crate) fn new(
+        query: &'a BoxQuery,
+        rectangle: Rectangle,
+        sides: [f32; 6],
+        nearest: f32,
+    ) -> Option<Self> {
+        let across = |[first, end]: [u32; 2]| ((end - 1) / STEP + 1 - first / STEP) as usize;
+        let tiles = across(rectangle.columns) * across(rectangle.lines);
+        let most = (query.tiles.columns * query.tiles.rows / LARGE_SHARE).max(FEW_TILES);
+        if tiles > most { None } else { Self::anywhere(query, rectangle, sides, nearest) }
     }
-    let planes = &faces.of_box(sides);
-    let sees = |tile: usize, pixel: u64, [x, y]: [u32; 2]| {
-        undecided(planes, tiles, tile, pixel, [x, x + 1, y, y + 1], nearest) != 0
-    };
-    // In each tile, the pixel nearest to the middle of the box is tested first: it decides most visible
-    // boxes.
-    let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-    for row in y0 / STEP..y0 / STEP + down {
-        for column in x0 / STEP..x0 / STEP + across {
-            let tile = row as usize * tiles.columns + column as usize;
-            let pixels = mask(rectangle, column as usize, row as usize);
-            if tiles.hides(tile, pixels, nearest) {
-                continue;
-            }
-            let (left, top) = (x0.max(column * STEP), y0.max(row * STEP));
-            let (right, bottom) = (x1.min((column + 1) * STEP), y1.min((row + 1) * STEP));
-            // First the whole tile, then each row of the undecided pixels, then each undecided pixel of the
-            // row.
-            let pixels = undecided(planes, tiles, tile, pixels, [left, right, top, bottom], nearest);
-            let (x, y) = (middle[0].clamp(left, right - 1), middle[1].clamp(top, bottom - 1));
-            let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
-            if pixel != 0 && sees(tile, pixel, [x, y]) {
-                return false;
-            }
-            let mut rest = pixels & !pixel;
-            while rest != 0 {
-                let line = rest.trailing_zeros() / STEP;
-                let own = rest & 0xff << (line * STEP);
-                rest &= !own;
-                let (y, end) = (row * STEP + line, row * STEP + line + 1);
-                let mut own = undecided(planes, tiles, tile, own, [left, right, y, end], nearest);
-                while own != 0 {
-                    let x = column * STEP + own.trailing_zeros() % STEP;
-                    let pixel = own & own.wrapping_neg();
-                    own &= own - 1;
-                    if sees(tile, pixel, [x, y]) {
-                        return false;
+
+    /// As [`new`](Self::new), of a box that may meet any pixel, as near as its faces are: it may reach the
+    /// plane of the eye. `None` also if the eye may be in the box.
+    #[inline(always)]
+    pub(crate) fn at_eye(query: &BoxQuery<'a>, sides: [f32; 6]) -> Option<Self> {
+        let [width, height] = query.projection.picture_size();
+        let picture = Rectangle { columns: [0, width], lines: [0, height] };
+        Self::anywhere(query, picture, sides, f32::INFINITY)
+    }
+
+    /// Prepares the test of a box of any size, which may reach the plane of the eye.
+    #[inline(always)]
+    fn anywhere(
+        &BoxQuery { faces, tiles, pyramid, .. }: &BoxQuery<'a>,
+        rectangle: Rectangle,
+        sides: [f32; 6],
+        nearest: f32,
+    ) -> Option<Self> {
+        let planes = (faces.scale > 0.0).then(|| faces.of_box(sides))?;
+        planes.bounds_from_above().then_some(Self { planes, tiles, pyramid, rectangle, nearest })
+    }
+
+    /// Returns whether the tiles hide the box in every pixel of the rectangle.
+    #[inline(always)]
+    pub(crate) fn is_hidden(&self) -> bool {
+        let Rectangle { columns: [x0, x1], lines: [y0, y1] } = self.rectangle;
+        const SIZE: u32 = STEP * BLOCK;
+        if (x1 - 1) / STEP - x0 / STEP < BLOCK && (y1 - 1) / STEP - y0 / STEP < BLOCK {
+            return self.is_hidden_in(&self.rectangle);
+        }
+        // The pixels in the middle of the blocks decide most visible boxes.
+        for closely in [false, true] {
+            for y in y0 / SIZE..=(y1 - 1) / SIZE {
+                for first in (x0 / SIZE..=(x1 - 1) / SIZE).step_by(LANES) {
+                    let least = self.pyramid.texels(BLOCK_LEVEL, first as usize, y as usize);
+                    let mut open = self.open([first, y].map(|at| at * SIZE), SIZE, &least);
+                    while open != 0 {
+                        let x = first + open.trailing_zeros();
+                        open &= open - 1;
+                        let [left, right] = [x0.max(x * SIZE), x1.min((x + 1) * SIZE)];
+                        let [top, bottom] = [y0.max(y * SIZE), y1.min((y + 1) * SIZE)];
+                        if left >= right {
+                            break;
+                        }
+                        let shows = if closely {
+                            !self.is_hidden_in(&Rectangle { columns: [left, right], lines: [top, bottom] })
+                        } else {
+                            self.shows_at((left + right) / 2, (top + bottom) / 2)
+                        };
+                        if shows {
+                            return false;
+                        }
                     }
                 }
             }
         }
+        true
     }
-    true
+
+    /// Returns the mask of those of [`LANES`] squares side by side in which the box may show: the first has
+    /// its upper left corner at `left` and `top` and sides of `size`, in pixels. `least` are the least depth
+    /// keys in the squares.
+    #[inline(always)]
+    fn open(&self, [left, top]: [u32; 2], size: u32, least: &[f32; LANES]) -> u32 {
+        let [left, top, size] = [left, top, size].map(f64::from);
+        let [most, from] = self.planes.ranges([left, top], size);
+        let mut open = 0;
+        for i in 0..LANES {
+            let nearest = f64::from(self.nearest);
+            let most = if most[i] < nearest { most[i] } else { nearest };
+            // Points in view have no depth key below 0 in perspective views.
+            let from = if from[i] > 0.0 { from[i] } else { 0.0 };
+            open |= u32::from((most >= from) & !(f64::from(least[i]) > most)) << i;
+        }
+        open
+    }
+
+    /// Returns whether the box shows, as far as its faces tell, in the pixel at column `x` and row `y`.
+    #[inline(always)]
+    pub(crate) fn shows_at(&self, x: u32, y: u32) -> bool {
+        let tile = (y / STEP) as usize * self.tiles.columns + (x / STEP) as usize;
+        let pixel = 1 << (y % STEP * STEP + x % STEP);
+        self.undecided(tile, pixel, &Rectangle { columns: [x, x + 1], lines: [y, y + 1] }) != 0
+    }
+
+    /// Returns whether the tiles hide the box in every pixel of `part`, a part of the rectangle.
+    #[inline(always)]
+    fn is_hidden_in(&self, part: &Rectangle) -> bool {
+        let Rectangle { columns: [x0, x1], lines: [y0, y1] } = *part;
+        let middle = [(x0 + x1) / 2, (y0 + y1) / 2];
+        let first = x0 / STEP;
+        for row in y0 / STEP..=(y1 - 1) / STEP {
+            let base = row as usize * self.tiles.columns + first as usize;
+            let Some(least) = self.tiles.tile_min[base..].first_chunk() else { return false };
+            let mut open = self.open([first, row].map(|at| at * STEP), STEP, least);
+            open &= (1 << ((x1 - 1) / STEP + 1 - first)) - 1;
+            while open != 0 {
+                let column = first + open.trailing_zeros();
+                open &= open - 1;
+                let tile = row as usize * self.tiles.columns + column as usize;
+                let pixels = mask(part, column as usize, row as usize);
+                if self.tiles.hides_partly(tile, pixels, self.nearest) {
+                    continue;
+                }
+                let (left, top) = (x0.max(column * STEP), y0.max(row * STEP));
+                let (right, bottom) = (x1.min((column + 1) * STEP), y1.min((row + 1) * STEP));
+                // First the whole tile, then its pixel nearest to the middle, then each row of the undecided
+                // pixels, then each undecided pixel of the row.
+                let own = Rectangle { columns: [left, right], lines: [top, bottom] };
+                let pixels = self.undecided(tile, pixels, &own);
+                let (x, y) = (middle[0].clamp(left, right - 1), middle[1].clamp(top, bottom - 1));
+                let pixel = pixels & 1 << (y % STEP * STEP + x % STEP);
+                if pixel != 0 && self.shows_at(x, y) {
+                    return false;
+                }
+                let mut rest = pixels & !pixel;
+                while rest != 0 {
+                    let line = rest.trailing_zeros() / STEP;
+                    let own = rest & 0xff << (line * STEP);
+                    rest &= !own;
+                    let y = row * STEP + line;
+                    let line = Rectangle { columns: [left, right], lines: [y, y + 1] };
+                    let mut own = self.undecided(tile, own, &line);
+                    while own != 0 {
+                        if self.shows_at(column * STEP + own.trailing_zeros() % STEP, y) {
+                            return false;
+                        }
+                        own &= own - 1;
+                    }
+                }
+            }
+        }
+        true
+    }
+
+    /// Returns an upper bound on the box's depth key in `part`. `None` if no view ray there meets the box.
+    #[inline(always)]
+    fn most(&self, part: &Rectangle) -> Option<f32> {
+        let [most, least] = self.planes.range(sides_of(part));
+        let nearest = f64::from(self.nearest);
+        let most = if most < nearest { most } else { nearest };
+        // Points in view have no depth key below 0 in perspective views.
+        let least = if least > 0.0 { least } else { 0.0 };
+        let most = up(most);
+        (f64::from(most) >= least).then_some(most)
+    }
+
+    /// Returns the subset of the mask `pixels` in which the box may be and is not certainly hidden. `tile` is
+    /// the index of the tile, row by row, and bit `8 * y + x` stands for the pixel at column `x` and row `y`
+    /// of the tile. All of `pixels` must lie within `part`.
+    #[inline(always)]
+    fn undecided(&self, tile: usize, pixels: u64, part: &Rectangle) -> u64 {
+        match self.most(part) {
+            Some(most) => self.tiles.undecided(tile, pixels, sides_of(part), most, &self.planes),
+            None => 0,
+        }
+    }
 }
 
-/// Returns the subset of the mask `pixels` in which a box may be and is not certainly hidden. `tile` is the
-/// index of the tile, row by row, and bit `8 * y + x` stands for the pixel at column `x` and row `y` of the
-/// tile. All of `pixels` must lie within `sides` (first column, end column, first row, end row in pixels of
-/// the buffer). `nearest` is an upper bound on the box's depth keys.
+/// Returns the sides of a rectangle: left, right, top, bottom in pixels of the buffer.
 #[inline(always)]
-fn undecided(
-    box_planes: &BoxFacePlanes,
-    tiles: &Tiles,
-    tile: usize,
-    pixels: u64,
-    sides: [u32; 4],
-    nearest: f32,
-) -> u64 {
-    let sides = sides.map(f64::from);
-    let [most, least] = box_planes.range(sides);
-    let nearest = f64::from(nearest);
-    let most = if most < nearest { most } else { nearest };
-    // Points in view have no depth key below 0 in perspective views.
-    let least = if least > 0.0 { least } else { 0.0 };
-    let most = up(most);
-    if f64::from(most) < least {
-        return 0;
-    }
-    tiles.undecided(tile, pixels, sides, most, box_planes)
+fn sides_of(rectangle: &Rectangle) -> [f64; 4] {
+    let ([left, right], [top, bottom]) = (rectangle.columns, rectangle.lines);
+    [left, right, top, bottom].map(f64::from)
 }
