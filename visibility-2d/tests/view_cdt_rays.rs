@@ -1,7 +1,7 @@
 //! A box that the triangulated image hides is met by no line of sight: rays to points of hidden boxes, cast
 //! triangle by triangle, which shares nothing with the image.
 
-use visibility_2d::view_cdt::{DepthOrder, PartlyHidden, ViewCdt};
+use visibility_2d::view_cdt::ViewCdt;
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::view::{Depth, Window};
@@ -192,14 +192,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
         let direction = ahead.normalize();
         let is_parallel = matches!(view.eye(DVec3::ZERO), visibility_core::view::Eye::Direction(_));
         let start = |p: DVec3| if is_parallel { p - direction * 100.0 } else { eye };
-        let order = random.pick(&[
-            DepthOrder::Planes,
-            DepthOrder::Planes,
-            DepthOrder::Cells { incident: false },
-            DepthOrder::Cells { incident: true },
-        ]);
-        let partly = random.pick(&[PartlyHidden::Split, PartlyHidden::Split, PartlyHidden::LeftOut]);
-        let mut map = ViewCdt::new().with_order(order).with_partly_hidden(partly);
+        let mut map = ViewCdt::new();
         map.begin(&view, DVec3::ZERO);
         let count = random.below(10) + 1;
         let occluders: Vec<_> = (0..count).filter_map(|_| occluder(&mut random)).collect();
@@ -226,7 +219,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
                 rays += 1;
                 assert!(
                     is_blocked(start(p), p, (near.normal, near.offset), &faces),
-                    "seed {seed}, round {round}: {p} of {bounds:?} is seen, {order:?} {partly:?}"
+                    "seed {seed}, round {round}: {p} of {bounds:?} is seen"
                 );
             }
         }

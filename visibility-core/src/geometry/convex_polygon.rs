@@ -217,7 +217,7 @@ impl ConvexPolygon {
 impl Plane {
     /// Classifies a convex polygon against the half-space. A polygon with a vertex within rounding error of
     /// the boundary is `Crossing`. An empty polygon is `Outside`.
-    pub fn classify_polygon(&self, polygon: &ConvexPolygon) -> Containment {
+    fn classify_polygon(&self, polygon: &ConvexPolygon) -> Containment {
         let (mut inside, mut outside) = (true, true);
         for &v in polygon.vertices() {
             match self.classify_point(v) {

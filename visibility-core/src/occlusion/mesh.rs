@@ -276,7 +276,7 @@ impl OccluderMesh {
     /// `direction` is a unit vector from the mesh towards the eye, in mesh coordinates. The area is exact for
     /// axis-aligned boxes and up to 1.7 times too large for other convex meshes. Faces that cover each other
     /// are counted repeatedly.
-    pub fn area_towards(&self, direction: Vec3) -> f32 {
+    pub(super) fn area_towards(&self, direction: Vec3) -> f32 {
         let d = direction.to_array();
         let part = |axis: usize| {
             let (front, back) = (self.facing[axis], self.facing[axis + 3]);

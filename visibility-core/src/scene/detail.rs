@@ -63,7 +63,7 @@ impl Scene {
     }
 
     /// Returns the number of objects with a [draw range](Self::set_draw_range). Takes constant time.
-    pub fn draw_range_count(&self) -> usize {
+    pub(crate) fn draw_range_count(&self) -> usize {
         self.ranged
     }
 

@@ -174,8 +174,14 @@ impl Object {
     /// Returns whether no culler may remove the object: because it is flagged as never culled, or because its
     /// bounds are inverted, NaN or infinite.
     pub fn is_unculled(&self) -> bool {
-        self.never_cull || !self.bounds.is_finite()
+        is_unculled(&self.bounds, self.never_cull)
     }
+}
+
+/// Returns whether no culler may remove an object with these bounds: because it is flagged as never culled,
+/// or because the bounds are inverted, NaN or infinite.
+pub(super) fn is_unculled(bounds: &Aabb, never_cull: bool) -> bool {
+    never_cull || !bounds.is_finite()
 }
 
 impl From<Aabb> for Object {

@@ -7,7 +7,7 @@
 //! is taken from the object. Triangles are in scene coordinates and never move, so each change takes them
 //! away.
 
-use super::boxes64::lanes;
+use super::boxes64::{FAN_OUT, lanes};
 use super::mesh_bounds::{is_any_outside, is_within};
 use super::placement::PlacedMesh;
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, SharedTriangles, Slot, ToAffine, Triangles};
@@ -434,7 +434,7 @@ impl Scene {
 
     /// Loads into the cache what is asked of the occluders of a leaf. The processor waits for many cache
     /// misses at once, whereas asking one occluder after the other would wait for each.
-    pub(crate) fn fetch_occluders(&self, ids: &[ObjectId; 64], mask: u64) {
+    pub(crate) fn fetch_occluders(&self, ids: &[ObjectId; FAN_OUT], mask: u64) {
         let mut sum = 0;
         for lane in lanes(mask) {
             if let Some((mesh, transform)) = self.flagged_occluder(ids[lane]) {
@@ -479,19 +479,7 @@ impl Scene {
     /// Returns the number of objects that have an occluder mesh and are not flagged as occluders, so that the
     /// mesh hides nothing: [`set_occluder`](Self::set_occluder) was forgotten, or a door is open. Takes
     /// constant time.
-    ///
-    /// ```
-    /// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};
-    /// let bounds = Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0]);
-    /// let mut scene = Scene::new();
-    /// let (wall, mesh) = (scene.insert(bounds), scene.add_mesh(OccluderMesh::cuboid(&bounds)?));
-    /// scene.set_mesh(wall, mesh, Affine3A::IDENTITY)?;
-    /// assert_eq!(scene.unflagged_meshes(), 1);
-    /// scene.set_occluder(wall, true)?;
-    /// assert_eq!(scene.unflagged_meshes(), 0);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    pub fn unflagged_meshes(&self) -> usize {
+    pub(crate) fn unflagged_meshes(&self) -> usize {
         self.unflagged
     }
 

@@ -20,6 +20,7 @@ use crate::query::box_projection::{ProjectedBoxes, project};
 use crate::query::box_queue::BoxQueue;
 use crate::simd::Kernels;
 use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::scene::FAN_OUT;
 use visibility_core::{
     Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
     occlusion::{Occlusion, Occlusion64},
@@ -319,7 +320,7 @@ impl OcclusionMap for Hom {
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         let mut answer = Occlusion64::default();
         let mut seen = ProjectedBoxes::NONE;
-        for chunk in 0..64 / WIDTH {
+        for chunk in 0..FAN_OUT / WIDTH {
             let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
             if lanes == 0 {
                 continue;
