@@ -18,6 +18,7 @@ use alloc::vec::Vec;
 /// assert!(object.is_visible());
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
+#[non_exhaustive]
 pub struct ObjectPixels {
     /// Key by which the caller identifies the object.
     pub key: u32,

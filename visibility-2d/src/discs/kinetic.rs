@@ -44,6 +44,7 @@ const LEAST_SINE: f64 = 1e-4;
 /// assert_eq!(visibility_2d::discs::ZoneWork::default().steps, 0);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+#[non_exhaustive]
 pub struct ZoneWork {
     /// Tangent segments at the eye after the move.
     pub segments: usize,

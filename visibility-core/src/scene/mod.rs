@@ -184,10 +184,10 @@ impl Scene {
     /// [`VisibleSet`](crate::VisibleSet) that is not finished holds every object again.
     ///
     /// # Errors
-    /// [`SceneError::NonFiniteOrigin`] if `origin` is NaN or infinite.
+    /// [`SceneError::Origin`] if `origin` is NaN or infinite.
     pub fn set_origin(&mut self, origin: DVec3) -> Result<(), SceneError> {
         if !origin.is_finite() {
-            return Err(SceneError::NonFiniteOrigin);
+            return Err(SceneError::Origin);
         }
         self.origin = origin;
         self.log.move_origin();

@@ -77,7 +77,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::NoLocalBounds`] if the bounds
-    /// of the object are given in scene coordinates, and [`SceneError::NonFiniteTransform`] if an element of
+    /// of the object are given in scene coordinates, and [`SceneError::Transform`] if an element of
     /// `transform` is NaN or infinite.
     pub fn set_transform(&mut self, id: ObjectId, transform: Affine3A) -> Result<(), SceneError> {
         self.slot_with_local(id, &transform)?;
@@ -124,7 +124,7 @@ impl Scene {
         if self.placements.get(id.index).is_none_or(|placement| placement.local.is_none()) {
             return Err(SceneError::NoLocalBounds(id));
         }
-        if transform.is_finite() { Ok(slot) } else { Err(SceneError::NonFiniteTransform(id)) }
+        if transform.is_finite() { Ok(slot) } else { Err(SceneError::Transform(id)) }
     }
 
     /// Stores the transform of an object with local bounds and removes the object's triangles if the
@@ -274,7 +274,7 @@ impl Scene {
     /// ```
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::TrianglesOutsideBounds`] if a
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::Triangles`] if a
     /// corner lies outside of the bounds; NaN corners do not, and improper bounds contain everything, since
     /// such an object is never culled.
     pub fn set_triangles(
@@ -284,7 +284,7 @@ impl Scene {
     ) -> Result<(), SceneError> {
         let (slot, triangles) = (self.slot(id)?, triangles.into());
         if is_any_outside(triangles.view(), &self.tree.bounds[slot.node()].get(slot.lane())) {
-            return Err(SceneError::TrianglesOutsideBounds(id));
+            return Err(SceneError::Triangles(id));
         }
         self.drop_triangles(id.index);
         if self.triangles.len() <= id.index() {
@@ -373,12 +373,12 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::UnknownMesh`] if `mesh` is
-    /// not, and [`SceneError::NonFiniteTransform`] if an element of `transform` is NaN or infinite.
+    /// not, and [`SceneError::Transform`] if an element of `transform` is NaN or infinite.
     pub fn set_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Affine3A) -> Result<(), SceneError> {
         self.slot(id)?;
         self.meshes.users(mesh).ok_or(SceneError::UnknownMesh(mesh))?;
         if !transform.is_finite() {
-            return Err(SceneError::NonFiniteTransform(id));
+            return Err(SceneError::Transform(id));
         }
         let placed = PlacedMesh { id: mesh, is_prepared: false, in_scene: false, is_inside: false };
         self.replace_mesh(id.index, Some(placed));

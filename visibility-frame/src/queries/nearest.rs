@@ -22,6 +22,7 @@ use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 /// assert_eq!(nearest[0].distance_squared, 9.0);
 /// ```
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Neighbor {
     /// The object.
     pub id: ObjectId,

@@ -136,6 +136,7 @@ impl Ray {
 /// # Ok::<(), visibility_frame::queries::RayError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct RayHit {
     /// The object.
     pub id: ObjectId,

@@ -109,7 +109,7 @@ struct Fragment {
 /// ```
 ///
 /// # Errors
-/// [`GeometryError::NonFinite`] with the index of the polygon, [`GeometryError::Setting`] with the name of
+/// [`GeometryError::Coordinate`] with the index of the polygon, [`GeometryError::Setting`] with the name of
 /// the setting (also for coordinates beyond 1e100), or [`GeometryError::Graph`].
 pub fn from_polygons(
     polygons: &[ConvexPolygon],
@@ -119,7 +119,7 @@ pub fn from_polygons(
     for (index, polygon) in polygons.iter().enumerate() {
         for &v in polygon.vertices() {
             if !v.is_finite() {
-                return Err(GeometryError::NonFinite { index });
+                return Err(GeometryError::Coordinate { index });
             }
             (min, max) = (min.min(v), max.max(v));
         }
