@@ -206,6 +206,7 @@ impl Occluders {
 
     /// Returns the greatest radius of a polygon in metres, measured from the mean of its vertices; 0 without
     /// polygons.
+    #[cfg(feature = "papers")]
     pub(crate) fn largest_radius(&self) -> f64 {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| p.radius).fold(0.0, f64::max)
     }

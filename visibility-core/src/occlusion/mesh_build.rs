@@ -14,8 +14,8 @@ impl OccluderMesh {
     /// for solids of up to 256 triangles.
     ///
     /// # Errors
-    /// [`MeshError::TooMany`], [`MeshError::Vertex`], [`MeshError::Index`], or [`MeshError::NoTriangle`] if no
-    /// triangle remains.
+    /// [`MeshError::TooMany`], [`MeshError::Vertex`], [`MeshError::Index`], or [`MeshError::NoTriangle`] if
+    /// no triangle remains.
     pub fn from_indexed(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Self, MeshError> {
         if positions.len() >= u32::MAX as usize || indices.len() >= (u32::MAX / 3) as usize {
             return Err(MeshError::TooMany);
@@ -72,8 +72,8 @@ impl OccluderMesh {
     /// vertices run counter-clockwise. The mesh is open and one-sided.
     ///
     /// # Errors
-    /// [`MeshError::Vertex`] if `f32` cannot hold a vertex, and [`MeshError::NoTriangle`] for a polygon that is
-    /// empty or has no area.
+    /// [`MeshError::Vertex`] if `f32` cannot hold a vertex, and [`MeshError::NoTriangle`] for a polygon that
+    /// is empty or has no area.
     pub fn polygon(polygon: &ConvexPolygon) -> Result<Self, MeshError> {
         let positions: Vec<Vec3> = polygon.vertices().iter().map(|v| v.as_vec3()).collect();
         let fan: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();

@@ -123,6 +123,7 @@ impl Hom {
 
     /// Sets the estimate of the depth of occluders. Call it between frames: until the next
     /// [`begin`](OcclusionMap::begin), maps that already hold occluders may hide fewer boxes.
+    #[cfg(feature = "papers")]
     #[must_use]
     pub fn with_depth_estimate(mut self, estimate: DepthEstimate) -> Self {
         self.boundary.set(estimate);
@@ -159,6 +160,7 @@ impl Hom {
     }
 
     /// Returns the estimate of the depth of occluders that is in use.
+    #[cfg(feature = "papers")]
     pub fn depth_estimate(&self) -> DepthEstimate {
         self.boundary.estimate
     }
