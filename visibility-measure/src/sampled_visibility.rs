@@ -4,19 +4,6 @@ use crate::raster::{Image, NONE, VeilPixels};
 use alloc::vec::Vec;
 
 /// Visible pixels and triangles of one object.
-///
-/// ```
-/// use visibility_measure::ObjectPixels;
-/// let object = ObjectPixels {
-///     key: 7,
-///     first_triangle: 20,
-///     triangles: 12,
-///     visible_triangles: 3,
-///     pixels: 950,
-///     tied_pixels: 0,
-/// };
-/// assert!(object.is_visible());
-/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
 #[non_exhaustive]
 pub struct ObjectPixels {

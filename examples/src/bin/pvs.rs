@@ -19,8 +19,8 @@ use visibility_portals::{BakerSettings, CellMatrix, ChainTest, prt};
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Map: a `.prt` file, as map compilers write it. Or a scene: a recipe such as `office:2,16`, or a file, of
-    /// which cells and portals are made.
+    /// Map: a `.prt` file, as map compilers write it. Or a scene: a recipe such as `office:2,16`, or a file,
+    /// of which cells and portals are made.
     map: String,
 
     /// How a scene file is read.

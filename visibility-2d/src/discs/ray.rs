@@ -12,7 +12,6 @@ use smallvec::SmallVec;
 /// assert!(RayDisc { disc: 3, distance: 1.0 } != RayDisc { disc: 3, distance: 2.0 });
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
-#[non_exhaustive]
 pub struct RayDisc {
     /// Index of the disc in the order that [`Discs::new`] was given them.
     pub disc: u32,
