@@ -37,8 +37,8 @@ const LEAST_NEAR: f64 = 1e-30;
 /// Bound on the rounding of sample points and of the distance between them, as a part of the greatest
 /// coordinate M. With U the round-off of `f64`: an extent is at most 2 M and wrong by 2 U M, a patch and its
 /// multiple by 2 U M more each, the sum with the corner by U M, so a point is wrong by 7 U M on each of two
-/// axes, 10 U M in all. The distance is wrong by 4 U of itself, 6 U M. 16 U M is 8 epsilon of M: twice as much
-/// is taken.
+/// axes, 10 U M in all. The distance is wrong by 4 U of itself, 6 U M. 16 U M is 8 epsilon of M: twice as
+/// much is taken.
 const POINT_ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// Margin of lengths for rounding to `f32`, of the sums of the magnitudes that placed coordinates are summed
