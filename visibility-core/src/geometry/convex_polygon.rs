@@ -71,6 +71,10 @@ impl fmt::Display for PolygonError {
 
 impl core::error::Error for PolygonError {}
 
+/// Least area of a polygon, as a part of its longest side squared: 90 times the round-off of `f64`, of which
+/// the area vector of a polygon of some ten vertices has less than 20.
+const AREA_ROUNDING: f64 = 1e-14;
+
 impl ConvexPolygon {
     /// Greatest allowed distance of a vertex from the polygon's plane, and from the inner side of any edge
     /// (the side of the polygon's interior), as a fraction of the polygon's size (its greatest extent from
@@ -99,7 +103,7 @@ impl ConvexPolygon {
         }
         let size = v.iter().map(|p| (*p - v[0]).abs().max_element()).fold(0.0, f64::max);
         let plane = self.plane().ok_or(PolygonError::NoPlane)?;
-        if plane.normal.dot(self.area_vector()) < 1e-14 * size * size {
+        if plane.normal.dot(self.area_vector()) < AREA_ROUNDING * size * size {
             return Err(PolygonError::NoPlane);
         }
         let allowed = Self::TOLERANCE * size;

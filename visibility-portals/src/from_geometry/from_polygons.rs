@@ -79,6 +79,9 @@ impl Default for PolygonSettings<'_> {
 /// area in the region.
 const CANDIDATES: usize = 12;
 
+/// Greatest coordinate. Areas and volumes of greater ones would overflow.
+const MAX_COORDINATE: f64 = 1e100;
+
 /// An input polygon, or the part of one inside the region of a node, in world space.
 #[derive(Clone, Debug)]
 struct Fragment {
@@ -130,8 +133,7 @@ pub fn from_polygons(
     let margin = checked("the margin", settings.margin)?;
     (min, max) = (min - margin, max + margin);
     let extent = min.abs().max(max.abs()).max_element();
-    if extent > 1e100 {
-        // Areas and volumes of such coordinates would overflow.
+    if extent > MAX_COORDINATE {
         return Err(GeometryError::Setting { what: "the greatest coordinate", value: extent });
     }
     let tolerance = match settings.tolerance {
