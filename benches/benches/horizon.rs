@@ -15,7 +15,7 @@ fn walks(c: &mut Criterion) {
         let world =
             World::new(built_in(scene).expect("it is built in"), (640, 360), Some(32)).expect("views");
         let made: Vec<(String, Pipeline)> =
-            cullers::parse("frustum,horizon,horizon-map,hzb", &world).expect("they suit the scene");
+            cullers::parse("frustum,horizon,hzb", &world).expect("they suit the scene");
         for (name, mut pipeline) in made {
             let mut visible = VisibleSet::new();
             let mut views = world.views.iter().cycle();

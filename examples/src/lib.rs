@@ -40,6 +40,7 @@ pub use cameras::Cameras;
 pub use description::load_walks;
 pub use error::SourceError;
 pub use load::{cars5, load, load_as, open, open_as, open_by_object};
+pub use print::exit_code;
 pub use reading::Reading;
 pub use recipes::built_in;
 pub use source::{Hint, SceneSource, SourceObject};

@@ -5,8 +5,20 @@
 //! visibility_examples::{eprintln, print, println}`, which hides the standard ones, and write their files
 //! before they print.
 
-use std::fmt::Arguments;
+use std::fmt::{Arguments, Display};
 use std::io::{ErrorKind, Write};
+use std::process::ExitCode;
+
+/// Returns the exit code of a program, after an error was printed to standard error.
+pub fn exit_code(done: Result<(), impl Display>) -> ExitCode {
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            crate::eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
 
 /// Prints to standard output, as `std::print` does. Ends the program if nobody reads.
 #[macro_export]

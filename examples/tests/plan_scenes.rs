@@ -4,8 +4,8 @@
 use crate::shared_scenes::{assert_none_hidden_by, scene};
 use visibility_examples::built_in;
 
-const CULLERS: &str = "frustum,horizon:32,horizon,horizon:4096,horizon-map,horizon-map:1024,horizon+hzb,\
-    view-cdt,view-cdt:192,view-cdt-whole,view-cdt-cells,view-cdt-incident,hzb,occlusion-tree";
+const CULLERS: &str = "frustum,horizon:32,horizon,horizon:4096,horizon+hzb,view-cdt,view-cdt:192,hzb,\
+    occlusion-tree";
 
 #[test]
 fn nothing_visible_is_hidden_in_built_in_scenes() {

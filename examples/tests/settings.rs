@@ -5,7 +5,7 @@
 use peak_alloc::PeakAlloc;
 use std::sync::Arc;
 use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
-use visibility_2d::view_cdt::{DepthOrder, PartlyHidden, ViewCdt};
+use visibility_2d::view_cdt::ViewCdt;
 use visibility_2d::virtual_occluders::VirtualOccluderCuller;
 use visibility_bsp::{
     BspOrderCuller, LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree,
@@ -262,18 +262,8 @@ fn core_and_image_space() {
 fn triangulated_images() {
     let world = world("office:1,1");
     for count in COUNTS {
-        for partly_hidden in [PartlyHidden::Split, PartlyHidden::LeftOut] {
-            let orders = [false, true].map(|incident| DepthOrder::Cells { incident });
-            for order in [DepthOrder::Planes, orders[0], orders[1]] {
-                let map = ViewCdt::new().with_vertices(count);
-                let map = map.with_partly_hidden(partly_hidden).with_order(order);
-                show(
-                    &format!("{count} vertices, {order:?}"),
-                    &world,
-                    OcclusionCuller::new(map).with_price(count as u32),
-                );
-            }
-        }
+        let map = OcclusionCuller::new(ViewCdt::new().with_vertices(count)).with_price(count as u32);
+        show(&format!("{count} vertices"), &world, map);
     }
 }
 

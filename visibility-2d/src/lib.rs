@@ -5,7 +5,8 @@
 //!
 //! - [`cdt`]: exact visibility among walls, which are segments, by a triangulation.
 //! - [`discs`]: exact zones and rays among round obstacles, such as the trunks of a forest.
-//! - [`view_cdt`]: culls in space behind outlines of occluders in a triangulation of the image.
+//! - `view_cdt` (feature `papers`, see `docs/papers.md` in the repository): culls in space behind outlines of
+//!   occluders in a triangulation of the image.
 //! - [`horizon`]: culls what is below the skyline of houses and crowns that stand on the ground.
 //! - [`virtual_occluders`]: a few upright rectangles that stand for all that houses hide from a viewcell.
 #![no_std]
@@ -20,6 +21,7 @@ mod directions;
 pub mod discs;
 pub mod horizon;
 mod median_order;
+#[cfg(feature = "papers")]
 pub mod view_cdt;
 pub mod virtual_occluders;
 

@@ -1,55 +1,12 @@
 //! A box that a horizon hides is met by no unobstructed line of sight: rays to points of hidden boxes, cast
 //! triangle by triangle, which shares nothing with the columns of the picture.
 
+use crate::common::{Occluder, is_blocked};
 use visibility_2d::horizon::{Horizon, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_testing::Random;
-
-/// A mesh and its place, with its corners in `f64`, by triangle.
-struct Occluder {
-    mesh: OccluderMesh,
-    transform: Affine3A,
-}
-
-impl Occluder {
-    fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
-        let m = self.transform.matrix3;
-        let axes = [m.x_axis, m.y_axis, m.z_axis].map(|axis| Vec3::from(axis).as_dvec3());
-        let at = Vec3::from(self.transform.translation).as_dvec3();
-        let place = move |p: Vec3| {
-            let p = p.as_dvec3();
-            axes[0] * p.x + axes[1] * p.y + axes[2] * p.z + at
-        };
-        self.mesh.triangles().iter().map(move |t| t.map(|i| place(self.mesh.positions()[i as usize])))
-    }
-}
-
-/// Returns whether the open segment from `eye` to `target` meets a triangle that hides from the eye, beyond
-/// the plane `near`, given by its normal and offset. Triangles count as closed and a little larger.
-fn is_blocked(eye: DVec3, target: DVec3, near: (DVec3, f64), occluders: &[Occluder]) -> bool {
-    let along = target - eye;
-    occluders.iter().any(|occluder| {
-        occluder.triangles().any(|[a, b, c]| {
-            let normal = (b - a).cross(c - a);
-            let speed = normal.dot(along);
-            if speed == 0.0 || speed > 0.0 && !occluder.mesh.is_two_sided() {
-                return false;
-            }
-            let part = normal.dot(a - eye) / speed;
-            let p = eye + along * part;
-            let slack = -1e-9 * normal.length();
-            let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(normal) / normal.length() >= slack;
-            part > 0.0
-                && part < 1.0
-                && near.0.dot(p) + near.1 > 0.0
-                && inside(a, b)
-                && inside(b, c)
-                && inside(c, a)
-        })
-    })
-}
 
 /// Makes a prism over a convex polygon, with or without its floor and its top.
 fn prism(random: &mut Random, floor: bool, top: bool) -> Option<OccluderMesh> {
@@ -177,7 +134,7 @@ fn target(random: &mut Random, eye: DVec3, occluders: &[Occluder]) -> Aabb {
     }
     let occluder = &occluders[random.below(occluders.len())];
     let count = occluder.mesh.triangles().len();
-    let Some(t) = occluder.triangles().nth(random.below(count)) else { return Aabb::EMPTY };
+    let Some((t, _)) = occluder.faces().nth(random.below(count)) else { return Aabb::EMPTY };
     let part = random.unit();
     let edge = t[0] + (t[1] - t[0]) * part;
     let behind = edge + (edge - eye) * random.fine_range(0.0, 1.5);
@@ -208,6 +165,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
             horizon.add(&o.mesh, &o.transform);
         }
         horizon.flush();
+        let faces: Vec<_> = occluders.iter().flat_map(Occluder::faces).collect();
         let planes = view.planes(DVec3::ZERO);
         let near_plane = planes.as_slice()[4].plane;
         for _ in 0..60 {
@@ -222,7 +180,7 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
                 }
                 rays += 1;
                 assert!(
-                    is_blocked(eye, p, (near_plane.normal, near_plane.offset), &occluders),
+                    is_blocked(eye, p, (near_plane.normal, near_plane.offset), &faces),
                     "seed {seed}, round {round}: {p} of {bounds:?} is seen from {eye} up {up:?}"
                 );
             }

@@ -1,6 +1,7 @@
 //! Ground as an occluder: what hills hide, what holes, tunnels and missing tiles leave visible, and rays at
 //! what was hidden, cast triangle by triangle.
 
+use crate::common::{faces, is_blocked};
 use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use visibility_core::scene::Triangle;
@@ -213,41 +214,6 @@ struct Tile {
     transform: Affine3A,
 }
 
-/// Returns whether the open segment from `eye` to `target` meets a triangle that hides from the eye, beyond
-/// the plane `near`. Triangles count as closed and a little larger.
-fn is_blocked(eye: DVec3, target: DVec3, near: (DVec3, f64), tiles: &[Tile]) -> bool {
-    let along = target - eye;
-    tiles.iter().any(|tile| {
-        let m = tile.transform.matrix3;
-        let axes = [m.x_axis, m.y_axis, m.z_axis].map(|axis| Vec3::from(axis).as_dvec3());
-        let at = Vec3::from(tile.transform.translation).as_dvec3();
-        let place = |p: Vec3| {
-            let p = p.as_dvec3();
-            axes[0] * p.x + axes[1] * p.y + axes[2] * p.z + at
-        };
-        // A mirror image keeps its fronts.
-        let turn = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
-        tile.triangles.iter().any(|t| {
-            let [a, b, c] = t.map(place);
-            let normal = (b - a).cross(c - a);
-            let speed = normal.dot(along);
-            if speed == 0.0 || speed * turn > 0.0 && !tile.two_sided {
-                return false;
-            }
-            let part = normal.dot(a - eye) / speed;
-            let p = eye + along * part;
-            let slack = -1e-9 * normal.length();
-            let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(normal) / normal.length() >= slack;
-            part > 0.0
-                && part < 1.0
-                && near.0.dot(p) + near.1 > 0.0
-                && inside(a, b)
-                && inside(b, c)
-                && inside(c, a)
-        })
-    })
-}
-
 /// Makes hilly ground in tiles with some faults: holes, turned triangles, torn corners, tiles that are moved
 /// or turned, a deck above.
 fn tiles(random: &mut Random) -> Vec<Tile> {
@@ -329,8 +295,10 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
             .collect();
         // A tile that an earlier stage has taken out is not drawn, wherever it is.
         let out = if random.below(4) == 0 { Some(random.below(all.len())) } else { None };
-        let drawn: Vec<Tile> =
-            all.into_iter().enumerate().filter(|(i, _)| Some(*i) != out).map(|(_, tile)| tile).collect();
+        let drawn = all.iter().enumerate().filter(|(i, _)| Some(*i) != out).map(|(_, tile)| tile);
+        let drawn: Vec<_> = drawn
+            .flat_map(|tile| faces(tile.triangles.iter().copied(), &tile.transform, tile.two_sided))
+            .collect();
         let ahead = DVec3::new(random.unit() - 0.5, random.unit() - 0.5, 0.3 * (random.unit() - 0.5));
         let near = [0.01, 0.5, 3.0][random.below(3)];
         let fov = random.fine_range(0.3, 2.6);

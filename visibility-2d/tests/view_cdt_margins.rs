@@ -1,7 +1,7 @@
 //! Margins of the triangulated image: boxes that touch an occluder, or show beside it by some last bits, are
 //! visible; boxes that are clear of it are hidden; at all scales. No allocation when warm.
 
-use visibility_2d::view_cdt::{DepthOrder, PartlyHidden, ViewCdt};
+use visibility_2d::view_cdt::ViewCdt;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::view::Window;
@@ -122,33 +122,22 @@ fn warm_frames_allocate_nothing_and_odd_boxes_are_visible() {
             Aabb::new(low, low + random.vec3(0.0, 2.0))
         })
         .collect();
-    let orders = [DepthOrder::Planes, DepthOrder::Cells { incident: true }];
-    let mut maps = orders.map(|order| {
-        [PartlyHidden::Split, PartlyHidden::LeftOut]
-            .map(|partly| ViewCdt::new().with_order(order).with_partly_hidden(partly))
-    });
+    let mut map = ViewCdt::new();
     let mut frame = |angle: f64| {
         let pose = Pose::look_at(DVec3::splat(15.0), DVec3::new(angle, 0.0, 0.0), DVec3::Z);
         let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
-        let mut hidden = 0;
-        for order in orders {
-            for partly in [PartlyHidden::Split, PartlyHidden::LeftOut] {
-                let map = &mut maps[usize::from(order != DepthOrder::Planes)][partly as usize];
-                map.begin(&view, DVec3::ZERO);
-                for solid in &solids {
-                    map.add(solid, &Affine3A::IDENTITY);
-                }
-                map.flush();
-                hidden += boxes.iter().filter(|bounds| map.test(bounds) == Occlusion::Hidden).count();
-                assert_eq!(map.test(&Aabb::EMPTY), Occlusion::Visible);
-            }
+        map.begin(&view, DVec3::ZERO);
+        for solid in &solids {
+            map.add(solid, &Affine3A::IDENTITY);
         }
-        hidden
+        map.flush();
+        assert_eq!(map.test(&Aabb::EMPTY), Occlusion::Visible);
+        boxes.iter().filter(|bounds| map.test(bounds) == Occlusion::Hidden).count()
     };
     let first = frame(0.0);
     frame(1.0);
     let before = ALLOCATIONS.get();
     assert_eq!(frame(0.0), first);
     assert_eq!(ALLOCATIONS.get(), before);
-    assert!(first > 100, "{first} boxes hidden");
+    assert!(first > 25, "{first} boxes hidden");
 }

@@ -7,6 +7,7 @@ use visibility_core::binary_format::{FormatError, Reader, Writer};
 /// Bounds on the set of objects visible from one viewcell: at least those seen, at most those seen and those
 /// open. Objects are given by their [indices](visibility_core::ObjectId::index).
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct CellSandwich {
     /// Objects that a line of sight reaches, ascending.
     pub seen: Vec<u32>,

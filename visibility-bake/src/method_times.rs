@@ -6,6 +6,7 @@ use visibility_core::binary_format::{FormatError, Reader, Writer};
 
 /// Time spent on a viewcell, or on several, by each method.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct MethodTimes {
     /// Time of the sweeps of extended projections.
     pub sweep: Duration,

@@ -4,7 +4,7 @@
 //! | Task | Type | Needs | Accuracy |
 //! |---|---|---|---|
 //! | Culls boxes behind fused shadows of polygons | [`OcclusionTreeCuller`] | meshes | conservative |
-//! | Culls boxes behind one or two polygons, caching | [`LargeOccludersCuller`] | meshes | conservative |
+//! | Culls boxes behind one or two polygons, caching | `LargeOccludersCuller` (feature `papers`) | meshes | conservative |
 //! | Culls boxes behind polygons chosen by region | [`ShadowFrustaCuller`] | meshes | conservative |
 //! | Culls objects without a visible triangle part | [`NaylorCuller`] | triangles | exact |
 //! | Culls by the view volume, sorts front to back | [`BspOrderCuller`] | triangles | conservative |
@@ -43,7 +43,8 @@
 //! ```
 //!
 //! # Features
-//! `std` (default). Without `std`, the feature `libm` supplies the floating-point functions.
+//! `std` (default). Without `std`, the feature `libm` supplies the floating-point functions. `papers` adds
+//! `LargeOccludersCuller`, which loses on every scene measured (`docs/papers.md` in the repository).
 #![no_std]
 #![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
@@ -56,6 +57,7 @@ extern crate std;
 
 mod bsp_order_culler;
 mod clip_projection;
+#[cfg(feature = "papers")]
 mod large_occluders;
 mod lazy_queue;
 mod merge;
@@ -70,6 +72,7 @@ pub mod tree;
 mod view_volume;
 
 pub use bsp_order_culler::BspOrderCuller;
+#[cfg(feature = "papers")]
 pub use large_occluders::LargeOccludersCuller;
 pub use merge::{Solid, SolidError};
 pub use naylor::{NaylorCuller, VisiblePoint};

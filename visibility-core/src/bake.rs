@@ -55,6 +55,7 @@ const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 4 };
 
 /// Progress of a bake: the number of items done and the cost so far.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
 pub struct Progress {
     /// Number of items whose results have been merged.
     pub done: usize,

@@ -158,7 +158,7 @@ impl ConvexVolume {
     }
 
     /// Removes objects like [`retain`](Self::retain), on the threads of a job system. The answer is the same.
-    pub fn retain_on(&self, jobs: &dyn Jobs, scene: &Scene, visible: &mut VisibleSet) -> CullStats {
+    pub(crate) fn retain_on(&self, jobs: &dyn Jobs, scene: &Scene, visible: &mut VisibleSet) -> CullStats {
         retain_on(jobs, scene, visible, self, self.all)
     }
 

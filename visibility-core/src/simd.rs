@@ -9,7 +9,7 @@
 //! This is the only module with `unsafe` code: calls of functions compiled for instructions that the rest of
 //! the program does not assume, and loads of arrays into SIMD registers.
 
-use crate::scene::Boxes64;
+use crate::scene::{Boxes64, FAN_OUT};
 use crate::test_plane::TestPlane;
 use crate::view::MAX_PLANES;
 
@@ -140,7 +140,7 @@ fn any_outside<const WIDTH: usize>(
     signs: impl Fn(&[f32; WIDTH]) -> u64,
 ) -> u64 {
     let mut outside = 0;
-    for chunk in 0..64 / WIDTH {
+    for chunk in 0..FAN_OUT / WIDTH {
         let [x0, y0, z0, x1, y1, z1] =
             core::array::from_fn(|row| &boxes.coordinates[row].as_chunks::<WIDTH>().0[chunk]);
         // Least upper bound, over the planes, of the signed distance of each box; negative for a box outside.
@@ -246,7 +246,7 @@ pub fn signs_avx2(values: &[f32; 32]) -> u64 {
 #[inline]
 #[doc(hidden)]
 #[allow(unsafe_code)]
-pub fn signs_avx512(values: &[f32; 64]) -> u64 {
+pub fn signs_avx512(values: &[f32; FAN_OUT]) -> u64 {
     use core::arch::x86_64::{_CMP_LT_OQ, _mm512_cmp_ps_mask, _mm512_loadu_ps, _mm512_setzero_ps};
     let mut mask = 0;
     for (i, part) in values.as_chunks::<16>().0.iter().enumerate() {
@@ -266,8 +266,8 @@ mod tests {
     fn all_ways_to_gather_signs_agree() {
         let mut random = visibility_testing::Random(1);
         for _ in 0..1000 {
-            let values: [f32; 64] = core::array::from_fn(|_| random.bits32());
-            let expected = (0..64).fold(0, |mask, lane| mask | u64::from(values[lane] < 0.0) << lane);
+            let values: [f32; FAN_OUT] = core::array::from_fn(|_| random.bits32());
+            let expected = (0..FAN_OUT).fold(0, |mask, lane| mask | u64::from(values[lane] < 0.0) << lane);
             let parts = values.as_chunks::<16>().0.iter().enumerate();
             assert_eq!(parts.fold(0, |mask, (i, part)| mask | signs_portable(part) << (16 * i)), expected);
             for simd in Simd::available() {

@@ -153,10 +153,10 @@ fn errors_say_what_and_where() {
     let mut matrix = [0.0f64; 16];
     matrix[9] = f64::INFINITY;
     let refused = View::from_clip_from_world(matrix, Depth::Reversed).map(|_| ());
-    assert_eq!(refused, Err(ViewError::NonFinite { row: 1, column: 2 }));
+    assert_eq!(refused, Err(ViewError::Matrix { row: 1, column: 2 }));
     let mut scene = Scene::new();
     let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
-    assert_eq!(scene.set_origin(DVec3::new(0.0, f64::NAN, 0.0)), Err(SceneError::NonFiniteOrigin));
+    assert_eq!(scene.set_origin(DVec3::new(0.0, f64::NAN, 0.0)), Err(SceneError::Origin));
     assert_eq!(scene.origin(), DVec3::ZERO);
     scene.remove(id).unwrap();
     assert_eq!(scene.set_cost(id, 3), Err(SceneError::UnknownObject(id)));

@@ -97,7 +97,7 @@ fn triangles_outside_the_bounds_are_refused() {
     assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
     assert!(scene.occluder(ids[0]).is_some() && scene.occluders_outside_bounds() == 0);
     let error = scene.set_triangles(ids[0], triangles(Vec3::ZERO)).unwrap_err();
-    assert_eq!(error, SceneError::TrianglesOutsideBounds(ids[0]));
+    assert_eq!(error, SceneError::Triangles(ids[0]));
     assert!(scene.occluder(ids[0]).is_some(), "a failed call changes nothing");
     assert_eq!(scene.triangles(ids[0]).unwrap(), triangles(HOUSE.min)[..].into());
     // Rounding on each side, of the box and of the corners, is no fault; 16 times as much is.
@@ -109,7 +109,7 @@ fn triangles_outside_the_bounds_are_refused() {
             let at = |by: f32| side + axis * sign * (side.dot(axis) * f32::EPSILON * by);
             let mut set = |by: f32| scene.set_triangles(ids[0], [[side, at(by), side]]);
             assert_eq!(set(2.0), Ok(()), "{axis} {sign}");
-            assert_eq!(set(128.0), Err(SceneError::TrianglesOutsideBounds(ids[0])), "{axis} {sign}");
+            assert_eq!(set(128.0), Err(SceneError::Triangles(ids[0])), "{axis} {sign}");
         }
     }
     scene.set_triangles(ids[0], [[Vec3::NAN; 3]]).unwrap();

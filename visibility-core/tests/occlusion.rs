@@ -446,7 +446,7 @@ fn a_door_that_swings_or_is_mirrored_hides_where_it_is() {
     }
     assert_eq!(
         scene.set_mesh(wall, mesh, Affine3A::from_translation(Vec3::NAN)),
-        Err(SceneError::NonFiniteTransform(wall))
+        Err(SceneError::Transform(wall))
     );
 }
 

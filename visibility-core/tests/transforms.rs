@@ -182,7 +182,7 @@ fn transforms_that_cannot_be_are_errors_and_change_nothing() {
     scene.set_local_bounds(wall, WALL).unwrap();
     let revision = scene.revision();
     let nan = Affine3A::from_translation(Vec3::NAN);
-    let refused = Err(SceneError::NonFiniteTransform(wall));
+    let refused = Err(SceneError::Transform(wall));
     assert_eq!(scene.set_transform(wall, nan), refused);
     assert_eq!(scene.set_transforms_batch(&[(wall, shift), (wall, nan)]), refused);
     let bare = Err(SceneError::NoLocalBounds(behind));

@@ -18,7 +18,6 @@
 //! | what can be seen from anywhere in a region | `region::ExtendedProjectionCuller` | `region` | conservative | occluder meshes |
 //! | the same, with a line of sight or a proof for each object | `exact::ExactCuller` | `exact` | exact | triangles |
 //! | walls on a floor plan: fog of war, guards | `two_d::cdt::Plan` | `two_d` | exact | segments |
-//! | occluders whose outlines overlap, where a map without a resolution is wanted | [`OcclusionCuller`] over `two_d::view_cdt::ViewCdt` | `two_d` | conservative | occluder meshes |
 //! | few, large, flat occluders | `bsp::OcclusionTreeCuller` | `bsp` | conservative | occluder meshes |
 //! | a fixed budget of triangles | `plp::PlpCuller` | `plp` | approximate | triangles, and a tessellation made from them |
 //! | exact visibility, at higher cost | `bsp::NaylorCuller` | `bsp` | exact | triangles |

@@ -17,6 +17,7 @@ mod quick_looks;
 mod rims;
 mod shares;
 mod slots;
+mod swapped_sources;
 
 #[global_allocator]
 static ALLOCATOR: visibility_testing::allocations::CountingAllocator =

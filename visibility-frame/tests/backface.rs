@@ -349,7 +349,7 @@ fn clusters_are_a_permutation_of_the_right_sizes() {
         }
         assert_eq!(cluster_mesh(&positions, &indices).unwrap(), clusters, "the same again");
         indices.push([0, count as u32 + 3, 1]);
-        let error = ClusterError::VertexOutOfRange { triangle: count, vertex: count as u32 + 3 };
+        let error = ClusterError::Index { triangle: count, vertex: count as u32 + 3 };
         assert_eq!(cluster_mesh(&positions, &indices), Err(error));
     }
 }

@@ -653,7 +653,7 @@ fn ranges_and_parents_follow_their_objects() {
     }
     assert!(scene.revision() > revision);
     for (child, parent) in [(a, a), (c, a), (b, a)] {
-        assert_eq!(scene.set_hlod_parent(child, Some(parent)), Err(SceneError::ParentCycle(child)));
+        assert_eq!(scene.set_hlod_parent(child, Some(parent)), Err(SceneError::Parent(child)));
     }
     scene.set_hlod_parent(b, None).unwrap();
     scene.set_hlod_parent(b, Some(d)).unwrap();
@@ -669,7 +669,7 @@ fn ranges_and_parents_follow_their_objects() {
         (0.0, 1.0, -1.0),
     ] {
         let refused = scene.set_draw_range(a, DrawRange { begin, end, margin });
-        assert_eq!(refused, Err(SceneError::InvalidDrawRange(a)));
+        assert_eq!(refused, Err(SceneError::DrawRange(a)));
     }
     assert_eq!(scene.draw_range(a), Ok(DrawRange::ALWAYS));
     let copy = scene.clone();

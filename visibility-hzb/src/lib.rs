@@ -68,6 +68,8 @@
 //! # Features
 //! - `std` (default) finds out at run time which vector instructions the processor has.
 //! - `libm` stands in for `std` in the few functions that core needs.
+//! - `papers` adds `DepthEstimate`, coarser depth of occlusion maps; it loses on every scene measured
+//!   (`docs/papers.md` in the repository).
 #![no_std]
 #![warn(missing_debug_implementations)]
 // Index loops over lanes compile to vector instructions. Negated comparisons make the treatment of NaN
@@ -99,7 +101,9 @@ mod vector;
 
 pub use buffer_size::{MAX_SIDE, MIN_SIDE, SizeError};
 pub use coverage::Coverage;
-pub use hom::{DepthEstimate, Hom, OccluderCriteria, OccluderDatabase};
+#[cfg(feature = "papers")]
+pub use hom::DepthEstimate;
+pub use hom::{Hom, OccluderCriteria, OccluderDatabase};
 pub use hzb::Hzb;
 pub use level::PreparedLevel;
 

@@ -63,12 +63,6 @@ impl Comparison {
     pub fn is_exact(&self) -> bool {
         self.false_hidden_objects == 0 && self.false_visible_objects == 0
     }
-
-    /// Tests whether the culler reported every visible object, as far as pixels and ties tell: the contract
-    /// of a conservative culler.
-    pub fn is_conservative(&self) -> bool {
-        self.false_hidden_objects == 0
-    }
 }
 
 /// Verdict on a culler's answer about one object.
@@ -163,11 +157,10 @@ mod tests {
             false_hidden_keys: [11, 12].into(),
         };
         assert_eq!(comparison, expected);
-        assert!(!comparison.is_conservative());
         sampled.compare(|index, _| index < 3, &mut comparison);
         assert!(comparison.is_exact() && comparison.false_hidden_keys.is_empty());
         assert_eq!(comparison.false_visible_triangles, 9 - 4);
         sampled.compare(|_, _| true, &mut comparison);
-        assert!(comparison.is_conservative() && !comparison.is_exact());
+        assert!(comparison.false_hidden_objects == 0 && !comparison.is_exact());
     }
 }

@@ -2,23 +2,10 @@
 
 use crate::raster::{Image, NONE, VeilPixels};
 use alloc::vec::Vec;
-use core::ops::Range;
 
 /// Visible pixels and triangles of one object.
-///
-/// ```
-/// use visibility_measure::ObjectPixels;
-/// let object = ObjectPixels {
-///     key: 7,
-///     first_triangle: 20,
-///     triangles: 12,
-///     visible_triangles: 3,
-///     pixels: 950,
-///     tied_pixels: 0,
-/// };
-/// assert!(object.is_visible());
-/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Hash)]
+#[non_exhaustive]
 pub struct ObjectPixels {
     /// Key by which the caller identifies the object.
     pub key: u32,
@@ -41,12 +28,6 @@ impl ObjectPixels {
     /// tolerance (see [ties](crate#ties)).
     pub fn is_visible(&self) -> bool {
         self.pixels > 0 || self.tied_pixels > 0
-    }
-
-    /// Returns the range of the numbers of the object's triangles, half-open. Empty for an object without
-    /// triangles.
-    pub fn triangle_range(&self) -> Range<u32> {
-        self.first_triangle..self.first_triangle + self.triangles
     }
 }
 
@@ -135,7 +116,7 @@ impl SampledVisibility {
 
     /// Returns the mean number of triangles that cover a covered pixel, visible or hidden. Zero if no pixel
     /// is covered.
-    pub fn depth_complexity(&self) -> f64 {
+    pub(crate) fn depth_complexity(&self) -> f64 {
         self.layers as f64 / f64::from(self.covered_pixels.max(1))
     }
 
@@ -193,7 +174,7 @@ impl SampledVisibility {
         });
         let mut shown = self.triangle_pixels.iter().peekable();
         for object in &mut self.objects {
-            let end = object.triangle_range().end;
+            let end = object.first_triangle + object.triangles;
             while let Some((_, pixels)) = shown.next_if(|(triangle, _)| *triangle < end) {
                 object.pixels += pixels;
                 object.visible_triangles += 1;

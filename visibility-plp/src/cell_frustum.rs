@@ -149,6 +149,7 @@ impl CellFrustum {
     /// Tests whether a scene-relative box is certainly on the inner side (the side that the normal points to)
     /// of all planes that view rays cross before reaching anything in view, such as the near plane. False if
     /// the box touches such a plane and for NaN.
+    #[cfg(feature = "papers")]
     pub(crate) fn is_beyond_near(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);

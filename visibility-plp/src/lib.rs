@@ -8,8 +8,8 @@
 //!
 //! - [`PlpCuller`] keeps the objects that are most likely visible, highest priority first, up to a
 //!   [`Budget`]. Approximate. Needs a tessellation.
-//! - [`ConservativePlpCuller`] keeps every object that may be visible. Needs a tessellation, occluder meshes
-//!   in the scene and an occlusion map.
+//! - `ConservativePlpCuller` (feature `papers`, see `docs/papers.md` in the repository) keeps every object
+//!   that may be visible. Needs a tessellation, occluder meshes in the scene and an occlusion map.
 //!
 //! In a city of 522,504 triangles, 791 are visible from the street. A budget of 2 % of all triangles contains
 //! 95.8 % of the visible ones. The nearest 2 % contain 62.2 %. The picture `docs/plp-plpcity.svg` in the
@@ -56,6 +56,7 @@ extern crate std;
 
 mod binary_form;
 mod cell_frustum;
+#[cfg(feature = "papers")]
 mod conservative;
 mod content;
 mod cover;
@@ -77,6 +78,7 @@ mod tessellation;
 mod test_exact;
 mod walk;
 
+#[cfg(feature = "papers")]
 pub use conservative::{ConservativePlpCuller, ConservativeStats};
 pub use content::Content;
 pub use culler::PlpCuller;

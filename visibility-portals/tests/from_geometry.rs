@@ -367,7 +367,7 @@ fn odd_input_gives_an_error_or_an_answer() {
     let unit = [DVec3::ZERO, DVec3::ONE];
     assert_eq!(
         from_walls(&[unit, [DVec3::NAN, DVec3::ONE]], &walls),
-        Err(GeometryError::NonFinite { index: 1 })
+        Err(GeometryError::Coordinate { index: 1 })
     );
     assert_eq!(from_walls(&[[DVec3::ONE, DVec3::ZERO]], &walls), Err(GeometryError::NotAWall { index: 0 }));
     let slanted = [[DVec2::ZERO, DVec2::ONE]];

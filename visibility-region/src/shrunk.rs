@@ -26,9 +26,26 @@ use visibility_core::{
 /// the viewcell are visible.
 const NEAR: f64 = 1e-6;
 
+/// Least distance at which the views of a sample point begin, as a share of the greatest coordinate of the
+/// viewcell: 9,000 times the round-off U of `f64`. A plane of such a view is wrong by some 10 U of the
+/// coordinate.
+const NEAR_OF_MAGNITUDE: f64 = 1e-12;
+
+/// Least distance at which views begin, where a viewcell is a point at the origin.
+const LEAST_NEAR: f64 = 1e-30;
+
+/// Bound on the rounding of sample points and of the distance between them, as a part of the greatest
+/// coordinate M. With U the round-off of `f64`: an extent is at most 2 M and wrong by 2 U M, a patch and its
+/// multiple by 2 U M more each, the sum with the corner by U M, so a point is wrong by 7 U M on each of two
+/// axes, 10 U M in all. The distance is wrong by 4 U of itself, 6 U M. 16 U M is 8 epsilon of M: twice as
+/// much is taken.
+const POINT_ROUNDING: f64 = 16.0 * f64::EPSILON;
+
 /// Margin of lengths for rounding to `f32`, of the sums of the magnitudes that placed coordinates are summed
 /// of. A vertex of the shrunk mesh rounds by half an epsilon of itself, and a map that places the vertex in
-/// `f32` by four roundings, 2 epsilon of the sum: 2.5 would do.
+/// `f32` by four roundings, 2 epsilon of the sum: 2.5 would do. The rest covers what [`shrink`] rounds in
+/// `f64`: the distance of a face is wrong by some 10 U over the sharpness of its triangle (an area of 1e-4 of
+/// the longest side squared at least, see `solids.rs`), below 1e-11 of the sum.
 const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 
 /// Greatest number of points along a side of the viewcell.
@@ -86,8 +103,7 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         let distance =
             sample_points(min, max, self.points_per_side.clamp(1, MOST_POINTS_PER_SIDE), &mut self.points);
         let magnitude = min.abs().max(max.abs()).max_element();
-        let distance = distance * (1.0 + 1e-9) + magnitude * (16.0 * f64::EPSILON);
-        let near = ((max - min).max_element() * NEAR).max(magnitude * 1e-12).max(1e-30);
+        let near = ((max - min).max_element() * NEAR).max(magnitude * NEAR_OF_MAGNITUDE).max(LEAST_NEAR);
         self.solids.sync(scene);
         let usable = |solid: &&Solid| !solid.meets(min, max) && is_closed_from(&solid.blocker, min, max);
         let usable: Vec<&Solid> = self.solids.list.iter().filter(usable).collect();
@@ -127,7 +143,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
 fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3>) -> f64 {
     let size = max - min;
     let step = size.max_element() / per_side as f64;
-    // A quotient is at most `per_side`, and NaN for a point counts as 0.
+    // A quotient is at most `per_side`, and NaN for a point counts as 0. A whole quotient that rounding makes
+    // greater needs no point more.
     let counts = size.to_array().map(|size| ((size / step - 1e-9) as usize + 1).min(per_side));
     let mut distance = 0.0f64;
     for axis in 0..3 {
@@ -144,7 +161,7 @@ fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3
             }
         }
     }
-    distance
+    distance + min.abs().max(max.abs()).max_element() * POINT_ROUNDING
 }
 
 /// Copies the bounds of a scene, relative to its origin, and gives the copies of the candidates that occlude
@@ -200,7 +217,7 @@ fn shrink(solid: &OccluderMesh, transform: &Affine3A, distance: f64) -> Option<V
         // Each side of the parallelepiped moves inwards along its own axis.
         let volume = linear.determinant().abs();
         let area = |axis: usize| columns[(axis + 1) % 3].cross(columns[(axis + 2) % 3]).length();
-        let by = [0, 1, 2].map(|axis| distance * area(axis) / volume * (1.0 + 1e-9));
+        let by = [0, 1, 2].map(|axis| distance * area(axis) / volume);
         let by = DVec3::from_array(by);
         let low = (bounds.min.as_dvec3() + by).as_vec3().to_array().map(f32::next_up);
         let high = (bounds.max.as_dvec3() - by).as_vec3().to_array().map(f32::next_down);
@@ -222,7 +239,7 @@ fn shrink(solid: &OccluderMesh, transform: &Affine3A, distance: f64) -> Option<V
     });
     // A NaN of a sliver or of a flat transform stays, and leaves nothing.
     let least = depth.fold(f64::INFINITY, |a, b| if b < a || b.is_nan() { b } else { a });
-    let scale = 1.0 - distance / least * (1.0 + 1e-9);
+    let scale = 1.0 - distance / least;
     if scale.is_nan() || scale <= 0.0 {
         return None;
     }
@@ -243,7 +260,7 @@ mod tests {
                 let (min, mut points) = (DVec3::splat(-1.0), Vec::new());
                 let max = min + DVec3::from_array(size);
                 let distance = sample_points(min, max, per_side, &mut points);
-                assert!(distance <= 0.71 * DVec3::from_array(size).max_element() / per_side as f64);
+                assert!(distance <= 0.71 * DVec3::from_array(size).max_element() / per_side as f64 + 1e-13);
                 let steps = (0..=20).flat_map(|i| (0..=20).map(move |j| (i, j)));
                 for (axis, (i, j)) in (0..3).flat_map(|axis| steps.clone().map(move |step| (axis, step))) {
                     let mut part = DVec3::new(1.0, f64::from(i) / 20.0, f64::from(j) / 20.0);
@@ -253,6 +270,27 @@ mod tests {
                     assert!(nearest <= distance + 1e-12, "{size:?}: {nearest} of {distance}");
                 }
             }
+        }
+    }
+
+    /// Far from the origin points and patches round by a billionth of the box. The middle of a side is exact,
+    /// and as far from the four points next to it as points may be.
+    #[test]
+    fn points_cover_the_middle_of_sides_far_away() {
+        let mut random = visibility_testing::Random(7);
+        for round in 0..2000 {
+            let step = 2f64.powi(-20);
+            let min = (random.fine_vector(1e6) / step).round() * step;
+            let size = (1.0 + random.below(2000) as f64) * 4.0 * step;
+            let mut points = Vec::new();
+            let distance = sample_points(min, min + DVec3::splat(size), 6, &mut points);
+            let middle = min + DVec3::new(0.0, 0.5, 0.5) * size;
+            // Differences of numbers so close to each other are exact.
+            let nearest = points.iter().map(|p| (middle - *p).length()).fold(f64::INFINITY, f64::min);
+            assert!(
+                nearest <= distance,
+                "round {round}: the nearest point to {middle} is at {nearest}, {distance} is claimed"
+            );
         }
     }
 

@@ -6,6 +6,7 @@ mod candidates;
 mod common;
 mod ground;
 mod huge_bounds;
+mod no_allocation;
 mod oriented;
 mod sampling;
 mod slots;
@@ -13,3 +14,7 @@ mod soundness;
 mod swapped_sources;
 mod traps;
 mod virtual_occluders;
+
+#[global_allocator]
+static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
+    visibility_testing::allocations::CountingAllocator;

@@ -2,33 +2,12 @@
 //! under a live culler, whose answers are those of a culler that has seen no other scene.
 
 use crate::common::PointShadows;
-use visibility_core::glam::DVec3;
-use visibility_core::pvs::Viewcell;
-use visibility_core::view::Eye;
-use visibility_core::{Accuracy, CullStats, Culler, RegionCuller, Scene, View, VisibleSet};
+use visibility_core::{RegionCuller, Scene};
 use visibility_region::{
     ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller, ShrunkCuller, VolumetricCuller,
 };
 use visibility_testing::Random;
-use visibility_testing::swapped::{Swapped, hold_against_fresh};
-
-/// A culler from viewcells, asked for the cube of 20 cm around the eye of a view.
-struct AroundEye<R>(R);
-
-impl<R: RegionCuller> Culler for AroundEye<R> {
-    fn name(&self) -> &str {
-        "from a viewcell"
-    }
-
-    fn accuracy(&self) -> Accuracy {
-        self.0.accuracy()
-    }
-
-    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Eye::Point(eye) = view.eye(DVec3::ZERO) else { panic!("the views of this test have an eye") };
-        self.0.cull(scene, &Viewcell::from_box(eye - 0.1, eye + 0.1), visible)
-    }
-}
+use visibility_testing::swapped::{AroundEye, Swapped, hold_against_fresh};
 
 struct Cullers<R>(fn() -> R);
 

@@ -8,8 +8,12 @@
 use crate::Random;
 use std::collections::BTreeSet;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::pvs::Viewcell;
+use visibility_core::scene::Triangle;
+use visibility_core::view::Eye;
 use visibility_core::{
-    Aabb, Culler, Object, ObjectId, OccluderMesh, Pose, Scene, View, VisibleSet, scene::Triangle,
+    Aabb, Accuracy, CullStats, Culler, Object, ObjectId, OccluderMesh, Pose, RegionCuller, Scene, View,
+    VisibleSet,
 };
 
 /// Describes a kind of culler to the harness: how the culler is made and which data it takes besides the
@@ -153,12 +157,32 @@ fn random_wall(rng: &mut Random) -> Aabb {
     Aabb::new(at - half, at + half)
 }
 
-/// Gives an object a box-shaped occluder mesh with the object's bounds. The mesh goes with the object, so
-/// that later meshes reuse its index under live cullers.
+/// Gives an object a box-shaped occluder mesh with the object's bounds, and its triangles. The mesh goes with
+/// the object, so that later meshes reuse its index under live cullers.
 fn give_mesh(scene: &mut Scene, id: ObjectId, bounds: &Aabb) {
     let mesh = scene.add_mesh(OccluderMesh::cuboid(bounds).unwrap());
     scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
     scene.remove_mesh(mesh).unwrap();
+    let corners = bounds.corners();
+    scene.set_triangles(id, OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize]))).unwrap();
+}
+
+/// A culler from viewcells, asked for the cube of 20 cm around the eye of a view.
+pub struct AroundEye<R>(pub R);
+
+impl<R: RegionCuller> Culler for AroundEye<R> {
+    fn name(&self) -> &str {
+        "from a viewcell"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        self.0.accuracy()
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let Eye::Point(eye) = view.eye(DVec3::ZERO) else { panic!("the views of this harness have an eye") };
+        self.0.cull(scene, &Viewcell::from_box(eye - 0.1, eye + 0.1), visible)
+    }
 }
 
 /// Makes up to three random changes: removal, insertion, new bounds, triangles, layers, flags, occluders or

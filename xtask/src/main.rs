@@ -1,5 +1,5 @@
 //! Checks of the workspace that the compiler does not make: `cargo run -p xtask -- (api | cycles | licenses |
-//! package | width)`.
+//! modules | package | width)`.
 
 mod api;
 mod crates;
@@ -12,7 +12,7 @@ mod public_items;
 mod signature;
 
 use crate::crates::crates;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Maximum length of a comment line in characters, equal to rustfmt's `max_width` for code.
@@ -21,16 +21,18 @@ const WIDTH: usize = 110;
 fn main() -> ExitCode {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let task = std::env::args().nth(1).unwrap_or_default();
-    let found =
-        match task.as_str() {
-            "api" => api::check(root, std::env::args().nth(2).is_some_and(|option| option == "--write")),
-            "cycles" => check_cycles(root),
-            "licenses" => licenses::check(root),
-            "package" => package::check(root),
-            "width" => check_width(root),
-            _ => Err("usage: cargo run -p xtask -- (api [--write] | cycles | licenses | package | width)"
-                .to_owned()),
-        };
+    let found = match task.as_str() {
+        "api" => api::check(root, std::env::args().nth(2).is_some_and(|option| option == "--write")),
+        "cycles" => check_cycles(root),
+        "licenses" => licenses::check(root),
+        "modules" => check_modules(root),
+        "package" => package::check(root),
+        "width" => check_width(root),
+        _ => Err(
+            "usage: cargo run -p xtask -- (api [--write] | cycles | licenses | modules | package | width)"
+                .to_owned(),
+        ),
+    };
     match found {
         Ok(0) => ExitCode::SUCCESS,
         Ok(count) => {
@@ -64,31 +66,51 @@ fn check_cycles(root: &Path) -> Result<usize, String> {
     Ok(count)
 }
 
-/// Prints each comment line below `root` that is longer than [`WIDTH`], and returns the number of such lines.
-/// Returns an error for the first folder or file that cannot be read.
-fn check_width(root: &Path) -> Result<usize, String> {
-    let (mut count, mut folders) = (0, crates(root)?);
+/// Returns the files with Rust code of all crates below `root`. Returns an error for the first folder that
+/// cannot be read.
+fn sources(root: &Path) -> Result<Vec<PathBuf>, String> {
+    let (mut files, mut folders) = (Vec::new(), crates(root)?);
     while let Some(folder) = folders.pop() {
         let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
             if path.is_dir() && path.file_name().is_some_and(|name| name != "target") {
                 folders.push(path);
             } else if path.extension().is_some_and(|extension| extension == "rs") {
-                let text =
-                    std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-                for (number, line) in (1..).zip(text.lines()) {
-                    let comment = line.trim_start();
-                    let text = comment.trim_start_matches(['/', '!', ' ']);
-                    // A link or a row of a table cannot be wrapped.
-                    if comment.starts_with("//")
-                        && line.chars().count() > WIDTH
-                        && !text.contains("://")
-                        && !text.starts_with('|')
-                    {
-                        count += 1;
-                        println!("{}:{number}: {} wide", path.display(), line.chars().count());
-                    }
-                }
+                files.push(path);
+            }
+        }
+    }
+    Ok(files)
+}
+
+/// Prints each file of a module beside the folder of its submodules, in which it should be `mod.rs`, and
+/// returns the number of such files. Returns an error for the first folder that cannot be read.
+fn check_modules(root: &Path) -> Result<usize, String> {
+    let mut files = sources(root)?;
+    files.retain(|file| file.with_extension("").is_dir());
+    for file in &files {
+        println!("{} stands beside its folder: move it to mod.rs in there", file.display());
+    }
+    Ok(files.len())
+}
+
+/// Prints each comment line below `root` that is longer than [`WIDTH`], and returns the number of such lines.
+/// Returns an error for the first folder or file that cannot be read.
+fn check_width(root: &Path) -> Result<usize, String> {
+    let mut count = 0;
+    for path in sources(root)? {
+        let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        for (number, line) in (1..).zip(text.lines()) {
+            let comment = line.trim_start();
+            let text = comment.trim_start_matches(['/', '!', ' ']);
+            // A link or a row of a table cannot be wrapped.
+            if comment.starts_with("//")
+                && line.chars().count() > WIDTH
+                && !text.contains("://")
+                && !text.starts_with('|')
+            {
+                count += 1;
+                println!("{}:{number}: {} wide", path.display(), line.chars().count());
             }
         }
     }

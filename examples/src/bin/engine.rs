@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use visibility_examples::arguments::count;
 use visibility_examples::engine::{Engine, MOVING};
-use visibility_examples::{eprintln, println};
+use visibility_examples::{exit_code, println};
 
 /// Run a small engine and print what each step of a frame costs: the least and the median time.
 #[derive(Parser)]
@@ -18,13 +18,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match run(Arguments::parse().frames.max(1)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run(Arguments::parse().frames.max(1)))
 }
 
 /// Runs `frames` frames and prints the table.

@@ -13,7 +13,7 @@ use visibility_examples::arguments::count;
 use visibility_examples::built_in;
 use visibility_examples::pvs::stabs::Random;
 use visibility_examples::walkthrough::{World, cullers};
-use visibility_examples::{eprintln, println};
+use visibility_examples::{exit_code, println};
 use visibility_frame::motion::{Motion, MotionVolumes};
 use visibility_measure::{DrawnObject, ItemBuffer};
 
@@ -84,13 +84,7 @@ fn pacers(bounds: &Aabb, count: usize) -> Vec<Pacer> {
 }
 
 fn main() -> ExitCode {
-    match measure(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(measure(&Arguments::parse()))
 }
 
 fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {

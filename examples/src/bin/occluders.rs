@@ -11,7 +11,7 @@ use visibility_examples::level_occluders::{make, picture};
 use visibility_examples::output_file::{plain_name, write};
 use visibility_examples::source::{check_hints, parse_hint};
 use visibility_examples::walkthrough::World;
-use visibility_examples::{Cameras, Hint, Reading, eprintln, open_as, println};
+use visibility_examples::{Cameras, Hint, Reading, exit_code, open_as, println};
 use visibility_hzb::Hzb;
 use visibility_occluders::{LevelOccluders, LevelSettings};
 
@@ -69,13 +69,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run(&Arguments::parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {

@@ -10,7 +10,7 @@ use visibility_examples::arguments::parse_size;
 use visibility_examples::occlusion::frame::Stage;
 use visibility_examples::occlusion::{picture, visb, visc};
 use visibility_examples::output_file::write;
-use visibility_examples::{eprintln, println};
+use visibility_examples::{exit_code, println};
 use visibility_hzb::Coverage;
 
 /// Cull the boxes of a VISC scene behind its occluders with the hierarchical z-buffer, for each of its views.
@@ -61,13 +61,7 @@ enum CoverageName {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run(&Arguments::parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

@@ -11,7 +11,7 @@ use visibility_examples::output_file::write;
 use visibility_examples::plan::drawing::Drawing;
 use visibility_examples::plan::forest_walk::ForestWalk;
 use visibility_examples::plan::{PlanFile, load};
-use visibility_examples::{eprintln, print};
+use visibility_examples::{eprintln, exit_code, print};
 
 /// Compute what eyes on a floor plan see: visibility polygons and the walls seen.
 ///
@@ -87,13 +87,7 @@ fn parse_point(text: &str) -> Result<[f64; 2], String> {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run(&Arguments::parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {

@@ -15,7 +15,7 @@ use visibility_examples::plp::conservative::{Effort, conservative, front_to_back
 use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverage, plot, right_and_wrong};
 use visibility_examples::walkthrough::World;
 use visibility_examples::walkthrough::cullers::plp::FINE;
-use visibility_examples::{Reading, eprintln, open_as, println};
+use visibility_examples::{Reading, exit_code, open_as, println};
 use visibility_hzb::Hzb;
 use visibility_measure::ItemBuffer;
 use visibility_plp::{
@@ -60,13 +60,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match show(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(show(&Arguments::parse()))
 }
 
 fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

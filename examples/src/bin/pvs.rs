@@ -1,20 +1,39 @@
-//! Program `pvs`: bakes the cell-to-cell visibility of a map through its portals.
+//! Program `pvs`: bakes the visibility of cells through their portals, of a map that has them, or of a scene
+//! from whose walls they are made.
 
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Instant;
 use visibility_examples::output_file::write;
-use visibility_examples::pvs::{Line, bake, read, summary};
-use visibility_examples::{eprintln, print, println};
-use visibility_portals::{BakerSettings, CellMatrix, ChainTest};
+use visibility_examples::pvs::built::{Origin, cells};
+use visibility_examples::pvs::{Line, Map, bake, read, summary};
+use visibility_examples::source::{SourceCells, clearance};
+use visibility_examples::walkthrough::cell_sets::{CELL_STEPS, OBJECT_STEPS, objects, settings};
+use visibility_examples::walkthrough::{World, world::objects_in_cells};
+use visibility_examples::{Reading, eprintln, exit_code, open_as, print, println};
+use visibility_portals::{BakerSettings, CellMatrix, ChainTest, prt};
 
-/// Compute the potentially visible set of each cell of a map of cells and portals.
+/// Compute the potentially visible set of each cell of a map of cells and portals, or of a scene.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Map: a `.prt` file, as map compilers write it.
-    map: PathBuf,
+    /// Map: a `.prt` file, as map compilers write it. Or a scene: a recipe such as `office:2,16`, or a file,
+    /// of which cells and portals are made.
+    map: String,
+
+    /// How a scene file is read.
+    #[command(flatten)]
+    reading: Reading,
+
+    /// Origin of the cells of a scene: given by it, or made from its boxes or polygons.
+    #[arg(long, value_enum, default_value = "polygons")]
+    from: From,
+
+    /// File to write the cells and portals to, in the portal file format (.prt). By default none.
+    #[arg(long, value_name = "FILE")]
+    prt: Option<PathBuf>,
 
     /// Also test in Pluecker space the chains of portals that separating planes do not exclude. Fewer pairs
     /// of cells count as visible; each pair excluded has a certificate.
@@ -48,7 +67,8 @@ struct Arguments {
     slowest: usize,
 
     /// Maximum number of chains of portals to test for one cell. A cell that reaches the maximum counts as
-    /// seeing every cell not yet proven hidden.
+    /// seeing every cell, and every object, not yet proven hidden. By default 20,000 for cells of a scene and
+    /// 3,000 for its objects.
     #[arg(long, value_name = "STEPS")]
     limit: Option<u64>,
 
@@ -58,21 +78,33 @@ struct Arguments {
     clearance: Option<f64>,
 }
 
+#[derive(Clone, Copy, ValueEnum)]
+enum From {
+    /// Cells that the scene itself brings; an error if there are none.
+    Given,
+    /// Cells between the axis-aligned boxes among the scene's opaque objects, found by a kd-tree.
+    Walls,
+    /// Cells between the scene's opaque triangles, found by a BSP tree.
+    Polygons,
+}
+
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run(&Arguments::parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), String> {
-    let map = read(&arguments.map)?;
-    let settings = BakerSettings {
-        clearance: arguments.clearance,
-        steps_per_cell: arguments.limit.unwrap_or(BakerSettings::default().steps_per_cell),
+    let made = if arguments.map.ends_with(".prt") { None } else { Some(make(arguments)?) };
+    let map = match &made {
+        Some((world, cells)) => Map { name: world.source.name.clone(), graph: cells.graph.clone() },
+        None => read(arguments.map.as_ref())?,
+    };
+    if let Some(path) = &arguments.prt {
+        write(path, prt::write(&map.graph).as_ref())?;
+    }
+    let steps = if made.is_some() { CELL_STEPS } else { BakerSettings::default().steps_per_cell };
+    let cell_settings = BakerSettings {
+        clearance: arguments.clearance.or(made.as_ref().map(|(_, cells)| clearance(&cells.viewcells))),
+        steps_per_cell: arguments.limit.unwrap_or(steps),
         chain_test: if arguments.exact { ChainTest::Pluecker } else { ChainTest::Separators },
     };
     let threads = match arguments.threads {
@@ -86,7 +118,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     {
         bar.set_style(style);
     }
-    let baked = bake(&map.graph, settings, threads, |progress| {
+    let baked = bake(&map.graph, cell_settings, threads, |progress| {
         bar.set_length(progress.total as u64);
         bar.set_position(progress.done as u64);
     })?;
@@ -105,6 +137,19 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     } else {
         print!("{}", summary(&map, &baked, arguments.slowest));
     }
+    if let Some((world, cells)) = &made {
+        let start = Instant::now();
+        let limit = settings(&cells.viewcells, arguments.limit.unwrap_or(OBJECT_STEPS));
+        let objects = objects(&world.scene, &map.graph, &baked.outcome, limit)?;
+        eprintln!(
+            "{:.1} of {} objects seen in the mean, in {:.2} s, by {} chains; {} cells reached the limit",
+            objects.mean_visible(),
+            world.scene.len(),
+            start.elapsed().as_secs_f64(),
+            objects.steps.iter().sum::<u64>(),
+            objects.fallbacks.len()
+        );
+    }
     if let Some(path) = &arguments.compare {
         let bytes =
             std::fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
@@ -119,4 +164,27 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         );
     }
     Ok(())
+}
+
+/// Makes the cells and portals of a scene, lists its objects in them, and prints what they are.
+fn make(arguments: &Arguments) -> Result<(World, SourceCells), String> {
+    let origin = match arguments.from {
+        From::Given => Origin::Given,
+        From::Walls => Origin::Walls,
+        From::Polygons => Origin::Polygons,
+    };
+    let source = open_as(&arguments.map, &arguments.reading).map_err(|error| error.to_string())?.with_walks();
+    source.print_notes();
+    let world = World::new(source, (64, 36), Some(1)).map_err(|error| error.to_string())?;
+    let start = Instant::now();
+    let mut cells = cells(&world.source, origin)?;
+    let leaks = cells.names.iter().filter(|name| name.ends_with("outside")).count();
+    eprintln!("cells made in {:.2} s, {leaks} of them outside", start.elapsed().as_secs_f64());
+    let ids: Vec<_> = world.scene.ids().collect();
+    let pairs = objects_in_cells(&world.scene, &ids, &cells.viewcells);
+    cells.graph.set_objects(pairs).map_err(|error| error.to_string())?;
+    if let Err(error) = cells.graph.validate(1e-6) {
+        eprintln!("not as it should be: {error}");
+    }
+    Ok((world, cells))
 }

@@ -15,7 +15,7 @@ use visibility_examples::region::cells::TurnedBox;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::output::{self, Judged};
 use visibility_examples::region::{cells, methods, picture, planes, plot, trial};
-use visibility_examples::{Cameras, Reading, open_as, region};
+use visibility_examples::{Cameras, Reading, exit_code, open_as, region};
 use visibility_examples::{eprintln, println};
 
 /// Find what can be seen from anywhere in a viewcell, and say how fast and how tight the answers are.
@@ -123,13 +123,7 @@ fn methods_help() -> String {
 }
 
 fn main() -> ExitCode {
-    match compare(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(compare(&Arguments::parse()))
 }
 
 fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use visibility_core::random::Random;
 use visibility_examples::arguments::count;
-use visibility_examples::{eprintln, println};
+use visibility_examples::{exit_code, println};
 
 /// Simulate a bake on many workers: time, cost and bytes, by the number of viewcells in a shard.
 #[derive(Parser)]
@@ -68,13 +68,7 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    match simulate_all(&arguments) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(simulate_all(&arguments))
 }
 
 fn simulate_all(arguments: &Arguments) -> Result<(), String> {

@@ -11,7 +11,7 @@ use visibility_examples::built_in;
 use visibility_examples::region::read_sets;
 use visibility_examples::streaming::Cache;
 use visibility_examples::walkthrough::{World, cullers};
-use visibility_examples::{eprintln, println};
+use visibility_examples::{exit_code, println};
 
 /// Walk through a built-in scene while objects are loaded as they become visible and unloaded after they
 /// became hidden.
@@ -41,13 +41,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match stream(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(stream(&Arguments::parse()))
 }
 
 fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {

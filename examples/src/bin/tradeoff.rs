@@ -13,7 +13,7 @@ use visibility_examples::tradeoff::{Effort, output, plot, sweep};
 use visibility_examples::walkthrough::auto::advise;
 use visibility_examples::walkthrough::cullers::quick_entries;
 use visibility_examples::walkthrough::{Prepared, World};
-use visibility_examples::{Reading, eprintln, open_as, println};
+use visibility_examples::{Reading, exit_code, open_as, println};
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -52,13 +52,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match measure(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(measure(&Arguments::parse()))
 }
 
 fn measure(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

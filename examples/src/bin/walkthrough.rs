@@ -17,8 +17,8 @@ use visibility_examples::walkthrough::{
     Trial, World, aimed_rays, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture,
     output, run,
 };
-use visibility_examples::{Cameras, Hint, Reading, load_as, open_as};
-use visibility_examples::{eprintln, print, println};
+use visibility_examples::{Cameras, Hint, Reading, exit_code, load_as, open_as};
+use visibility_examples::{print, println};
 
 /// Walk a camera through a scene, cull every frame, and say how fast and how right the answers were.
 #[derive(Parser)]
@@ -101,13 +101,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match walk(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(walk(&Arguments::parse()))
 }
 
 fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

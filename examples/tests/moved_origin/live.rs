@@ -189,7 +189,7 @@ pub(crate) const ALL: &[fn() -> Box<dyn Live>] = &[
     || live("hzb", HzbCuller::new(Hzb::new(256, 160).unwrap()), |_, _| {}),
     || map("hom", Hom::new(256, 160).unwrap()),
     || map("view-cdt", ViewCdt::new()),
-    || map("horizon-map", Horizon::new(UpAxis::Z)),
+    || map("horizon as a map", Horizon::new(UpAxis::Z)),
     || map("occlusion-tree map", OcclusionTree::new()),
     || {
         let queries = Queries(HardwareQueries::new(LateDevice::new(), LateAnswers::Visible));

@@ -103,8 +103,9 @@ impl Plan {
     /// [`PlanError::TooMany`] for more than [`LIMIT`](Self::LIMIT) walls, 2^24 vertices or 2^24 overlaps, or
     /// if the walls of all pieces are together more than 2^26.
     pub fn new(walls: &[Wall]) -> Result<Self, PlanError> {
-        let [low, high] = bounds_of(walls)?;
-        Self::from_walls(walls, (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0))
+        Self::from_walls_within(walls, |[low, high]| {
+            (0.25 * (high[0] - low[0]).max(high[1] - low[1])).max(1.0)
+        })
     }
 
     /// Makes a plan like [`new`](Self::new), with the rectangle at a distance of `margin` world units around
@@ -114,23 +115,29 @@ impl Plan {
     /// # Errors
     /// The errors of [`new`](Self::new), for the same reasons.
     pub fn from_walls(walls: &[Wall], margin: f64) -> Result<Self, PlanError> {
+        Self::from_walls_within(walls, |_| margin)
+    }
+
+    /// Makes a plan like [`from_walls`](Self::from_walls), with the margin that `margin` gives for the least
+    /// and greatest coordinates of all walls.
+    fn from_walls_within(walls: &[Wall], margin: impl Fn([Point; 2]) -> f64) -> Result<Self, PlanError> {
         if walls.len() > Self::LIMIT {
             return Err(PlanError::TooMany { count: walls.len() });
         }
-        let [low, high] = bounds_of(walls)?;
-        // 4 units in the last place of the greatest coordinate, so that rectangle and walls differ; at least
-        // the least coordinate, and at most the greatest.
-        let size = low.iter().chain(&high).fold(LEAST, |size, x| size.max(x.abs()));
-        let margin = margin.max(4.0 * f64::EPSILON * size).clamp(LEAST, GREATEST);
-        // Without the margin, beside which all walls could be at one place of the curve.
-        let curve = Curve::new(low, high);
-        let (low, high) = (low.map(|x| x - margin), high.map(|x| x + margin));
         let mut ends = Vec::with_capacity(2 * walls.len());
         for (index, wall) in walls.iter().enumerate() {
             for end in wall.ends {
                 ends.push(checked(end, index)?);
             }
         }
+        let [low, high] = bounds_of(&ends);
+        // 4 units in the last place of the greatest coordinate, so that rectangle and walls differ; at least
+        // the least coordinate, and at most the greatest.
+        let size = low.iter().chain(&high).fold(LEAST, |size, x| size.max(x.abs()));
+        let margin = margin([low, high]).max(4.0 * f64::EPSILON * size).clamp(LEAST, GREATEST);
+        // Without the margin, beside which all walls could be at one place of the curve.
+        let curve = Curve::new(low, high);
+        let (low, high) = (low.map(|x| x - margin), high.map(|x| x + margin));
         let mut triangulation = Triangulation::new(low, high);
         let vertices = triangulation.insert_all(&ends, &curve);
         let mut constrainer = Constrainer::default();
@@ -390,16 +397,11 @@ impl Plan {
     }
 }
 
-/// Returns the least and greatest coordinates of all walls; a point at the origin without walls.
-fn bounds_of(walls: &[Wall]) -> Result<[Point; 2], PlanError> {
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for (index, wall) in walls.iter().enumerate() {
-        for end in wall.ends {
-            let end = checked(end, index)?;
-            for axis in 0..2 {
-                (low[axis], high[axis]) = (low[axis].min(end[axis]), high[axis].max(end[axis]));
-            }
-        }
-    }
-    Ok(if walls.is_empty() { [[0.0; 2]; 2] } else { [low, high] })
+/// Returns the least and greatest coordinates of points; of the origin without points.
+fn bounds_of(points: &[Point]) -> [Point; 2] {
+    let all = |start: Point, of: fn(f64, f64) -> f64| {
+        points.iter().fold(start, |sum, point| [of(sum[0], point[0]), of(sum[1], point[1])])
+    };
+    let first = points.first().copied().unwrap_or_default();
+    [all(first, f64::min), all(first, f64::max)]
 }

@@ -12,6 +12,7 @@ use super::triangulation::{NONE, Place, next, previous};
 
 /// End of a ray: the first point that it does not pass.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[non_exhaustive]
 pub struct WallHit {
     /// Point in world units where the ray ends, rounded.
     pub point: [f64; 2],

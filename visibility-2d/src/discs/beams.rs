@@ -14,7 +14,9 @@
 //! again. A beam ends only if it is narrower than [`NARROWEST`], which is negative and some ten times that.
 //! The discs close with radii that are less by `1e-12` of the radius and of the distance.
 
+use super::ROUNDING;
 use super::tree::{Disc, DiscError};
+use crate::cdt::predicates::GREATEST;
 use crate::cdt::predicates::checked;
 use crate::cdt::triangulation::{NONE, Place, next, previous};
 use crate::cdt::{Plan, Wall};
@@ -117,8 +119,9 @@ impl DiscBeams {
     /// [`DiscError::Disc`] for a disc that is not finite, has a negative radius or a number beyond 1e60,
     /// [`DiscError::TooMany`] for more centres than a [`Plan`] takes.
     pub fn new(discs: &[Disc]) -> Result<Self, DiscError> {
-        let is_good =
-            |disc: &Disc| disc.center.iter().all(|x| x.abs() <= 1e60) && (0.0..=1e60).contains(&disc.radius);
+        let is_good = |disc: &Disc| {
+            disc.center.iter().all(|x| x.abs() <= GREATEST) && (0.0..=GREATEST).contains(&disc.radius)
+        };
         if let Some(index) = discs.iter().position(|disc| !is_good(disc)) {
             return Err(DiscError::Disc { index });
         }
@@ -207,7 +210,7 @@ impl DiscBeams {
         let [x, y] = [0, 1].map(|k| a[k] + t * along[k]);
         let size = sqrt(a[0] * a[0] + a[1] * a[1]) + sqrt(squared);
         // Not less or equal, so that NaN counts as touching.
-        let is_beyond = sqrt(x * x + y * y) > radius * (1.0 + 1e-12) + 1e-12 * size;
+        let is_beyond = sqrt(x * x + y * y) > radius * (1.0 + ROUNDING) + ROUNDING * size;
         !is_beyond
     }
 
@@ -309,7 +312,7 @@ impl DiscBeams {
         let vertex = self.plan.edges[previous(twin) as usize].origin as usize;
         if self.disc_of[vertex] != NONE {
             let to = minus(self.plan.points[vertex], eye);
-            let reach = self.radius_of[vertex] * (1.0 + 1e-12) + 1e-12 * (to[0].abs() + to[1].abs());
+            let reach = self.radius_of[vertex] * (1.0 + ROUNDING) + ROUNDING * (to[0].abs() + to[1].abs());
             if cross(beam.right, to) >= -reach && cross(to, beam.left) >= -reach {
                 scratch.report(self.disc_of[vertex], seen);
             }
@@ -332,12 +335,12 @@ impl DiscBeams {
         // How much of the edge the disc at an end closes. A disc around the eye closes nothing.
         let closed = |to: [f64; 2], h: u32| {
             let radius = self.radius_of[self.plan.edges[h as usize].origin as usize];
-            let is_outside = to[0] * to[0] + to[1] * to[1] > radius * radius * (1.0 + 1e-12);
-            let closed = radius * (1.0 - 1e-12) - 1e-12 * (to[0].abs() + to[1].abs());
+            let is_outside = to[0] * to[0] + to[1] * to[1] > radius * radius * (1.0 + ROUNDING);
+            let closed = radius * (1.0 - ROUNDING) - ROUNDING * (to[0].abs() + to[1].abs());
             if is_outside { closed.max(0.0) } else { 0.0 }
         };
         let (by_a, by_b) = (closed(to_a, h), closed(to_b, next(h)));
-        if by_a + by_b >= length * (1.0 + 1e-12) {
+        if by_a + by_b >= length * (1.0 + ROUNDING) {
             return;
         }
         let past = |to: [f64; 2], by: f64| [to[0] + by / length * along[0], to[1] + by / length * along[1]];

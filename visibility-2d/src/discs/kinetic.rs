@@ -22,6 +22,7 @@
 use super::gaps::cut_list;
 use super::tree::{Disc, Discs, FAN};
 use super::zone::{DiscView, DiscZone, WIDEST_ERROR};
+use crate::cdt::predicates::GREATEST;
 use crate::directions::disc_span;
 use crate::median_order::LEAF;
 use alloc::vec::Vec;
@@ -44,6 +45,7 @@ const LEAST_SINE: f64 = 1e-4;
 /// assert_eq!(visibility_2d::discs::ZoneWork::default().steps, 0);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+#[non_exhaustive]
 pub struct ZoneWork {
     /// Tangent segments at the eye after the move.
     pub segments: usize,
@@ -266,7 +268,7 @@ impl<'a> KineticZone<'a> {
         self.zone.look(self.discs, &DiscView::new(eye), &mut self.looked);
         self.seen.clear();
         self.seen.extend_from_slice(&self.looked);
-        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= 1e60) {
+        if !self.discs.are_disjoint || self.reach == 0.0 || !eye.iter().all(|x| x.abs() <= GREATEST) {
             return;
         }
         if self.paint(eye, (0.0, 4.0), &[]).is_none() {

@@ -1,6 +1,7 @@
 //! Rays to the first k discs.
 
 use super::tree::{Discs, FAN};
+use super::{MAX_NUMBER, ROUNDING};
 use crate::median_order::LEAF;
 use alloc::vec::Vec;
 use smallvec::SmallVec;
@@ -48,7 +49,7 @@ impl Discs {
         let [x, y] = direction.map(|x| x / larger);
         let length = visibility_core::geometry::sqrt(x * x + y * y);
         // NaN for directions that are zero, infinite or NaN.
-        let is_good = length > 0.0 && origin.iter().all(|x| x.abs() <= 1e150);
+        let is_good = length > 0.0 && origin.iter().all(|x| x.abs() <= MAX_NUMBER);
         let Some(top) = self.levels.len().checked_sub(1) else { return };
         if !is_good || count == 0 || range.is_nan() {
             return;
@@ -123,5 +124,5 @@ fn slab(min: [f64; 2], max: [f64; 2], along: [f64; 2]) -> Option<f64> {
         (begin, end) = (begin.max(a.min(b)), end.min(a.max(b)));
     }
     // Rounding of the quotients and of the unit direction.
-    (begin * (1.0 - 1e-12) <= end * (1.0 + 1e-12)).then_some(begin * (1.0 - 1e-12))
+    (begin * (1.0 - ROUNDING) <= end * (1.0 + ROUNDING)).then_some(begin * (1.0 - ROUNDING))
 }

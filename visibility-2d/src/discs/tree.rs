@@ -1,5 +1,6 @@
 //! Discs on the plan in a hierarchy: halved at the median of the longer axis, leaves of 16, nodes of 8.
 
+use super::{MAX_NUMBER, ROUNDING};
 use crate::median_order::{LEAF, put_in_order};
 use alloc::vec::Vec;
 use core::fmt;
@@ -106,7 +107,7 @@ impl Node {
     /// Returns whether a disc of the node may overlap another disc or touch it.
     fn may_overlap(&self, disc: &Disc) -> bool {
         let ([dx, dy], reach) = (self.away(disc.center), f64::from(self.radius) + disc.radius);
-        dx * dx + dy * dy <= reach * reach * (1.0 + 1e-11)
+        dx * dx + dy * dy <= reach * reach * (1.0 + 10.0 * ROUNDING)
     }
 
     /// Returns a lower bound on the power, squared distance less squared radius, that a point has with
@@ -162,7 +163,7 @@ impl Discs {
             return Err(DiscError::TooMany);
         }
         let is_good = |disc: &Disc| {
-            disc.center.iter().all(|x| x.abs() <= 1e150) && (0.0..=1e150).contains(&disc.radius)
+            disc.center.iter().all(|x| x.abs() <= MAX_NUMBER) && (0.0..=MAX_NUMBER).contains(&disc.radius)
         };
         if let Some(index) = discs.iter().position(|disc| !is_good(disc)) {
             return Err(DiscError::Disc { index });
@@ -222,8 +223,8 @@ impl Discs {
                 let (dx, dy) = (disc.center[0] - other.center[0], disc.center[1] - other.center[1]);
                 let (squared, reach) = (dx * dx + dy * dy, disc.radius + other.radius);
                 // A little more than touching counts as overlapping: rounding.
-                if at != index && squared <= reach * reach * (1.0 + 1e-12) {
-                    let left = visibility_core::geometry::sqrt(squared) * (1.0 - 1e-12) - other.radius;
+                if at != index && squared <= reach * reach * (1.0 + ROUNDING) {
+                    let left = visibility_core::geometry::sqrt(squared) * (1.0 - ROUNDING) - other.radius;
                     solid = solid.min(left.max(0.0));
                 }
             }

@@ -2,6 +2,7 @@
 
 use super::gaps::Gaps;
 use super::tree::{Disc, Discs, FAN, Node};
+use super::{MAX_NUMBER, ROUNDING};
 use crate::directions::{diamond, disc_span, rectangle_span};
 use crate::median_order::LEAF;
 use alloc::collections::BinaryHeap;
@@ -123,7 +124,7 @@ impl DiscZone {
     pub fn look(&mut self, discs: &Discs, view: &DiscView, seen: &mut Vec<u32>) {
         seen.clear();
         let DiscView { eye, directions, range, ball } = *view;
-        if !eye.iter().all(|x| x.abs() <= 1e150) || ball > 1e150 {
+        if !eye.iter().all(|x| x.abs() <= MAX_NUMBER) || ball > MAX_NUMBER {
             seen.extend(0..discs.len() as u32);
             return;
         }
@@ -135,7 +136,7 @@ impl DiscZone {
         // A disc in range has a nearest point at `d - r <= range`, so a power of at most
         // `range (range + 2 r)`.
         let widest = f64::from(discs.levels[top][0].radius);
-        let farthest = range * (range + 2.0 * widest) * (1.0 + 1e-12);
+        let farthest = range * (range + 2.0 * widest) * (1.0 + ROUNDING);
         self.queue.push(Reverse((0, (top as u32) << INDEX_BITS)));
         while let Some(Reverse((power, code))) = self.queue.pop() {
             if self.gaps.is_closed() || f64::from_bits(power) > farthest {
@@ -206,12 +207,12 @@ impl DiscZone {
         {
             return;
         }
-        let reach = (range + disc.radius) * (1.0 + 1e-12);
+        let reach = (range + disc.radius) * (1.0 + ROUNDING);
         if squared <= reach * reach {
             seen.push(discs.indices[index]);
         }
         // A disc that contains an eye of the ball hides nothing.
-        let clear = (disc.radius + ball) * (1.0 + 1e-12);
+        let clear = (disc.radius + ball) * (1.0 + ROUNDING);
         let Some((first, last, error)) = span.filter(|_| squared > clear * clear) else { return };
         let solid = discs.solid_radii[index];
         if solid < disc.radius {

@@ -147,14 +147,13 @@ impl Image {
     }
 
     /// Adds a shape: its outline, and then its number as the label of the triangles that it fills. Nothing
-    /// happens if all of its outline is filled already, or, unless `split` is set, if a part of it is.
-    pub(crate) fn add(&mut self, shapes: &Shapes, number: u32, split: bool) {
+    /// happens if all of its outline is filled already.
+    pub(crate) fn add(&mut self, shapes: &Shapes, number: u32) {
         let shape = &shapes.list[number as usize];
         let outline = &shapes.outlines[shape.outline.clone()];
         self.collect(outline, EVERYWHERE);
         let labels = &self.triangulation.labels;
-        let filled = self.found.iter().filter(|&&t| labels[t as usize] != NONE).count();
-        if filled == self.found.len() || filled > 0 && !split {
+        if self.found.iter().all(|&t| labels[t as usize] != NONE) {
             return;
         }
         let of = &mut self.triangulation;

@@ -3,7 +3,6 @@
 use super::image::Image;
 use super::screen::{BoxPlace, Projected, Screen};
 use super::shape::Shapes;
-use super::{DepthOrder, PartlyHidden};
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::view::ViewPlanes;
@@ -11,9 +10,6 @@ use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
 
 /// Default and greatest number of vertices of the image.
 const MOST_VERTICES: usize = 3072;
-
-/// Slices of the depth range of a parallel view, for [`DepthOrder::Cells`].
-const SLICES: f64 = 16.0;
 
 /// An occlusion map at object precision: outlines of occluders in a triangulation of the image.
 ///
@@ -46,8 +42,6 @@ const SLICES: f64 = 16.0;
 #[derive(Clone, Debug)]
 pub struct ViewCdt {
     most: usize,
-    partly_hidden: PartlyHidden,
-    order: DepthOrder,
     screen: Screen,
     clip_planes: ViewPlanes,
     shapes: Shapes,
@@ -70,8 +64,6 @@ impl ViewCdt {
         image.clear();
         Self {
             most: MOST_VERTICES,
-            partly_hidden: PartlyHidden::default(),
-            order: DepthOrder::default(),
             screen: Screen::BLIND,
             clip_planes: ViewPlanes::NONE,
             shapes: Shapes::default(),
@@ -88,54 +80,9 @@ impl ViewCdt {
         Self { most: most.min(MOST_VERTICES), ..self }
     }
 
-    /// Sets what becomes of partly hidden occluders.
-    #[must_use]
-    pub fn with_partly_hidden(self, partly_hidden: PartlyHidden) -> Self {
-        Self { partly_hidden, ..self }
-    }
-
-    /// Sets how the map tells near from far.
-    #[must_use]
-    pub fn with_order(self, order: DepthOrder) -> Self {
-        Self { order, ..self }
-    }
-
     /// Returns the number of vertices of the image, four of which bound it.
     pub fn vertices(&self) -> usize {
         self.image.len()
-    }
-
-    /// Replaces the depth of shapes by that of their cells, from a shape on. Shapes that are incident on
-    /// several are left out or keep their depth.
-    fn sort_into_cells(&mut self, first: usize, incident: bool) {
-        let mut kept = first;
-        for index in first..self.shapes.list.len() {
-            let shape = &mut self.shapes.list[index];
-            let [floor, ceiling] =
-                [shape.floor, shape.ceiling].map(|key| far_end(key, self.screen.is_perspective));
-            if floor == ceiling && ceiling.is_finite() {
-                (shape.floor, shape.planes) = (floor, 0..0);
-            } else if !incident {
-                continue;
-            }
-            self.shapes.list.swap(kept, index);
-            kept += 1;
-        }
-        self.shapes.list.truncate(kept);
-    }
-}
-
-/// Returns the far end of the cell of a depth key: at most the key.
-fn far_end(key: f64, is_perspective: bool) -> f64 {
-    let slice = key * SLICES;
-    if is_perspective && key > 0.0 {
-        // A power of two: the key is the reciprocal of a distance.
-        f64::from_bits(key.to_bits() & (0x7ff << 52))
-    } else if !is_perspective && slice.abs() < 1e15 {
-        let whole = slice as i64 as f64;
-        (if whole > slice { whole - 1.0 } else { whole }) / SLICES
-    } else {
-        f64::NEG_INFINITY
     }
 }
 
@@ -161,23 +108,18 @@ impl OcclusionMap for ViewCdt {
             return;
         }
         let Some(facing) = self.screen.facing(transform) else { return };
-        let first = self.shapes.list.len();
         let parts = occluder.parts();
         for part in if parts.is_empty() { core::slice::from_ref(occluder) } else { parts } {
             if self.screen.project(part.positions(), transform, &mut self.projected) {
                 self.shapes.add(part, &self.projected, facing);
             }
         }
-        if let DepthOrder::Cells { incident } = self.order {
-            self.sort_into_cells(first, incident);
-        }
     }
 
     fn flush(&mut self) {
-        let split = self.partly_hidden == PartlyHidden::Split;
         for number in self.entered..self.shapes.list.len() {
             if self.image.len() < self.most {
-                self.image.add(&self.shapes, number as u32, split);
+                self.image.add(&self.shapes, number as u32);
             }
         }
         self.entered = self.shapes.list.len();
@@ -193,27 +135,5 @@ impl OcclusionMap for ViewCdt {
             BoxPlace::Inside(_) if self.image.is_empty() => Occlusion::Visible,
             _ => Occlusion::Partial,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use visibility_testing::{UNIT, ends};
-
-    /// Depth keys around every border of cells: the far end of the cell that holds the key.
-    #[test]
-    fn depth_keys_are_in_the_cell_of_their_far_end() {
-        for end in ends(-5, 5).into_iter().filter(|end| end.value == 0.0 || end.value.is_normal()) {
-            let far = far_end(end.value / SLICES, false);
-            assert_eq!(far * SLICES, end.rank.div_euclid(UNIT) as f64, "{end:?}");
-            let (key, far) = (end.value, far_end(end.value, true));
-            let is_cell = far <= key && (key < 2.0 * far || key < f64::MIN_POSITIVE);
-            assert!(is_cell && (far <= 0.0 || far.log2().fract() == 0.0), "{end:?}: {far}");
-        }
-        for key in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
-            assert_eq!(far_end(key, false), f64::NEG_INFINITY);
-        }
-        assert_eq!([f64::NAN, 0.0, -1.0].map(|key| far_end(key, true)), [f64::NEG_INFINITY; 3]);
     }
 }

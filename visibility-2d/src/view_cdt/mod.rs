@@ -10,7 +10,9 @@
 //! none of them hides alone.
 //!
 //! Outlines are moved inwards to a grid of 2^20 by 2^20 points, and boxes outwards. What the proposal leaves
-//! open are settings: see [`PartlyHidden`] and [`DepthOrder`].
+//! open was measured, and what lost was deleted: an occluder that is partly hidden by others is cut at the
+//! outlines that it crosses (left out, it hid less on every scene), and each occluder keeps planes of depth
+//! (cells of doubling distance hid less).
 //!
 //! - `screen.rs`: projection with bounds on rounding.
 //! - `shape.rs`: what an occluder certainly covers, as half-planes, and how far it is.
@@ -22,29 +24,3 @@ mod screen;
 mod shape;
 
 pub use map::ViewCdt;
-
-/// What becomes of an occluder that is partly hidden by others.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum PartlyHidden {
-    /// The outline of the occluder is cut at the outlines that it crosses, and what was open is filled.
-    #[default]
-    Split,
-    /// The occluder is left out. Hides less, in less time.
-    LeftOut,
-}
-
-/// How the map knows which occluders are nearer than a box.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum DepthOrder {
-    /// Planes of depth are kept for each occluder. Boxes and occluders may come in any order.
-    #[default]
-    Planes,
-    /// Space is divided into cells one behind the other: each begins at twice the distance of the one before,
-    /// in a parallel view at multiples of a 16th of the depth range. An occluder within one cell hides what
-    /// begins in a later cell; what is in the same cell counts as visible.
-    Cells {
-        /// Whether occluders that are incident on several cells keep their planes of depth. If not, they are
-        /// left out.
-        incident: bool,
-    },
-}

@@ -5,7 +5,7 @@
 //! linear function of points, a [`ClipRow`] of core, which brings its bound.
 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::view::{ClipRow, Eye, ViewProjection};
+use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{Aabb, View};
 
 /// Unit round-off of `f64`: 2^-53.
@@ -30,7 +30,6 @@ pub(crate) struct Screen {
     anchor: DVec3,
     /// Sign of the determinant of triangles that face the eye; 0 if it is not known.
     facing: f64,
-    pub(crate) is_perspective: bool,
 }
 
 /// Projected corners of an object with one bound for all.
@@ -75,7 +74,6 @@ impl Screen {
         rows: [ClipRow { linear: DVec3::ZERO, constant: 0.0, error: f64::INFINITY }; 5],
         anchor: DVec3::ZERO,
         facing: 0.0,
-        is_perspective: true,
     };
 
     pub(crate) fn new(view: &View, origin: DVec3) -> Self {
@@ -87,7 +85,6 @@ impl Screen {
             // Rows run downwards, which mirrors; normals of triangles that face the eye point towards it,
             // which mirrors again.
             facing: projection.orientation(),
-            is_perspective: matches!(projection.eye(), Eye::Point(_)),
         }
     }
 

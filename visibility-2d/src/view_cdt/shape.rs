@@ -40,8 +40,6 @@ pub(crate) struct Shape {
     pub(crate) outline: Range<usize>,
     /// Lower bound on the depth key anywhere.
     pub(crate) floor: f64,
-    /// Upper bound on the depth key anywhere: infinite if the near plane cuts the shape.
-    pub(crate) ceiling: f64,
 }
 
 /// Shapes of a frame.
@@ -270,7 +268,7 @@ impl Shapes {
     fn finish(&mut self, of: &Meshed<'_>) {
         let starts = [self.lines.len(), self.planes.len(), self.outlines.len()];
         self.push_contour(of);
-        let (mut floor, mut ceiling) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut floor = f64::INFINITY;
         for &t in &self.joined {
             let triangle = of.mesh.triangles()[t as usize];
             for vertex in triangle {
@@ -281,12 +279,8 @@ impl Shapes {
                     // A corner before the near plane, too: a cut may be as far as it, if the plane is
                     // oblique.
                     floor = floor.min(q - margin);
-                    ceiling = ceiling.max(q + margin);
                 } else if w > 0.0 || of.is_beyond(vertex) {
                     floor = f64::NEG_INFINITY;
-                }
-                if !of.is_beyond(vertex) {
-                    ceiling = f64::INFINITY;
                 }
             }
             // Without a plane, the least key of all corners holds.
@@ -301,7 +295,6 @@ impl Shapes {
                 planes: starts[1]..self.planes.len(),
                 outline: starts[2]..self.outlines.len(),
                 floor,
-                ceiling,
             });
         } else {
             self.lines.truncate(starts[0]);

@@ -101,14 +101,7 @@ impl Solid {
     /// [`SolidError::Boundary`] if the polygons cut each other into too many fragments;
     /// [`SolidError::TooDeep`] if the tree has more than 1000 levels.
     pub fn new<P: AsRef<[DVec3]>>(boundary: impl IntoIterator<Item = P>) -> Result<Self, SolidError> {
-        Self::from_tree(&BspTree::build_solid(boundary.into_iter().map(|polygon| (0, polygon)))?)
-    }
-
-    /// Builds the solid that consists of the solid leaves of a tree made by [`BspTree::build_solid`].
-    ///
-    /// # Errors
-    /// [`SolidError::TooDeep`] if the tree has more than 1000 levels.
-    pub fn from_tree(tree: &BspTree) -> Result<Self, SolidError> {
+        let tree = BspTree::build_solid(boundary.into_iter().map(|polygon| (0, polygon)))?;
         check(tree.depth())?;
         let bounds = tree.bounds();
         let magnitude =

@@ -142,6 +142,7 @@ struct Task {
 /// A position in the image at which an object is visible: the centroid of the corners of an uncovered part.
 /// NDC, -1 to 1 across the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct VisiblePoint {
     /// Horizontal NDC coordinate, from -1 at the left to 1 at the right.
     pub x: f64,

@@ -22,4 +22,6 @@ mod work;
 pub(crate) use mesh_triangles::triangles_of;
 pub(crate) use outline::OccluderTriangle;
 pub use polygons::Occluders;
-pub(crate) use select::{Chosen, Selector, angle_of, is_drawn};
+#[cfg(feature = "papers")]
+pub(crate) use select::is_drawn;
+pub(crate) use select::{Chosen, Selector, angle_of};

@@ -12,6 +12,9 @@ use visibility_core::glam::DVec3;
 
 /// Maximum deviation of vertices from the plane, as a fraction of the joined polygon's size.
 const FLAT: f64 = 1e-6;
+/// Greatest depth of a corner that counts as convex, as a part of the size of the polygon: a thousandth of
+/// [`FLAT`].
+const CORNER_ROUNDING: f64 = 1e-9;
 /// Maximum number of vertices of a joined polygon. Each edge costs a plane through the eye in every frame.
 const MOST_VERTICES: usize = if MOST_EDGES < 10 { MOST_EDGES } else { 10 };
 
@@ -147,7 +150,7 @@ fn is_flat_and_convex(points: &[DVec3]) -> bool {
     (0..count).all(|i| {
         let (a, b) = (points[i], points[(i + 1) % count]);
         let inwards = normal.cross(b - a);
-        points.iter().all(|p| inwards.dot(*p - a) >= -1e-9 * size * size)
+        points.iter().all(|p| inwards.dot(*p - a) >= -CORNER_ROUNDING * size * size)
     })
 }
 

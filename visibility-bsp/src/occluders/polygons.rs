@@ -95,7 +95,6 @@ pub(super) struct Block {
 /// }
 /// scene.prepare_occluders(&Preparation::default());
 /// let occluders = Occluders::new(&scene);
-/// assert_eq!(occluders.largest_area(), 24.0);
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -205,13 +204,9 @@ impl Occluders {
         self.len() == 0
     }
 
-    /// Returns the area of the largest polygon in square metres, 0 without polygons.
-    pub fn largest_area(&self) -> f64 {
-        self.polygons.iter().filter(|p| p.count > 0).map(|p| p.area).fold(0.0, f64::max)
-    }
-
     /// Returns the greatest radius of a polygon in metres, measured from the mean of its vertices; 0 without
     /// polygons.
+    #[cfg(feature = "papers")]
     pub(crate) fn largest_radius(&self) -> f64 {
         self.polygons.iter().filter(|p| p.count > 0).map(|p| p.radius).fold(0.0, f64::max)
     }

@@ -27,6 +27,9 @@ pub(super) struct QueuedPolygon {
     two_sided: bool,
 }
 
+/// Greatest thickness of two triangles that count as one quadrilateral, as a part of its diagonal.
+const FLAT: f64 = 1e-6;
+
 /// Gain at or below which a polygon is not inserted, in steradians or objects as [`Worth`] measures it.
 const LEAST_GAIN: f32 = 1e-6;
 
@@ -267,7 +270,7 @@ fn quad(one: &OccluderTriangle, two: &OccluderTriangle) -> Option<[DVec3; 4]> {
                     let (a, b, c) = (quad[k], quad[(k + 1) % 4], quad[(k + 2) % 4]);
                     normal.dot((b - a).cross(c - b)) > 0.0
                 });
-                return (convex && extent_along_normal[1] - extent_along_normal[0] <= 1e-6 * size)
+                return (convex && extent_along_normal[1] - extent_along_normal[0] <= FLAT * size)
                     .then_some(quad);
             }
         }

@@ -21,6 +21,14 @@ pub(crate) const OUTSIDE: Child = u32::MAX - 1;
 /// hidden.
 pub(crate) const HIDDEN: Child = 1 << 31;
 
+/// Distance from a back plane within which a corner counts as on the plane, as a part of the plane's offset:
+/// 9,000 times the round-off of `f64`. It only saves the cut of a sliver.
+const ON_PLANE: f64 = 1e-12;
+
+/// Margin of the share of an edge at which a plane cuts it. A share is some ten roundings of `f64` away from
+/// values that have their own slack: a millionth of this.
+const SHARE_ROUNDING: f64 = 1e-9;
+
 /// Maximum number of nodes, which bounds time and memory for adversarial occluders. Polygons that would
 /// exceed it are not inserted.
 const MOST_NODES: usize = 1 << 16;
@@ -261,7 +269,7 @@ impl Nodes {
     /// appended to `corners`.
     fn before_plane(&mut self, task: &Task, plane: u32) -> Option<Task> {
         let plane = self.planes[plane as usize];
-        let size = plane.offset.abs() * 1e-12;
+        let size = plane.offset.abs() * ON_PLANE;
         let range = task.range();
         let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
         for corner in &self.corners[range.clone()] {
@@ -442,9 +450,9 @@ impl Nodes {
                 if sa < 0.0 && sb < 0.0 {
                     *span = [1.0, 0.0];
                 } else if sa < 0.0 {
-                    span[0] = span[0].max(sa / (sa - sb) - 1e-9);
+                    span[0] = span[0].max(sa / (sa - sb) - SHARE_ROUNDING);
                 } else if sb < 0.0 {
-                    span[1] = span[1].min(sa / (sa - sb) + 1e-9);
+                    span[1] = span[1].min(sa / (sa - sb) + SHARE_ROUNDING);
                 }
                 if span[0] > span[1] {
                     needless |= 1 << i;

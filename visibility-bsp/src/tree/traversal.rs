@@ -14,7 +14,7 @@ use visibility_core::{glam::DVec4, view::Eye};
 /// use visibility_bsp::{BspTree, TraversalStack};
 /// use visibility_core::{glam::DVec3, view::Eye};
 /// let mut stack = TraversalStack::new(); // one a view
-/// BspTree::new().back_to_front(Eye::Point(DVec3::ZERO), &mut stack, |_| unreachable!());
+/// BspTree::new().front_to_back(Eye::Point(DVec3::ZERO), &mut stack, |_| unreachable!());
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct TraversalStack {
@@ -75,24 +75,13 @@ impl BspTree {
     ///
     /// Costs some nanoseconds per node.
     pub fn front_to_back(&self, eye: Eye, stack: &mut TraversalStack, mut visit: impl FnMut(Fragments<'_>)) {
-        self.walk_ordered(eye, false, stack, &mut visit);
-    }
-
-    /// Calls `visit` with the fragments of each node, farthest node first as seen from `eye` (painter's
-    /// order): the reverse of [`front_to_back`](Self::front_to_back). `stack` is scratch memory.
-    pub fn back_to_front(&self, eye: Eye, stack: &mut TraversalStack, mut visit: impl FnMut(Fragments<'_>)) {
-        self.walk_ordered(eye, true, stack, &mut visit);
+        self.walk(eye, stack, &mut visit);
     }
 
     /// Walks the nodes front to back as seen from `eye`, in the tree's coordinates. Skips the subtrees that
     /// [`TreeVisitor::enter`] rejects, such as those outside the view or already hidden. `stack` is scratch
     /// memory.
     pub fn walk(&self, eye: Eye, stack: &mut TraversalStack, walk: &mut impl TreeVisitor) {
-        self.walk_ordered(eye, false, stack, walk);
-    }
-
-    /// Walks the tree as seen from `eye`, front to back, or back to front if `reverse` is true.
-    fn walk_ordered(&self, eye: Eye, reverse: bool, stack: &mut TraversalStack, walk: &mut impl TreeVisitor) {
         // The eye as homogeneous coordinates. A point is in front of a plane if normal . eye + offset > 0; an
         // eye at infinity, if the view direction runs against the normal.
         let eye = match eye {
@@ -107,7 +96,7 @@ impl BspTree {
                 && let Some(marks) = walk.enter(&self.subtrees[child as usize], above)
             {
                 let node = &self.nodes[child as usize];
-                let side = usize::from((in_front(node, eye)) != reverse);
+                let side = usize::from(in_front(node, eye));
                 stack.path.push(Step { first: node.first, far: node.children[side ^ 1], marks });
                 child = node.children[side];
                 above = marks;

@@ -78,7 +78,7 @@ pub enum CellGraphError {
         bodies: usize,
     },
     /// A portal does not lie in a face of the body of one of its cells.
-    OffBody {
+    NotOnBody {
         /// Portal that lies in no face of the body of `cell`.
         portal: PortalId,
         /// Cell of the portal in whose faces the portal does not lie.
@@ -89,7 +89,7 @@ pub enum CellGraphError {
     },
     /// The normal of a portal does not point from the body of its first cell into the body of its second
     /// cell.
-    WrongWay {
+    Normal {
         /// Portal whose normal has the wrong direction.
         portal: PortalId,
         /// Cell of the portal whose body the normal should enter and leaves, or should leave and enters.
@@ -120,10 +120,10 @@ impl fmt::Display for CellGraphError {
             Self::Bodies { cells, bodies } => {
                 write!(f, "{bodies} bodies for {cells} cells: each cell needs one")
             }
-            Self::OffBody { portal, cell, distance } => {
+            Self::NotOnBody { portal, cell, distance } => {
                 write!(f, "portal {} is {distance} off the boundary of cell {}", portal.0, cell.0)
             }
-            Self::WrongWay { portal, cell } => {
+            Self::Normal { portal, cell } => {
                 write!(f, "portal {} points the wrong way through the boundary of cell {}", portal.0, cell.0)
             }
             Self::NotBetween { portal, cells: [first, second] } => write!(

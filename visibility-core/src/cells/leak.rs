@@ -9,6 +9,7 @@ use core::fmt;
 /// A chain of portals from a cell to a cell that should not be reachable, with the fewest portals possible.
 /// Found by [`CellGraph::leak`].
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct Leak {
     /// The cell in which the chain begins, as given to [`CellGraph::leak`].
     pub from: CellId,

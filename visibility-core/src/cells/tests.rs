@@ -82,7 +82,7 @@ fn portals_that_are_on_no_boundary_are_named() {
     };
     assert_eq!(check(4.0, 8.0, [1, 2]), Ok(()));
     assert_eq!(check(4.0 + 1e-7, 8.0 - 1e-7, [1, 2]), Ok(()));
-    let off = |portal, cell, distance| CellGraphError::OffBody {
+    let off = |portal, cell, distance| CellGraphError::NotOnBody {
         portal: PortalId(portal),
         cell: CellId(cell),
         distance,
@@ -93,10 +93,7 @@ fn portals_that_are_on_no_boundary_are_named() {
     assert_eq!(check(4.0, 8.25, [1, 2]), Err(off(1, 1, 0.25)));
     assert_eq!(check(4.0, 6.0, [1, 2]), Err(off(1, 1, 2.0)));
     assert_eq!(check(4.0, 8.0, [0, 2]), Err(off(1, 0, 4.0)));
-    assert_eq!(
-        check(4.0, 8.0, [2, 1]),
-        Err(CellGraphError::WrongWay { portal: PortalId(1), cell: CellId(2) })
-    );
+    assert_eq!(check(4.0, 8.0, [2, 1]), Err(CellGraphError::Normal { portal: PortalId(1), cell: CellId(2) }));
     let few = CellGraph::new(3, []).unwrap().validate_bodies(&bodies[..2], 1e-6);
     assert_eq!(few, Err(CellGraphError::Bodies { cells: 3, bodies: 2 }));
     // The portal lies in a side of the body's box, but not in a face of what a slanting plane leaves of the
@@ -105,7 +102,7 @@ fn portals_that_are_on_no_boundary_are_named() {
     slanted[0].planes.push(crate::geometry::Plane::new(DVec3::new(-2.0, -2.0, 0.0), 8.0));
     let graph = CellGraph::new(3, [(door(4.0), [CellId(0), CellId(1)])]).unwrap();
     let error = graph.validate_bodies(&slanted, 1e-6).unwrap_err();
-    assert!(matches!(error, CellGraphError::OffBody { cell: CellId(0), .. }), "{error}");
+    assert!(matches!(error, CellGraphError::NotOnBody { cell: CellId(0), .. }), "{error}");
 }
 
 #[test]

@@ -43,7 +43,7 @@ impl CellGraph {
     ///
     /// # Errors
     /// [`CellGraphError::Bodies`] if there is not one body for each cell. For the first faulty portal,
-    /// [`CellGraphError::OffBody`] if it lies in no face of a body, [`CellGraphError::WrongWay`] if its
+    /// [`CellGraphError::NotOnBody`] if it lies in no face of a body, [`CellGraphError::Normal`] if its
     /// normal points the wrong way.
     ///
     /// ```
@@ -76,10 +76,10 @@ impl CellGraph {
                 // The portal reaches beyond a face, or lies inside of all faces.
                 let distance = outside.max(nearest);
                 if distance > tolerance {
-                    return Err(CellGraphError::OffBody { portal: id, cell, distance });
+                    return Err(CellGraphError::NotOnBody { portal: id, cell, distance });
                 }
                 if !faces_in {
-                    return Err(CellGraphError::WrongWay { portal: id, cell });
+                    return Err(CellGraphError::Normal { portal: id, cell });
                 }
             }
         }

@@ -32,12 +32,12 @@ pub enum PolygonError {
         count: usize,
     },
     /// A coordinate is NaN or infinite.
-    NonFinite {
+    Vertex {
         /// Index of the first vertex with a NaN or infinite coordinate.
         vertex: usize,
     },
     /// The polygon has no area, or almost none relative to its size: all vertices lie (almost) on one line.
-    Degenerate,
+    NoPlane,
     /// A vertex is farther from the plane of the polygon than [`ConvexPolygon::TOLERANCE`] allows.
     NotPlanar {
         /// Index of the vertex that is farthest from the polygon's plane.
@@ -57,8 +57,8 @@ impl fmt::Display for PolygonError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooFewVertices { count } => write!(f, "a polygon needs 3 vertices, there are {count}"),
-            Self::NonFinite { vertex } => write!(f, "vertex {vertex} of the polygon is not finite"),
-            Self::Degenerate => write!(f, "the polygon has no area"),
+            Self::Vertex { vertex } => write!(f, "vertex {vertex} of the polygon is not finite"),
+            Self::NoPlane => write!(f, "the polygon has no area"),
             Self::NotPlanar { vertex, distance } => {
                 write!(f, "vertex {vertex} of the polygon is {distance} off its plane")
             }
@@ -70,6 +70,10 @@ impl fmt::Display for PolygonError {
 }
 
 impl core::error::Error for PolygonError {}
+
+/// Least area of a polygon, as a part of its longest side squared: 90 times the round-off of `f64`, of which
+/// the area vector of a polygon of some ten vertices has less than 20.
+const AREA_ROUNDING: f64 = 1e-14;
 
 impl ConvexPolygon {
     /// Greatest allowed distance of a vertex from the polygon's plane, and from the inner side of any edge
@@ -95,12 +99,12 @@ impl ConvexPolygon {
             return Err(PolygonError::TooFewVertices { count: v.len() });
         }
         if let Some(vertex) = v.iter().position(|p| !p.is_finite()) {
-            return Err(PolygonError::NonFinite { vertex });
+            return Err(PolygonError::Vertex { vertex });
         }
         let size = v.iter().map(|p| (*p - v[0]).abs().max_element()).fold(0.0, f64::max);
-        let plane = self.plane().ok_or(PolygonError::Degenerate)?;
-        if plane.normal.dot(self.area_vector()) < 1e-14 * size * size {
-            return Err(PolygonError::Degenerate);
+        let plane = self.plane().ok_or(PolygonError::NoPlane)?;
+        if plane.normal.dot(self.area_vector()) < AREA_ROUNDING * size * size {
+            return Err(PolygonError::NoPlane);
         }
         let allowed = Self::TOLERANCE * size;
         let off = |i: usize| plane.normal.dot(v[i] - v[0]).abs();
@@ -217,7 +221,7 @@ impl ConvexPolygon {
 impl Plane {
     /// Classifies a convex polygon against the half-space. A polygon with a vertex within rounding error of
     /// the boundary is `Crossing`. An empty polygon is `Outside`.
-    pub fn classify_polygon(&self, polygon: &ConvexPolygon) -> Containment {
+    fn classify_polygon(&self, polygon: &ConvexPolygon) -> Containment {
         let (mut inside, mut outside) = (true, true);
         for &v in polygon.vertices() {
             match self.classify_point(v) {
@@ -266,11 +270,8 @@ mod tests {
         let new =
             |points: &[[f64; 3]]| ConvexPolygon::new(points.iter().map(|&p| p.into()).collect::<Vec<_>>());
         assert_eq!(new(&[[0.0; 3]]), Err(PolygonError::TooFewVertices { count: 1 }));
-        assert_eq!(
-            new(&[[0.0; 3], [1.0, 0.0, 0.0], [f64::NAN; 3]]),
-            Err(PolygonError::NonFinite { vertex: 2 })
-        );
-        assert_eq!(new(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), Err(PolygonError::Degenerate));
+        assert_eq!(new(&[[0.0; 3], [1.0, 0.0, 0.0], [f64::NAN; 3]]), Err(PolygonError::Vertex { vertex: 2 }));
+        assert_eq!(new(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), Err(PolygonError::NoPlane));
         let bent = new(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.3], [0.0, 1.0, 0.0]]);
         assert!(matches!(bent, Err(PolygonError::NotPlanar { .. })), "{bent:?}");
         let dart = new(&[[0.0; 3], [2.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 2.0, 0.0]]);

@@ -126,7 +126,7 @@ impl Plane {
 
     /// Classifies a point against the half-space: `Crossing` if its distance from the boundary is within the
     /// error bound or NaN.
-    pub fn classify_point(&self, p: DVec3) -> Containment {
+    pub(crate) fn classify_point(&self, p: DVec3) -> Containment {
         self.decide(self.signed_distance(p), self.signed_distance(p), self.error_bound(p.abs()))
     }
 

@@ -42,12 +42,12 @@ pub enum MeshError {
         index: u32,
     },
     /// A coordinate is NaN or infinite.
-    NonFinite {
+    Vertex {
         /// Index of the first vertex with a NaN or infinite coordinate.
         vertex: usize,
     },
     /// There is no triangle with an area.
-    Empty,
+    NoTriangle,
     /// There are more vertices or triangles than 32 bits can count.
     TooMany,
 }
@@ -56,8 +56,8 @@ impl fmt::Display for MeshError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Index { triangle, index } => write!(f, "triangle {triangle} has no vertex {index}"),
-            Self::NonFinite { vertex } => write!(f, "vertex {vertex} of the occluder is not finite"),
-            Self::Empty => write!(f, "the occluder has no triangle with an area"),
+            Self::Vertex { vertex } => write!(f, "vertex {vertex} of the occluder is not finite"),
+            Self::NoTriangle => write!(f, "the occluder has no triangle with an area"),
             Self::TooMany => write!(f, "the occluder has more vertices or triangles than 32 bits count"),
         }
     }
@@ -276,7 +276,7 @@ impl OccluderMesh {
     /// `direction` is a unit vector from the mesh towards the eye, in mesh coordinates. The area is exact for
     /// axis-aligned boxes and up to 1.7 times too large for other convex meshes. Faces that cover each other
     /// are counted repeatedly.
-    pub fn area_towards(&self, direction: Vec3) -> f32 {
+    pub(super) fn area_towards(&self, direction: Vec3) -> f32 {
         let d = direction.to_array();
         let part = |axis: usize| {
             let (front, back) = (self.facing[axis], self.facing[axis + 3]);
@@ -433,13 +433,13 @@ mod tests {
             OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 1, 7]]),
             Err(MeshError::Index { triangle: 1, index: 7 })
         );
-        assert_eq!(OccluderMesh::from_indexed(&p, &[[0, 1, 1]]), Err(MeshError::Empty));
-        assert_eq!(OccluderMesh::from_triangles(&[]), Err(MeshError::Empty));
+        assert_eq!(OccluderMesh::from_indexed(&p, &[[0, 1, 1]]), Err(MeshError::NoTriangle));
+        assert_eq!(OccluderMesh::from_triangles(&[]), Err(MeshError::NoTriangle));
         assert_eq!(
             OccluderMesh::from_triangles(&[[Vec3::ZERO, Vec3::NAN, Vec3::X]]),
-            Err(MeshError::NonFinite { vertex: 1 })
+            Err(MeshError::Vertex { vertex: 1 })
         );
-        assert_eq!(OccluderMesh::cuboid(&Aabb::EMPTY), Err(MeshError::Empty));
+        assert_eq!(OccluderMesh::cuboid(&Aabb::EMPTY), Err(MeshError::NoTriangle));
     }
 
     #[test]

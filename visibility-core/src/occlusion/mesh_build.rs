@@ -14,14 +14,14 @@ impl OccluderMesh {
     /// for solids of up to 256 triangles.
     ///
     /// # Errors
-    /// [`MeshError::TooMany`], [`MeshError::NonFinite`], [`MeshError::Index`], or [`MeshError::Empty`] if no
-    /// triangle remains.
+    /// [`MeshError::TooMany`], [`MeshError::Vertex`], [`MeshError::Index`], or [`MeshError::NoTriangle`] if
+    /// no triangle remains.
     pub fn from_indexed(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Self, MeshError> {
         if positions.len() >= u32::MAX as usize || indices.len() >= (u32::MAX / 3) as usize {
             return Err(MeshError::TooMany);
         }
         if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
-            return Err(MeshError::NonFinite { vertex });
+            return Err(MeshError::Vertex { vertex });
         }
         for (triangle, corners) in indices.iter().enumerate() {
             if let Some(&index) = corners.iter().find(|&&i| i as usize >= positions.len()) {
@@ -34,7 +34,7 @@ impl OccluderMesh {
             .map(|t| t.map(|i| place[i as usize]))
             .filter(|t| has_area(&positions, t))
             .collect();
-        let mut mesh = Self::whole(&positions, triangles).ok_or(MeshError::Empty)?;
+        let mut mesh = Self::whole(&positions, triangles).ok_or(MeshError::NoTriangle)?;
         if !mesh.convex {
             mesh.parts = split(&mesh.positions, &mesh.triangles);
             mesh.solid_triangles = mesh.parts.iter().map(Self::solid_triangles).sum();
@@ -45,8 +45,8 @@ impl OccluderMesh {
     /// Makes an occluder from loose triangles, like [`from_indexed`](Self::from_indexed).
     ///
     /// # Errors
-    /// [`MeshError::TooMany`], [`MeshError::NonFinite`] (vertex `3 * triangle + corner`), or
-    /// [`MeshError::Empty`] if no triangle has an area.
+    /// [`MeshError::TooMany`], [`MeshError::Vertex`] (vertex `3 * triangle + corner`), or
+    /// [`MeshError::NoTriangle`] if no triangle has an area.
     pub fn from_triangles(triangles: &[Triangle]) -> Result<Self, MeshError> {
         // Indices that wrap are never used: so many vertices are refused below.
         let indices: Vec<[u32; 3]> = (0..triangles.len() as u32)
@@ -59,11 +59,11 @@ impl OccluderMesh {
     /// Makes an occluder from an axis-aligned box. A box with extent on all axes gives a closed convex mesh.
     ///
     /// # Errors
-    /// [`MeshError::NonFinite`] for infinite coordinates, and [`MeshError::Empty`] for an improper box or a
+    /// [`MeshError::Vertex`] for infinite coordinates, and [`MeshError::NoTriangle`] for an improper box or a
     /// box that is flat on more than one axis.
     pub fn cuboid(bounds: &Aabb) -> Result<Self, MeshError> {
         if !bounds.is_proper() {
-            return Err(MeshError::Empty);
+            return Err(MeshError::NoTriangle);
         }
         Self::from_indexed(&bounds.corners(), &Self::CUBOID)
     }
@@ -72,8 +72,8 @@ impl OccluderMesh {
     /// vertices run counter-clockwise. The mesh is open and one-sided.
     ///
     /// # Errors
-    /// [`MeshError::NonFinite`] if `f32` cannot hold a vertex, and [`MeshError::Empty`] for a polygon that is
-    /// empty or has no area.
+    /// [`MeshError::Vertex`] if `f32` cannot hold a vertex, and [`MeshError::NoTriangle`] for a polygon that
+    /// is empty or has no area.
     pub fn polygon(polygon: &ConvexPolygon) -> Result<Self, MeshError> {
         let positions: Vec<Vec3> = polygon.vertices().iter().map(|v| v.as_vec3()).collect();
         let fan: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();

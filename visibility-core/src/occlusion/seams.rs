@@ -2,7 +2,7 @@
 //! that covers all of it, so that along the seam between two of them no pixel is filled.
 
 use crate::geometry::Containment;
-use crate::scene::{Scene, lanes};
+use crate::scene::{FAN_OUT, Scene, lanes};
 use crate::walk::{BoxHierarchy, Child, SceneHierarchy, unculled_blocks};
 use crate::{Aabb, ObjectId};
 
@@ -37,7 +37,7 @@ pub fn occluders_with_seams(scene: &Scene) -> usize {
                 && is_occluder(other)
                 && scene.bounds(other).is_ok_and(|beside| is_continued(&bounds, &beside))
         };
-        let in_block = |ids: &[ObjectId; 64], mask| lanes(mask).any(|lane| continues(ids[lane]));
+        let in_block = |ids: &[ObjectId; FAN_OUT], mask| lanes(mask).any(|lane| continues(ids[lane]));
         any_touching(scene, None, &grown(&bounds), &continues)
             || unculled_blocks(scene)
                 .any(|block| block.leaf().is_some_and(|(_, ids)| in_block(ids, block.occupied())))

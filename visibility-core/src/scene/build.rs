@@ -1,7 +1,7 @@
 //! Bulk loading of the hierarchy: objects are sorted along a space-filling curve and packed into leaves of
 //! 64. Nodes are packed likewise, level by level (Kamel and Faloutsos, "On Packing R-trees", 1993).
 
-use super::boxes64::{Boxes64, lanes};
+use super::boxes64::{Boxes64, FAN_OUT, lanes};
 use super::curve::Curve;
 use super::tree::{Payload, Slot, Tree, UNCULLED};
 use crate::{Aabb, ObjectId};
@@ -100,11 +100,11 @@ impl Tree {
         };
         let order = sorted(objects.iter().enumerate().map(key));
 
-        let leaves = order.len().div_ceil(64);
-        self.reserve(leaves + leaves.div_ceil(63) + 8);
+        let leaves = order.len().div_ceil(FAN_OUT);
+        self.reserve(leaves + leaves.div_ceil(FAN_OUT - 1) + 8);
         let number = |key: u64| (key & ((1 << bits) - 1)) as usize;
-        let mut taken = [Entry::NONE; 64];
-        for chunk in order.chunks(64) {
+        let mut taken = [Entry::NONE; FAN_OUT];
+        for chunk in order.chunks(FAN_OUT) {
             // A loop that only loads, so that the processor can wait for many cache misses at once.
             for (entry, &key) in taken.iter_mut().zip(chunk) {
                 *entry = objects[number(key)];
@@ -117,8 +117,8 @@ impl Tree {
         let mut height = 0;
         while level.len() > 1 {
             height += 1;
-            let mut above = Vec::with_capacity(level.len().div_ceil(64));
-            for chunk in level.chunks(64) {
+            let mut above = Vec::with_capacity(level.len().div_ceil(FAN_OUT));
+            for chunk in level.chunks(FAN_OUT) {
                 let node = self.allocate(height);
                 for (lane, &child) in chunk.iter().enumerate() {
                     self.attach(Slot::new(node, lane), child);
@@ -136,8 +136,8 @@ impl Tree {
     /// loop of its own, in which the processor can wait for many cache misses at once.
     fn push_leaf(&mut self, entries: &[Entry], generations: &[u32]) {
         let node = self.node_count() as u32;
-        let occupied = if entries.len() < 64 { (1 << entries.len()) - 1 } else { u64::MAX };
-        let mut ids = [ObjectId::PLACEHOLDER; 64];
+        let occupied = if entries.len() < FAN_OUT { (1 << entries.len()) - 1 } else { u64::MAX };
+        let mut ids = [ObjectId::PLACEHOLDER; FAN_OUT];
         let mut occluders = 0;
         for (lane, (id, entry)) in ids.iter_mut().zip(entries).enumerate() {
             id.index = entry.tagged & !Entry::OCCLUDER;
@@ -149,7 +149,7 @@ impl Tree {
         for (lane, id) in ids[..entries.len()].iter().enumerate() {
             self.slots[id.index()] = Slot::new(node, lane);
         }
-        let (mut boxes, mut layers) = (Boxes64::EMPTY, [u32::MAX; 64]);
+        let (mut boxes, mut layers) = (Boxes64::EMPTY, [u32::MAX; FAN_OUT]);
         for (lane, entry) in entries.iter().enumerate() {
             boxes.set(lane, &entry.bounds);
             layers[lane] = entry.layers;

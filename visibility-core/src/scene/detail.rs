@@ -45,12 +45,12 @@ impl Scene {
     /// [`maintain`](Self::maintain) or [`rebuild`](Self::rebuild).
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::InvalidDrawRange`] for a NaN,
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::DrawRange`] for a NaN,
     /// a negative or infinite `begin`, an `end` less than `begin`, or a negative `margin`.
     pub fn set_draw_range(&mut self, id: ObjectId, range: DrawRange) -> Result<(), SceneError> {
         self.slot(id)?;
         if !range.is_valid() {
-            return Err(SceneError::InvalidDrawRange(id));
+            return Err(SceneError::DrawRange(id));
         }
         if range != self.tree.detail(id.index()).range {
             self.grow_details();
@@ -63,7 +63,7 @@ impl Scene {
     }
 
     /// Returns the number of objects with a [draw range](Self::set_draw_range). Takes constant time.
-    pub fn draw_range_count(&self) -> usize {
+    pub(crate) fn draw_range_count(&self) -> usize {
         self.ranged
     }
 
@@ -127,7 +127,7 @@ impl Scene {
     /// proportion to the number of its children.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` or `parent` is not in the scene, and [`SceneError::ParentCycle`]
+    /// [`SceneError::UnknownObject`] if `id` or `parent` is not in the scene, and [`SceneError::Parent`]
     /// if `parent` is the object itself or below it.
     pub fn set_hlod_parent(&mut self, id: ObjectId, parent: Option<ObjectId>) -> Result<(), SceneError> {
         self.slot(id)?;
@@ -135,7 +135,7 @@ impl Scene {
         while let Some(object) = above {
             self.slot(object)?;
             if object == id {
-                return Err(SceneError::ParentCycle(id));
+                return Err(SceneError::Parent(id));
             }
             above = self.hlod_parent(object)?;
         }

@@ -20,13 +20,14 @@ mod tree;
 mod triangles;
 
 pub use affine::ToAffine;
-pub use boxes64::{Boxes64, lanes};
+pub use boxes64::{Boxes64, FAN_OUT, lanes};
 pub use changes::Changes;
 pub use cursor::SceneCursor;
 pub use curve::morton_order;
 pub use detail::DetailedObject;
 pub use draw_range::DrawRange;
 pub use maintain::Maintenance;
+use object::is_unculled;
 pub use object::{MeshId, Object, ObjectId, SceneError, Triangle};
 pub use skinned_bounds::{SkinError, SkinnedBounds};
 pub use tree::DetailBounds;
@@ -183,10 +184,10 @@ impl Scene {
     /// [`VisibleSet`](crate::VisibleSet) that is not finished holds every object again.
     ///
     /// # Errors
-    /// [`SceneError::NonFiniteOrigin`] if `origin` is NaN or infinite.
+    /// [`SceneError::Origin`] if `origin` is NaN or infinite.
     pub fn set_origin(&mut self, origin: DVec3) -> Result<(), SceneError> {
         if !origin.is_finite() {
-            return Err(SceneError::NonFiniteOrigin);
+            return Err(SceneError::Origin);
         }
         self.origin = origin;
         self.log.move_origin();
@@ -286,8 +287,7 @@ impl Scene {
     }
 
     fn insert_into_tree(&mut self, bounds: &Aabb, payload: Payload) {
-        let never = self.never_cull.contains(payload.id.index());
-        if (Object { never_cull: never, ..Object::new(*bounds) }).is_unculled() {
+        if is_unculled(bounds, self.never_cull.contains(payload.id.index())) {
             self.tree.insert_unculled(bounds, payload);
         } else {
             self.tree.insert(bounds, payload);
@@ -404,7 +404,7 @@ impl Scene {
 
     fn move_object(&mut self, slot: Slot, id: ObjectId, bounds: &Aabb) {
         let (was, is) =
-            (self.tree.is_unculled(slot), !bounds.is_finite() || self.never_cull.contains(id.index()));
+            (self.tree.is_unculled(slot), is_unculled(bounds, self.never_cull.contains(id.index())));
         if was && is {
             self.tree.bounds[slot.node()].set(slot.lane(), bounds);
         } else if was != is || !self.tree.move_within(slot, bounds) {
@@ -573,17 +573,7 @@ impl Scene {
     /// Returns the number of objects whose bounds are NaN or inverted, so that they are never culled, though
     /// they are not [flagged](Object::never_cull) so. Infinite bounds do not count: they say where the object
     /// is. Takes time in proportion to the number of objects that are never culled.
-    ///
-    /// ```
-    /// use visibility_core::{Aabb, Scene};
-    /// let mut scene = Scene::new();
-    /// let id = scene.insert(Aabb::from_arrays([1.0; 3], [0.0; 3]));
-    /// assert_eq!(scene.improper_bounds_count(), 1);
-    /// scene.set_never_cull(id, true)?;
-    /// assert_eq!(scene.improper_bounds_count(), 0);
-    /// # Ok::<(), visibility_core::scene::SceneError>(())
-    /// ```
-    pub fn improper_bounds_count(&self) -> usize {
+    pub(crate) fn improper_bounds_count(&self) -> usize {
         self.tree
             .unculled_objects()
             .filter(|(bounds, id)| !bounds.is_proper() && !self.never_cull.contains(id.index()))

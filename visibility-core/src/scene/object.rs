@@ -174,8 +174,14 @@ impl Object {
     /// Returns whether no culler may remove the object: because it is flagged as never culled, or because its
     /// bounds are inverted, NaN or infinite.
     pub fn is_unculled(&self) -> bool {
-        self.never_cull || !self.bounds.is_finite()
+        is_unculled(&self.bounds, self.never_cull)
     }
+}
+
+/// Returns whether no culler may remove an object with these bounds: because it is flagged as never culled,
+/// or because the bounds are inverted, NaN or infinite.
+pub(super) fn is_unculled(bounds: &Aabb, never_cull: bool) -> bool {
+    never_cull || !bounds.is_finite()
 }
 
 impl From<Aabb> for Object {
@@ -193,21 +199,21 @@ pub enum SceneError {
     /// The scene has no occluder mesh with this id: the mesh was removed, or the id is of another scene.
     UnknownMesh(MeshId),
     /// The transform for this object has a NaN or infinite element.
-    NonFiniteTransform(ObjectId),
+    Transform(ObjectId),
     /// The bounds of this object are given in scene coordinates, so that no transform can move them:
     /// [`Scene::set_local_bounds`](crate::Scene::set_local_bounds) was not called, or
     /// [`Scene::set_bounds`](crate::Scene::set_bounds) later.
     NoLocalBounds(ObjectId),
     /// A triangle for this object reaches out of the object's bounds by more than rounding: the triangles or
     /// the bounds are in other coordinates than those of the scene, or of another object.
-    TrianglesOutsideBounds(ObjectId),
+    Triangles(ObjectId),
     /// The origin for the scene has a NaN or infinite coordinate.
-    NonFiniteOrigin,
+    Origin,
     /// The draw range for this object has a NaN, a negative or infinite `begin`, an `end` less than `begin`,
     /// or a negative `margin`.
-    InvalidDrawRange(ObjectId),
+    DrawRange(ObjectId),
     /// The HLOD parent for this object is the object itself or below it.
-    ParentCycle(ObjectId),
+    Parent(ObjectId),
 }
 
 impl fmt::Display for SceneError {
@@ -215,16 +221,16 @@ impl fmt::Display for SceneError {
         match self {
             Self::UnknownObject(id) => write!(f, "object {id} is not, or no longer, in the scene"),
             Self::UnknownMesh(mesh) => write!(f, "mesh {} is not, or no longer, in the scene", mesh.index),
-            Self::NonFiniteTransform(id) => write!(f, "the transform of object {id} is not finite"),
+            Self::Transform(id) => write!(f, "the transform of object {id} is not finite"),
             Self::NoLocalBounds(id) => {
                 write!(f, "object {id} has no local bounds that a transform could move")
             }
-            Self::TrianglesOutsideBounds(id) => {
+            Self::Triangles(id) => {
                 write!(f, "the triangles of object {id} reach out of its bounds, in scene coordinates")
             }
-            Self::NonFiniteOrigin => write!(f, "the origin of the scene is not finite"),
-            Self::InvalidDrawRange(id) => write!(f, "the draw range of object {id} is not a range"),
-            Self::ParentCycle(id) => write!(f, "the HLOD parent of object {id} is below the object itself"),
+            Self::Origin => write!(f, "the origin of the scene is not finite"),
+            Self::DrawRange(id) => write!(f, "the draw range of object {id} is not a range"),
+            Self::Parent(id) => write!(f, "the HLOD parent of object {id} is below the object itself"),
         }
     }
 }

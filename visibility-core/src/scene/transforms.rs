@@ -7,7 +7,7 @@
 //! is taken from the object. Triangles are in scene coordinates and never move, so each change takes them
 //! away.
 
-use super::boxes64::lanes;
+use super::boxes64::{FAN_OUT, lanes};
 use super::mesh_bounds::{is_any_outside, is_within};
 use super::placement::{MeshOrigin, PlacedMesh};
 use super::{MeshId, ObjectId, Scene, SceneError, Scratch, SharedTriangles, Slot, ToAffine, Triangles};
@@ -96,7 +96,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::NoLocalBounds`] if the bounds
-    /// of the object are given in scene coordinates, and [`SceneError::NonFiniteTransform`] if an element of
+    /// of the object are given in scene coordinates, and [`SceneError::Transform`] if an element of
     /// `transform` is NaN or infinite.
     pub fn set_transform(&mut self, id: ObjectId, transform: Affine3A) -> Result<(), SceneError> {
         self.slot_with_local(id, &transform)?;
@@ -143,7 +143,7 @@ impl Scene {
         if self.placements.get(id.index).is_none_or(|placement| placement.local.is_none()) {
             return Err(SceneError::NoLocalBounds(id));
         }
-        if transform.is_finite() { Ok(slot) } else { Err(SceneError::NonFiniteTransform(id)) }
+        if transform.is_finite() { Ok(slot) } else { Err(SceneError::Transform(id)) }
     }
 
     /// Stores the transform of an object with local bounds and removes the object's triangles if the
@@ -287,7 +287,7 @@ impl Scene {
     /// ```
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::TrianglesOutsideBounds`] if a
+    /// [`SceneError::UnknownObject`] if `id` is not in the scene. [`SceneError::Triangles`] if a
     /// corner lies outside of the bounds; NaN corners do not, and improper bounds contain everything, since
     /// such an object is never culled.
     pub fn set_triangles(
@@ -297,7 +297,7 @@ impl Scene {
     ) -> Result<(), SceneError> {
         let (slot, triangles) = (self.slot(id)?, triangles.into());
         if is_any_outside(triangles.view(), &self.tree.bounds[slot.node()].get(slot.lane())) {
-            return Err(SceneError::TrianglesOutsideBounds(id));
+            return Err(SceneError::Triangles(id));
         }
         self.drop_triangles(id.index);
         if self.triangles.len() <= id.index() {
@@ -386,12 +386,12 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene, [`SceneError::UnknownMesh`] if `mesh` is
-    /// not, and [`SceneError::NonFiniteTransform`] if an element of `transform` is NaN or infinite.
+    /// not, and [`SceneError::Transform`] if an element of `transform` is NaN or infinite.
     pub fn set_mesh(&mut self, id: ObjectId, mesh: MeshId, transform: Affine3A) -> Result<(), SceneError> {
         self.slot(id)?;
         self.meshes.users(mesh).ok_or(SceneError::UnknownMesh(mesh))?;
         if !transform.is_finite() {
-            return Err(SceneError::NonFiniteTransform(id));
+            return Err(SceneError::Transform(id));
         }
         let placed = PlacedMesh { index: mesh.index, origin: MeshOrigin::Given, is_inside: false };
         self.replace_mesh(id.index, Some(placed));
@@ -441,7 +441,7 @@ impl Scene {
 
     /// Loads into the cache what is asked of the occluders of a leaf. The processor waits for many cache
     /// misses at once, whereas asking one occluder after the other would wait for each.
-    pub(crate) fn fetch_occluders(&self, ids: &[ObjectId; 64], mask: u64) {
+    pub(crate) fn fetch_occluders(&self, ids: &[ObjectId; FAN_OUT], mask: u64) {
         let mut sum = 0;
         for lane in lanes(mask) {
             if let Some((mesh, transform)) = self.flagged_occluder(ids[lane]) {
@@ -486,19 +486,7 @@ impl Scene {
     /// Returns the number of objects that have an occluder mesh and are not flagged as occluders, so that the
     /// mesh hides nothing: [`set_occluder`](Self::set_occluder) was forgotten, or a door is open. Takes
     /// constant time.
-    ///
-    /// ```
-    /// use visibility_core::{glam::Affine3A, Aabb, OccluderMesh, Scene};
-    /// let bounds = Aabb::from_arrays([0.0; 3], [4.0, 0.2, 3.0]);
-    /// let mut scene = Scene::new();
-    /// let (wall, mesh) = (scene.insert(bounds), scene.add_mesh(OccluderMesh::cuboid(&bounds)?));
-    /// scene.set_mesh(wall, mesh, Affine3A::IDENTITY)?;
-    /// assert_eq!(scene.unflagged_meshes(), 1);
-    /// scene.set_occluder(wall, true)?;
-    /// assert_eq!(scene.unflagged_meshes(), 0);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    pub fn unflagged_meshes(&self) -> usize {
+    pub(crate) fn unflagged_meshes(&self) -> usize {
         self.unflagged
     }
 

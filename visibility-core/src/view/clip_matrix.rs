@@ -21,7 +21,7 @@ impl ClipMatrix {
         for row in 0..4 {
             for column in 0..4 {
                 if !self.0.col(column)[row].is_finite() {
-                    return Err(ViewError::NonFinite { row, column });
+                    return Err(ViewError::Matrix { row, column });
                 }
             }
         }
@@ -39,7 +39,7 @@ impl ClipMatrix {
                 * (product(2, 3, k, l).abs() + product(2, 3, l, k).abs());
         }
         // Written so that NaN, which the division above makes of a zero row, counts as singular.
-        if determinant.abs() > 5.0 * f64::EPSILON * size { Ok(()) } else { Err(ViewError::Singular) }
+        if determinant.abs() > 5.0 * f64::EPSILON * size { Ok(()) } else { Err(ViewError::NotInvertible) }
     }
 }
 

@@ -46,7 +46,7 @@ impl View {
     ///
     /// # Errors
     /// [`ViewError::Parameter`] names the first parameter that is out of range;
-    /// [`ViewError::NonFiniteOrigin`] if `eye` is NaN or infinite.
+    /// [`ViewError::Origin`] if `eye` is NaN or infinite.
     ///
     /// ```
     /// use visibility_core::{glam::DVec3, View};

@@ -8,7 +8,7 @@ use core::fmt;
 #[non_exhaustive]
 pub enum ViewError {
     /// The clip matrix has a NaN or infinite element.
-    NonFinite {
+    Matrix {
         /// Row, from 0, of the first NaN or infinite element in row-major order.
         row: usize,
         /// Column, from 0, of the first NaN or infinite element in row-major order.
@@ -16,12 +16,12 @@ pub enum ViewError {
     },
     /// The clip matrix is singular within the rounding error of `f64`, so it maps all of space to a plane or
     /// less.
-    Singular,
+    NotInvertible,
     /// The view rays of the clip matrix are parallel, but `w` differs between them. No camera has such a
     /// matrix, and neither `w` nor depth tells which of two points is nearer.
     NoCamera,
     /// The origin of the view has a NaN or infinite coordinate.
-    NonFiniteOrigin,
+    Origin,
     /// More clip planes were given than [`MAX_CLIP_PLANES`].
     TooManyClipPlanes {
         /// Number of clip planes that were given.
@@ -45,17 +45,17 @@ pub enum ViewError {
 impl fmt::Display for ViewError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NonFinite { row, column } => {
+            Self::Matrix { row, column } => {
                 write!(f, "the clip matrix is not finite at row {row}, column {column}")
             }
-            Self::Singular => write!(f, "the clip matrix is singular"),
+            Self::NotInvertible => write!(f, "the clip matrix is singular"),
             Self::NoCamera => {
                 write!(
                     f,
                     "the clip matrix is of no camera: its lines of sight are parallel, but w is not constant"
                 )
             }
-            Self::NonFiniteOrigin => write!(f, "the origin of the view is not finite"),
+            Self::Origin => write!(f, "the origin of the view is not finite"),
             Self::TooManyClipPlanes { count } => {
                 write!(f, "{count} clip planes are more than {MAX_CLIP_PLANES}")
             }

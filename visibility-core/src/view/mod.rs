@@ -78,7 +78,7 @@ impl View {
     /// that the matrix is relative to.
     ///
     /// # Errors
-    /// [`ViewError::NonFinite`] for NaN or infinite elements, [`ViewError::Singular`] for a matrix without
+    /// [`ViewError::Matrix`] for NaN or infinite elements, [`ViewError::NotInvertible`] for a matrix without
     /// inverse, and [`ViewError::NoCamera`] for parallel view rays with different `w`.
     pub fn from_clip_from_world(matrix: impl Into<ClipMatrix>, depth: Depth) -> Result<Self, ViewError> {
         let matrix = matrix.into();
@@ -107,9 +107,9 @@ impl View {
     /// camera-relative matrix loses no precision however far the camera is from the origin of the world.
     ///
     /// # Errors
-    /// [`ViewError::NonFiniteOrigin`] if `origin` has a NaN or infinite coordinate.
+    /// [`ViewError::Origin`] if `origin` has a NaN or infinite coordinate.
     pub fn relative_to(self, origin: DVec3) -> Result<Self, ViewError> {
-        if origin.is_finite() { Ok(Self { origin, ..self }) } else { Err(ViewError::NonFiniteOrigin) }
+        if origin.is_finite() { Ok(Self { origin, ..self }) } else { Err(ViewError::Origin) }
     }
 
     /// Returns this view restricted to objects that share a layer with `layers`, one bit per layer. Views

@@ -1,6 +1,6 @@
 //! Traversal of a set's masks, leaf by leaf.
 
-use crate::scene::{NONE, Token, Tree};
+use crate::scene::{FAN_OUT, NONE, Token, Tree};
 use crate::{ObjectId, Scene};
 use smallvec::SmallVec;
 
@@ -16,12 +16,12 @@ pub(super) struct LeafWalk<'a> {
     token: Option<&'a Token>,
     /// Stack of the children of the inner nodes from the root to the present leaf, each with a mask of the
     /// lanes that are still to be visited.
-    path: SmallVec<[(&'a [ObjectId; 64], u64); 8]>,
+    path: SmallVec<[(&'a [ObjectId; FAN_OUT], u64); 8]>,
     /// The present leaf, meaningless in an empty tree.
     pub(super) leaf: usize,
     /// The objects of the present leaf by lane, placeholders in an empty tree, and the mask of those in the
     /// set that are still to be visited.
-    pub(super) ids: &'a [ObjectId; 64],
+    pub(super) ids: &'a [ObjectId; FAN_OUT],
     pub(super) mask: u64,
 }
 
@@ -44,7 +44,7 @@ impl<'a> LeafWalk<'a> {
         root: u32,
         token: Option<&'a Token>,
     ) -> Self {
-        let (tree, path, ids) = (scene.tree(), SmallVec::new(), &[ObjectId::PLACEHOLDER; 64]);
+        let (tree, path, ids) = (scene.tree(), SmallVec::new(), &[ObjectId::PLACEHOLDER; FAN_OUT]);
         let mut walk = Self { masks, layers, scene, tree, token, path, leaf: 0, ids, mask: 0 };
         if root != NONE {
             walk.enter(root as usize);

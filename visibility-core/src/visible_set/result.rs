@@ -2,7 +2,7 @@
 //! are first asked for.
 
 use super::{Listing, VisibleSet};
-use crate::scene::{NONE, lanes};
+use crate::scene::{FAN_OUT, NONE, lanes};
 use crate::{ObjectId, Scene};
 use core::fmt;
 
@@ -90,7 +90,7 @@ impl VisibleSet {
             ids.clear();
             // Enough for any set of this scene, so that later frames allocate nothing.
             ids.reserve(scene.len());
-            let mut block = [ObjectId::PLACEHOLDER; 64];
+            let mut block = [ObjectId::PLACEHOLDER; FAN_OUT];
             let mut walk = self.leaves_of_result(scene, token.as_ref(), *root);
             loop {
                 if walk.mask == u64::MAX {
@@ -98,10 +98,10 @@ impl VisibleSet {
                 } else {
                     let mut count = 0;
                     for lane in lanes(walk.mask) {
-                        block[count % 64] = walk.ids[lane % 64];
+                        block[count % FAN_OUT] = walk.ids[lane % FAN_OUT];
                         count += 1;
                     }
-                    ids.extend_from_slice(&block[..count.min(64)]);
+                    ids.extend_from_slice(&block[..count.min(FAN_OUT)]);
                 }
                 if !walk.next_leaf() {
                     break;

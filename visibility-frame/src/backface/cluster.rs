@@ -45,7 +45,7 @@ pub struct Cluster {
 #[non_exhaustive]
 pub enum ClusterError {
     /// A triangle has a vertex index that is not below the number of positions.
-    VertexOutOfRange {
+    Index {
         /// Index of the first triangle with a vertex index out of range.
         triangle: usize,
         /// The vertex index out of range: not below the number of positions.
@@ -58,7 +58,7 @@ pub enum ClusterError {
 impl fmt::Display for ClusterError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::VertexOutOfRange { triangle, vertex } => {
+            Self::Index { triangle, vertex } => {
                 write!(f, "triangle {triangle} names vertex {vertex}, which does not exist")
             }
             Self::TooManyTriangles => write!(f, "the mesh has more triangles than 32 bits can number"),
@@ -76,7 +76,7 @@ impl core::error::Error for ClusterError {}
 /// Cost: some 5 microseconds a triangle.
 ///
 /// # Errors
-/// [`ClusterError::VertexOutOfRange`] for the first triangle with a bad vertex index,
+/// [`ClusterError::Index`] for the first triangle with a bad vertex index,
 /// [`ClusterError::TooManyTriangles`] for 2^32 triangles or more.
 ///
 /// ```
@@ -101,8 +101,7 @@ pub fn cluster_mesh(positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Vec<Clus
     for (triangle, corners) in indices.iter().enumerate() {
         let mut found = [Vec3::ZERO; 3];
         for (place, &vertex) in found.iter_mut().zip(corners) {
-            *place =
-                *positions.get(vertex as usize).ok_or(ClusterError::VertexOutOfRange { triangle, vertex })?;
+            *place = *positions.get(vertex as usize).ok_or(ClusterError::Index { triangle, vertex })?;
         }
         triangles.push(found);
     }

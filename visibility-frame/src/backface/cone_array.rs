@@ -5,6 +5,7 @@ use super::cones64::Cones64;
 use super::split_eye::SplitEye;
 use crate::simd::Kernels;
 use alloc::vec::Vec;
+use visibility_core::scene::FAN_OUT;
 use visibility_core::{simd::Simd, view::Eye};
 
 /// An array of normal cones that are tested 64 at a time, for callers with a hierarchy of their own. Only the
@@ -34,10 +35,10 @@ impl Cones {
     pub fn new(cones: impl IntoIterator<Item = NormalCone>) -> Self {
         let mut blocks = Vec::new();
         for (i, cone) in cones.into_iter().enumerate() {
-            if i % 64 == 0 {
+            if i % FAN_OUT == 0 {
                 blocks.push(Cones64::OPEN);
             }
-            blocks[i / 64].set(i % 64, &cone);
+            blocks[i / FAN_OUT].set(i % FAN_OUT, &cone);
         }
         Self { blocks, simd: Simd::best() }
     }

@@ -2,18 +2,19 @@
 
 use super::NormalCone;
 use super::split_eye::{NUMBERS, SplitEye, inside};
+use visibility_core::scene::FAN_OUT;
 
 /// The parts of 64 cones that find back faces, as structure of arrays: `numbers[n][i]` is number `n` of cone
 /// `i`, in the order of [`NormalCone::numbers`].
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Cones64 {
-    numbers: [[f32; 64]; NUMBERS],
+    numbers: [[f32; FAN_OUT]; NUMBERS],
 }
 
 impl Cones64 {
     /// A block of 64 open cones, which hold no eye.
-    pub(crate) const OPEN: Self = Self { numbers: [[0.0; 64]; NUMBERS] };
+    pub(crate) const OPEN: Self = Self { numbers: [[0.0; FAN_OUT]; NUMBERS] };
 
     pub(crate) fn set(&mut self, lane: usize, cone: &NormalCone) {
         for (row, number) in self.numbers.iter_mut().zip(cone.numbers()) {
@@ -31,7 +32,7 @@ pub(crate) fn inside_cones<const WIDTH: usize>(
     signs: impl Fn(&[f32; WIDTH]) -> u64,
 ) -> u64 {
     let mut mask = 0;
-    for chunk in 0..64 / WIDTH {
+    for chunk in 0..FAN_OUT / WIDTH {
         let numbers = cones.numbers.each_ref().map(|row| &row.as_chunks::<WIDTH>().0[chunk]);
         mask |= signs(&inside(numbers, eye)) << (chunk * WIDTH);
     }

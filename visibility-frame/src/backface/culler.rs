@@ -5,7 +5,7 @@ use super::{Cones64, NormalCone};
 use crate::simd::Kernels;
 use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
-use visibility_core::scene::lanes;
+use visibility_core::scene::{FAN_OUT, lanes};
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet,
@@ -91,7 +91,7 @@ impl Entry {
 #[derive(Clone, Debug)]
 struct Block {
     cones: Cones64,
-    ids: [ObjectId; 64],
+    ids: [ObjectId; FAN_OUT],
     /// Layout stamp of the scene for which the block was last brought up to date.
     layout: Stamp,
     /// Value of `BackfaceCuller::clock` when the block was last brought up to date.
@@ -100,7 +100,7 @@ struct Block {
 
 impl Block {
     const NONE: Self =
-        Self { cones: Cones64::OPEN, ids: [ObjectId::PLACEHOLDER; 64], layout: Stamp::NONE, checked: 0 };
+        Self { cones: Cones64::OPEN, ids: [ObjectId::PLACEHOLDER; FAN_OUT], layout: Stamp::NONE, checked: 0 };
 }
 
 impl Default for BackfaceCuller {
@@ -251,7 +251,7 @@ impl BackfaceCuller {
     /// Brings the cones of leaf `leaf` up to date, if the layout of the scene has changed since the last
     /// update. `ids` are the objects in the 64 lanes of the leaf. Only lanes whose object or cone has changed
     /// are copied from `entries`.
-    fn refresh(&mut self, scene: &Scene, leaf: usize, ids: &[ObjectId; 64]) {
+    fn refresh(&mut self, scene: &Scene, leaf: usize, ids: &[ObjectId; FAN_OUT]) {
         let block = &mut self.blocks[leaf];
         if block.layout == scene.layout() {
             return;

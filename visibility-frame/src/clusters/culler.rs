@@ -6,7 +6,7 @@ use crate::backface::SplitEye;
 use crate::simd::Kernels;
 use alloc::vec::Vec;
 use visibility_core::glam::Affine3A;
-use visibility_core::scene::{Boxes64, lanes};
+use visibility_core::scene::{Boxes64, FAN_OUT, lanes};
 use visibility_core::simd::Simd;
 use visibility_core::view::{Eye, MAX_PLANES, ViewPlanes, ViewProjection};
 use visibility_core::{CullStats, ObjectId, OcclusionMap, Scene, View, VisibleSet};
@@ -251,7 +251,7 @@ impl InstanceWalk<'_> {
             let crossing = lanes(active.into())
                 .fold(0, |set, plane| set | ((!inside[plane] >> lane & 1) as u32) << plane);
             let map = map.filter(|_| unhidden >> lane & 1 == 0);
-            self.visit(level - 1, 64 * block + lane, crossing, map, stats, each);
+            self.visit(level - 1, FAN_OUT * block + lane, crossing, map, stats, each);
         }
     }
 

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::scene::{Boxes64, morton_order};
+use visibility_core::scene::{Boxes64, FAN_OUT, morton_order};
 
 /// Boxes and normal cones of the clusters of a mesh, in mesh coordinates, in blocks of 64 along a
 /// space-filling curve. One value serves all instances of the mesh and all threads: share it by reference or
@@ -50,7 +50,7 @@ impl ClusterMesh {
 
         let (mut boxes, mut cones) = (Vec::new(), Vec::new());
         let mut reach = Vec3::ZERO;
-        for block in order.chunks(64) {
+        for block in order.chunks(FAN_OUT) {
             let (mut block_boxes, mut block_cones) = (Boxes64::EMPTY, Cones64::OPEN);
             for (lane, &cluster) in block.iter().enumerate() {
                 let (bounds, cone) = given[cluster as usize];
@@ -98,8 +98,8 @@ impl ClusterMesh {
             0 => self.clusters.len(),
             _ => self.level(level - 1).len(),
         };
-        let used = (below - 64 * block).min(64);
-        (&self.boxes[self.levels[level] + block], u64::MAX >> (64 - used))
+        let used = (below - FAN_OUT * block).min(FAN_OUT);
+        (&self.boxes[self.levels[level] + block], u64::MAX >> (FAN_OUT - used))
     }
 
     /// Returns the range of a level's blocks in `boxes`.
@@ -114,8 +114,8 @@ impl ClusterMesh {
 
     /// Returns the numbers of the clusters of a leaf block, in the order of its lanes.
     pub(super) fn clusters_of(&self, block: usize) -> &[u32] {
-        let first = 64 * block;
-        &self.clusters[first..self.clusters.len().min(first + 64)]
+        let first = FAN_OUT * block;
+        &self.clusters[first..self.clusters.len().min(first + FAN_OUT)]
     }
 
     /// Returns the greatest magnitude of each coordinate of the finite boxes, in mesh units.
@@ -135,9 +135,9 @@ fn add_levels(boxes: &mut Vec<Boxes64>) -> Vec<usize> {
             break;
         }
         let next = level.end;
-        for first in level.clone().step_by(64) {
+        for first in level.clone().step_by(FAN_OUT) {
             let mut block = Boxes64::EMPTY;
-            let children = &boxes[first..level.end.min(first + 64)];
+            let children = &boxes[first..level.end.min(first + FAN_OUT)];
             children.iter().enumerate().for_each(|(lane, child)| block.set(lane, &child.hull()));
             boxes.push(block);
         }

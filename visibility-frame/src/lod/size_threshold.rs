@@ -2,7 +2,7 @@
 
 use super::eye_box::EyeBox;
 use visibility_core::Aabb;
-use visibility_core::scene::Boxes64;
+use visibility_core::scene::{Boxes64, FAN_OUT};
 
 /// Tests whether objects are too small for a view.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -62,7 +62,7 @@ pub(crate) fn small_boxes<const WIDTH: usize>(
     signs: impl Fn(&[f32; WIDTH]) -> u64,
 ) -> u64 {
     let mut mask = 0;
-    for chunk in 0..64 / WIDTH {
+    for chunk in 0..FAN_OUT / WIDTH {
         let rows = boxes.coordinates().each_ref().map(|row| &row.as_chunks::<WIDTH>().0[chunk]);
         mask |= signs(&test.small(rows)) << (chunk * WIDTH);
     }

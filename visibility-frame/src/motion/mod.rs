@@ -42,6 +42,20 @@ impl Motion {
     }
 
     /// Returns the motion restricted to a box that the object's bounds never leave.
+    ///
+    /// The result of a builder must be used, here as everywhere:
+    /// ```
+    /// # #![deny(unused_must_use)]
+    /// # use visibility_core::Aabb;
+    /// # use visibility_frame::motion::Motion;
+    /// let motion = Motion::new(1.0).within(Aabb::EMPTY);
+    /// ```
+    /// ```compile_fail
+    /// # #![deny(unused_must_use)]
+    /// # use visibility_core::Aabb;
+    /// # use visibility_frame::motion::Motion;
+    /// Motion::new(1.0).within(Aabb::EMPTY); // an error: it does nothing
+    /// ```
     #[must_use]
     pub const fn within(self, region: Aabb) -> Self {
         Self { region, ..self }

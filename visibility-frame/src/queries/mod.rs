@@ -30,7 +30,7 @@ pub(crate) use region::{Both, Region, SphereRegion};
 use region::{BoxRegion, Everywhere};
 use visibility_core::frustum::ConvexVolume;
 use visibility_core::geometry::Sphere;
-use visibility_core::scene::{Boxes64, lanes};
+use visibility_core::scene::{Boxes64, FAN_OUT, lanes};
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy, unculled_blocks};
 use visibility_core::{Aabb, CullStats, ObjectId, Scene};
 
@@ -150,7 +150,7 @@ impl<'a> SceneQuery<'a> {
 
     /// Calls `each` for every block of objects that are never culled, which no hierarchy holds: with their
     /// boxes and ids, the mask of those on the query's layers, and the mask of lanes with improper bounds.
-    fn for_each_unculled(&self, mut each: impl FnMut(&Boxes64, &[ObjectId; 64], u64, u64)) {
+    fn for_each_unculled(&self, mut each: impl FnMut(&Boxes64, &[ObjectId; FAN_OUT], u64, u64)) {
         for block in unculled_blocks(self.scene) {
             let (boxes, Some((leaf, ids))) = (block.boxes(), block.leaf()) else { continue };
             let mask = self.scene.lanes_on_layers(leaf, self.layers);
@@ -163,7 +163,7 @@ impl<'a> SceneQuery<'a> {
 
 /// Removes the lane with the least key from `mask` and returns it, of equal keys the lowest lane. `None` if
 /// `mask` is 0. Keys must not be NaN.
-fn take_least<K: PartialOrd + Copy>(keys: &[K; 64], mask: &mut u64) -> Option<usize> {
+fn take_least<K: PartialOrd + Copy>(keys: &[K; FAN_OUT], mask: &mut u64) -> Option<usize> {
     let least = lanes(*mask).reduce(|best, lane| if keys[lane] < keys[best] { lane } else { best })?;
     *mask &= !(1 << least);
     Some(least)

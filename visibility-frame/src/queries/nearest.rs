@@ -6,7 +6,7 @@ use alloc::{collections::BinaryHeap, vec::Vec};
 use core::cmp::Ordering;
 use visibility_core::ObjectId;
 use visibility_core::glam::Vec3;
-use visibility_core::scene::{Boxes64, lanes};
+use visibility_core::scene::{Boxes64, FAN_OUT, lanes};
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 
 /// An object and its squared distance from a point. Neighbours are ordered by distance, neighbours at equal
@@ -22,6 +22,7 @@ use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 /// assert_eq!(nearest[0].distance_squared, 9.0);
 /// ```
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Neighbor {
     /// The object.
     pub id: ObjectId,
@@ -114,8 +115,8 @@ fn offer(heap: &mut BinaryHeap<Neighbor>, count: usize, candidate: Neighbor) {
 /// Returns the squared distances of a point from 64 boxes. Computed in `f64`, where squares of differences of
 /// `f32` numbers neither overflow nor underflow. Every step is monotone: the distance of a box is never less
 /// than that of a box around it. A NaN gap counts as 0.
-fn squared_distances(point: Vec3, boxes: &Boxes64) -> [f64; 64] {
-    let mut sums = [0.0; 64];
+fn squared_distances(point: Vec3, boxes: &Boxes64) -> [f64; FAN_OUT] {
+    let mut sums = [0.0; FAN_OUT];
     for axis in 0..3 {
         let p = f64::from(point[axis]);
         let (min, max) = (&boxes.coordinates()[axis], &boxes.coordinates()[axis + 3]);

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use core::{cmp::Ordering, fmt};
 use visibility_core::ObjectId;
 use visibility_core::glam::Vec3;
-use visibility_core::scene::{Boxes64, lanes};
+use visibility_core::scene::{Boxes64, FAN_OUT, lanes};
 use visibility_core::walk::{BoxHierarchy, Child, SceneHierarchy};
 
 /// A ray or segment, in metres relative to the scene's origin, prepared for tests of 64 boxes.
@@ -91,21 +91,21 @@ impl Ray {
     /// least 0, and 0 for a box around the ray's origin. Returns the mask of the lanes whose box the ray may
     /// hit; bit i stands for lane i, and the parameters of other lanes are meaningless.
     #[inline(always)]
-    fn hits(&self, boxes: &Boxes64, enter: &mut [f32; 64]) -> u64 {
-        let mut exit = [self.end; 64];
-        *enter = [0.0; 64];
+    fn hits(&self, boxes: &Boxes64, enter: &mut [f32; FAN_OUT]) -> u64 {
+        let mut exit = [self.end; FAN_OUT];
+        *enter = [0.0; FAN_OUT];
         for axis in 0..3 {
             let (min, max) = (&boxes.coordinates()[axis], &boxes.coordinates()[axis + 3]);
             if self.sign[axis] == 0.0 {
                 let o = self.origin[axis];
-                for i in 0..64 {
+                for i in 0..FAN_OUT {
                     exit[i] = if (min[i] > o) | (max[i] < o) { -1.0 } else { exit[i] };
                 }
                 continue;
             }
             let (near, far) = if self.sign[axis] < 0.0 { (max, min) } else { (min, max) };
             let (o, sign, low, high) = (self.origin[axis], self.sign[axis], self.low[axis], self.high[axis]);
-            for i in 0..64 {
+            for i in 0..FAN_OUT {
                 let first = ((near[i] - o) * sign - LEAST) * low;
                 let last = ((far[i] - o) * sign + LEAST) * high;
                 enter[i] = if first > enter[i] { first } else { enter[i] };
@@ -136,6 +136,7 @@ impl Ray {
 /// # Ok::<(), visibility_frame::queries::RayError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct RayHit {
     /// The object.
     pub id: ObjectId,
@@ -176,7 +177,7 @@ impl SceneQuery<'_> {
     /// [`all_hits`](Self::all_hits) and stops at the first hit that is farther than its nearest triangle.
     pub fn first_hit(&self, ray: &Ray) -> Option<RayHit> {
         let mut best = None;
-        let mut enter = [0.0; 64];
+        let mut enter = [0.0; FAN_OUT];
         self.for_each_unculled(|boxes, ids, mask, improper| {
             let hit = mask & (improper | ray.hits(boxes, &mut enter));
             for lane in lanes(hit) {
@@ -190,7 +191,7 @@ impl SceneQuery<'_> {
 
     fn first_below(&self, node: Option<usize>, ray: &Ray, best: &mut Best) {
         SceneHierarchy.for_each_block(self.scene, node, |block| {
-            let mut enter = [0.0; 64];
+            let mut enter = [0.0; FAN_OUT];
             let mut hit = block.occupied() & ray.hits(block.boxes(), &mut enter);
             if let Some((leaf, ids)) = block.leaf() {
                 for lane in lanes(hit & self.scene.lanes_on_layers(leaf, self.layers)) {
@@ -213,7 +214,7 @@ impl SceneQuery<'_> {
     /// equal distances by ascending id. Sorting takes `n log n` time for n hits.
     pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<RayHit>) {
         hits.clear();
-        let mut enter = [0.0; 64];
+        let mut enter = [0.0; FAN_OUT];
         self.for_each_unculled(|boxes, ids, mask, improper| {
             let hit = mask & (improper | ray.hits(boxes, &mut enter));
             hits.extend(lanes(hit).map(|lane| {
@@ -227,7 +228,7 @@ impl SceneQuery<'_> {
 
     fn hits_below(&self, node: Option<usize>, ray: &Ray, hits: &mut Vec<RayHit>) {
         SceneHierarchy.for_each_block(self.scene, node, |block| {
-            let mut enter = [0.0; 64];
+            let mut enter = [0.0; FAN_OUT];
             let hit = block.occupied() & ray.hits(block.boxes(), &mut enter);
             if let Some((leaf, ids)) = block.leaf() {
                 let hit = hit & self.scene.lanes_on_layers(leaf, self.layers);

@@ -3,7 +3,7 @@
 use visibility_core::Aabb;
 use visibility_core::frustum::ConvexVolume;
 use visibility_core::geometry::Sphere;
-use visibility_core::scene::{Boxes64, lanes};
+use visibility_core::scene::{Boxes64, FAN_OUT, lanes};
 
 /// A part of space. Masks have bit i for lane i; lanes without a box may have any value.
 pub(crate) trait Region {
@@ -130,8 +130,8 @@ impl SphereRegion {
 
     /// Returns the squares of `gap(c, min, max)`, summed over the axes, for coordinate `c` of the centre.
     #[inline(always)]
-    fn squares(&self, boxes: &Boxes64, gap: impl Fn(f32, f32, f32) -> f32) -> [f32; 64] {
-        let mut sums = [0.0; 64];
+    fn squares(&self, boxes: &Boxes64, gap: impl Fn(f32, f32, f32) -> f32) -> [f32; FAN_OUT] {
+        let mut sums = [0.0; FAN_OUT];
         for (axis, &center) in self.center.iter().enumerate() {
             let (min, max) = (&boxes.coordinates()[axis], &boxes.coordinates()[axis + 3]);
             for ((sum, &min), &max) in sums.iter_mut().zip(min).zip(max) {
@@ -165,7 +165,7 @@ pub(super) fn greater(a: f32, b: f32) -> f32 {
 #[inline(always)]
 pub(super) fn mask_of(test: impl Fn(usize) -> bool) -> u64 {
     // Bytes first, so that the comparisons compile to SIMD.
-    let mut bits = [0u8; 64];
+    let mut bits = [0u8; FAN_OUT];
     for (i, bit) in bits.iter_mut().enumerate() {
         *bit = u8::from(test(i));
     }

@@ -28,6 +28,7 @@ use alloc::vec::Vec;
 /// assert_eq!(map.depth_estimate(), DepthEstimate::Plane);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[cfg_attr(not(feature = "papers"), expect(unreachable_pub, reason = "exported with the feature alone"))]
 pub enum DepthEstimate {
     /// One plane behind all occluders that are not hidden by nearer ones. A box is hidden only if the box is
     /// farther than the farthest point of all these occluders. The cheapest estimate.
@@ -78,6 +79,7 @@ impl DepthBoundary {
     /// Changes the estimate and sets all bounds to negative infinity. Until the next [`clear`](Self::clear),
     /// the estimates `Plane` and `Buffer` hide no box, and `NoBackground` hides only what the drawn depths of
     /// single pixels hide.
+    #[cfg(any(feature = "papers", test))]
     pub(crate) fn set(&mut self, estimate: DepthEstimate) {
         self.estimate = estimate;
         self.plane = f32::NEG_INFINITY;

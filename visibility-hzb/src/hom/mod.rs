@@ -8,6 +8,7 @@ mod opacity_thresholds;
 pub(crate) mod overlap;
 pub(crate) mod tile_range;
 
+#[cfg(feature = "papers")]
 pub use depth_estimate::DepthEstimate;
 pub use occluder_database::{OccluderCriteria, OccluderDatabase};
 pub use occlusion_maps::Hom;

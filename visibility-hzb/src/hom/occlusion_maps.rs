@@ -20,6 +20,7 @@ use crate::query::box_projection::{ProjectedBoxes, project};
 use crate::query::box_queue::BoxQueue;
 use crate::simd::Kernels;
 use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::scene::FAN_OUT;
 use visibility_core::{
     Aabb, Accuracy, OccluderMesh, OcclusionMap, View,
     occlusion::{Occlusion, Occlusion64},
@@ -122,6 +123,7 @@ impl Hom {
 
     /// Sets the estimate of the depth of occluders. Call it between frames: until the next
     /// [`begin`](OcclusionMap::begin), maps that already hold occluders may hide fewer boxes.
+    #[cfg(feature = "papers")]
     #[must_use]
     pub fn with_depth_estimate(mut self, estimate: DepthEstimate) -> Self {
         self.boundary.set(estimate);
@@ -158,6 +160,7 @@ impl Hom {
     }
 
     /// Returns the estimate of the depth of occluders that is in use.
+    #[cfg(feature = "papers")]
     pub fn depth_estimate(&self) -> DepthEstimate {
         self.boundary.estimate
     }
@@ -319,7 +322,7 @@ impl OcclusionMap for Hom {
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
         let mut answer = Occlusion64::default();
         let mut seen = ProjectedBoxes::NONE;
-        for chunk in 0..64 / WIDTH {
+        for chunk in 0..FAN_OUT / WIDTH {
             let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
             if lanes == 0 {
                 continue;

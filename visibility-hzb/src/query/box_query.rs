@@ -12,10 +12,11 @@ use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, bits};
 use visibility_core::occlusion::Occlusion64;
+use visibility_core::scene::FAN_OUT;
 
 /// Least x, y, z and greatest x, y, z of 64 boxes, in scene coordinates (metres relative to the scene's
 /// origin).
-pub(crate) type Boxes = [[f32; 64]; 6];
+pub(crate) type Boxes = [[f32; FAN_OUT]; 6];
 
 /// Parts of a z-buffer that a test of boxes reads: the view's projection, the tiles, the pyramid above them,
 /// and bounds.
@@ -42,7 +43,7 @@ pub(crate) struct BoxQuery<'a> {
 #[inline(always)]
 pub(crate) fn test_boxes(query: &BoxQuery, boxes: &Boxes, candidates: u64) -> Occlusion64 {
     let mut answer = Occlusion64::default();
-    for chunk in 0..64 / WIDTH {
+    for chunk in 0..FAN_OUT / WIDTH {
         let lanes = candidates >> (chunk * WIDTH) & ((1 << WIDTH) - 1);
         if lanes == 0 {
             continue;

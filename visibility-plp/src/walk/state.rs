@@ -25,7 +25,7 @@ pub enum Budget {
     Cost(u64),
 }
 
-/// Settings that [`PlpCuller`](crate::PlpCuller) and [`ConservativePlpCuller`](crate::ConservativePlpCuller)
+/// Settings that `PlpCuller` and `ConservativePlpCuller`
 /// share.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlpSettings {
@@ -293,6 +293,7 @@ impl Walk {
 
     /// Drops a reached cell from the frame: its remaining objects are not projected, and its neighbours are
     /// not put into the front because of it.
+    #[cfg(feature = "papers")]
     pub(crate) fn drop_cell(&mut self, cell: u32) {
         self.cells[cell as usize].end_side = 0;
         self.closed.insert(cell as usize);

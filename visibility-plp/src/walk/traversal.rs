@@ -181,6 +181,7 @@ impl Walk {
 
     /// Puts a cell that was taken from the front back into the front, with solidity 0 so that it comes out
     /// first.
+    #[cfg(feature = "papers")]
     pub(crate) fn put_back(&mut self, cell: u32) {
         self.front.push(0.0, cell);
     }
@@ -188,6 +189,7 @@ impl Walk {
     /// Projects all remaining objects of a cell without charging the budget, then puts the cell's neighbours
     /// into the front unless that was done before. Does nothing for a cell that was dropped by
     /// [`drop_cell`](Self::drop_cell).
+    #[cfg(feature = "papers")]
     pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         self.open_if_needed(frame, cell);
         while let Some((side, _)) = self.best_side(cell) {

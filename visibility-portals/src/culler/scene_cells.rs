@@ -161,7 +161,7 @@ impl SceneCells {
 
     /// Returns false for a PVS without a source, which may be of another graph: see
     /// [`with_pvs`](Self::with_pvs).
-    pub fn is_pvs_checked(&self) -> bool {
+    pub(crate) fn is_pvs_checked(&self) -> bool {
         self.pvs.as_ref().is_none_or(|pvs| pvs.source().is_some())
     }
 

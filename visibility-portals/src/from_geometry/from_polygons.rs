@@ -79,6 +79,9 @@ impl Default for PolygonSettings<'_> {
 /// area in the region.
 const CANDIDATES: usize = 12;
 
+/// Greatest coordinate. Areas and volumes of greater ones would overflow.
+const MAX_COORDINATE: f64 = 1e100;
+
 /// An input polygon, or the part of one inside the region of a node, in world space.
 #[derive(Clone, Debug)]
 struct Fragment {
@@ -109,7 +112,7 @@ struct Fragment {
 /// ```
 ///
 /// # Errors
-/// [`GeometryError::NonFinite`] with the index of the polygon, [`GeometryError::Setting`] with the name of
+/// [`GeometryError::Coordinate`] with the index of the polygon, [`GeometryError::Setting`] with the name of
 /// the setting (also for coordinates beyond 1e100), or [`GeometryError::Graph`].
 pub fn from_polygons(
     polygons: &[ConvexPolygon],
@@ -119,7 +122,7 @@ pub fn from_polygons(
     for (index, polygon) in polygons.iter().enumerate() {
         for &v in polygon.vertices() {
             if !v.is_finite() {
-                return Err(GeometryError::NonFinite { index });
+                return Err(GeometryError::Coordinate { index });
             }
             (min, max) = (min.min(v), max.max(v));
         }
@@ -130,8 +133,7 @@ pub fn from_polygons(
     let margin = checked("the margin", settings.margin)?;
     (min, max) = (min - margin, max + margin);
     let extent = min.abs().max(max.abs()).max_element();
-    if extent > 1e100 {
-        // Areas and volumes of such coordinates would overflow.
+    if extent > MAX_COORDINATE {
         return Err(GeometryError::Setting { what: "the greatest coordinate", value: extent });
     }
     let tolerance = match settings.tolerance {

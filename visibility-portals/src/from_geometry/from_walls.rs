@@ -93,7 +93,7 @@ struct Shared {
 /// the number of walls. Portals take time proportional to cells times walls at worst.
 ///
 /// # Errors
-/// [`GeometryError::NonFinite`] or [`GeometryError::NotAWall`] with the index of the wall,
+/// [`GeometryError::Coordinate`] or [`GeometryError::NotAWall`] with the index of the wall,
 /// [`GeometryError::Setting`] with the name of the setting, or [`GeometryError::Graph`].
 ///
 /// ```
@@ -147,7 +147,7 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
 /// Without segments the result is empty.
 ///
 /// # Errors
-/// [`GeometryError::NotAWall`] for a segment parallel to neither axis, [`GeometryError::NonFinite`] for a
+/// [`GeometryError::NotAWall`] for a segment parallel to neither axis, [`GeometryError::Coordinate`] for a
 /// segment with a NaN or infinite coordinate, both with the index of the segment.
 pub fn floor_plan(
     segments: &[[DVec2; 2]],
@@ -158,7 +158,7 @@ pub fn floor_plan(
     let (mut min, mut max) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for (index, &[a, b]) in segments.iter().enumerate() {
         if !(a.is_finite() && b.is_finite()) {
-            return Err(GeometryError::NonFinite { index });
+            return Err(GeometryError::Coordinate { index });
         }
         if a.x != b.x && a.y != b.y {
             return Err(GeometryError::NotAWall { index });
@@ -177,12 +177,12 @@ pub fn floor_plan(
 /// are left out.
 ///
 /// # Errors
-/// [`GeometryError::NonFinite`] or [`GeometryError::NotAWall`] with the index of the wall.
+/// [`GeometryError::Coordinate`] or [`GeometryError::NotAWall`] with the index of the wall.
 fn prepared(walls: &[[DVec3; 2]], tolerance: f64) -> Result<Vec<Box3>, GeometryError> {
     let mut all = Vec::with_capacity(walls.len());
     for (index, &[min, max]) in walls.iter().enumerate() {
         if !(min.is_finite() && max.is_finite()) {
-            return Err(GeometryError::NonFinite { index });
+            return Err(GeometryError::Coordinate { index });
         }
         if !min.cmple(max).all() {
             return Err(GeometryError::NotAWall { index });

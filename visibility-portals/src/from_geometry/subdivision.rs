@@ -38,7 +38,7 @@ impl Subdivision {
 #[non_exhaustive]
 pub enum GeometryError {
     /// A coordinate is NaN or infinite.
-    NonFinite {
+    Coordinate {
         /// Index of the wall, polygon or segment in the input.
         index: usize,
     },
@@ -62,7 +62,7 @@ pub enum GeometryError {
 impl fmt::Display for GeometryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NonFinite { index } => write!(f, "a corner of item {index} is not finite"),
+            Self::Coordinate { index } => write!(f, "a corner of item {index} is not finite"),
             Self::NotAWall { index } => write!(f, "item {index} is not a wall along the axes"),
             Self::Setting { what, value } => write!(f, "{what} cannot be {value}"),
             Self::Graph(error) => error.fmt(f),

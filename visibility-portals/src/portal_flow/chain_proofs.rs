@@ -68,13 +68,21 @@ impl FlowScratch {
     }
 }
 
+/// Least distance along a portal's normal between two points whose line's crossing of the portal counts as
+/// known, in units of [`keep`](crate::directed_portals::Margins::keep).
+///
+/// Both signed distances are wrong by one `noise`, of which `keep` has at least 12. So the share of the way
+/// at which the line crosses is wrong by less than 2 / 12,000, and the crossing by that part of the way. A
+/// crossing that is wrong counts a cell as seen that is not. It never hides one.
+const KNOWN_RISE: f64 = 1e3;
+
 /// Tests whether the line through the world-space points `a` and `b` passes a portal along its normal.
 /// Because of rounding, `true` is also possible for a line just outside the shrunk portal, by less than the
 /// distance by which the portal was shrunk. `false` if the line is too nearly parallel to the portal's plane.
 fn passes(input: &FlowInput, portal: &DirectedPortal, a: DVec3, b: DVec3) -> bool {
     let (da, db) = (portal.plane.signed_distance(a), portal.plane.signed_distance(b));
     // For so short a distance along the normal, the intersection with the plane is not accurate.
-    let is_known = db - da > 1e3 * input.portals.margins.keep;
+    let is_known = db - da > KNOWN_RISE * input.portals.margins.keep;
     if !is_known {
         return false;
     }

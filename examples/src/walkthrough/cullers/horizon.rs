@@ -1,10 +1,10 @@
-//! Entries of the horizon, alone and as a map of the driver, with a dial for its columns.
+//! Entries of the horizon, with a dial for its columns.
 
 use super::known::Known;
 use crate::walkthrough::World;
 use std::sync::Arc;
-use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
-use visibility_core::{ObjectId, OcclusionCuller};
+use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
+use visibility_core::ObjectId;
 
 pub(super) const KNOWN: &[Known] = &[
     Known {
@@ -15,15 +15,6 @@ pub(super) const KNOWN: &[Known] = &[
         make: |dial, world| {
             let columns = columns(dial)?;
             Ok(Box::new(HorizonCuller::new(occluders_of(world)?).with_columns(columns)))
-        },
-    },
-    Known {
-        name: "horizon-map",
-        what: "as horizon, with occluders chosen by the driver of the z-buffer",
-        dials: &["360"],
-        make: |dial, world| {
-            let columns = columns(dial)?;
-            Ok(Box::new(OcclusionCuller::new(Horizon::new(up_of(world)?).with_columns(columns))))
         },
     },
     Known {

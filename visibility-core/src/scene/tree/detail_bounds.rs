@@ -2,7 +2,7 @@
 
 #[cfg(doc)]
 use crate::Aabb;
-use crate::scene::boxes64::Boxes64;
+use crate::scene::boxes64::{Boxes64, FAN_OUT};
 
 /// Upper bounds on the objects below a node of the hierarchy.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -28,11 +28,11 @@ impl DetailBounds {
 
 /// Returns [`Aabb::diagonal_squared`] of the box in each lane; 0 for lanes without a box.
 #[inline(always)]
-pub(super) fn diagonals_squared(boxes: &Boxes64) -> [f64; 64] {
-    let mut sums = [0.0; 64];
+pub(super) fn diagonals_squared(boxes: &Boxes64) -> [f64; FAN_OUT] {
+    let mut sums = [0.0; FAN_OUT];
     for axis in 0..3 {
         let (min, max) = (&boxes.coordinates[axis], &boxes.coordinates[axis + 3]);
-        for lane in 0..64 {
+        for lane in 0..FAN_OUT {
             let side = f64::from(max[lane]) - f64::from(min[lane]);
             let side = if side > 0.0 { side } else { 0.0 };
             sums[lane] += side * side;

@@ -5,6 +5,7 @@
 //! of its layout's token, so that the log keeps a copy only as long as some result may read it.
 
 use crate::ObjectId;
+use crate::scene::FAN_OUT;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
@@ -45,7 +46,7 @@ struct Copied {
     /// `newest` of the node before this copy.
     older: u64,
     level: u8,
-    ids: [ObjectId; 64],
+    ids: [ObjectId; FAN_OUT],
 }
 
 impl Clone for History {
@@ -88,7 +89,7 @@ impl History {
     /// Copies the content of a node before it is changed, unless a copy of that content is there or no result
     /// is left. `nodes` is the number of nodes of the tree.
     #[cold]
-    pub(super) fn copy(&mut self, node: usize, nodes: usize, level: u8, ids: &[ObjectId; 64]) {
+    pub(super) fn copy(&mut self, node: usize, nodes: usize, level: u8, ids: &[ObjectId; FAN_OUT]) {
         if Token::strong_count(&self.present) > 1 {
             self.begin_state();
         }
@@ -114,7 +115,7 @@ impl History {
 
     /// Returns the level and the ids of a node as they were at the state of a token. `None` if they have not
     /// changed since, or without a token.
-    pub(super) fn at(&self, node: usize, token: Option<&Token>) -> Option<(u8, &[ObjectId; 64])> {
+    pub(super) fn at(&self, node: usize, token: Option<&Token>) -> Option<(u8, &[ObjectId; FAN_OUT])> {
         let state = **token?;
         let (mut number, mut content) = (self.newest(node), None);
         while let Some(copy) = self.numbered(number).filter(|copy| copy.state >= state) {
@@ -172,9 +173,9 @@ impl History {
         false
     }
 
-    pub(super) fn copy(&mut self, _node: usize, _nodes: usize, _level: u8, _ids: &[ObjectId; 64]) {}
+    pub(super) fn copy(&mut self, _node: usize, _nodes: usize, _level: u8, _ids: &[ObjectId; FAN_OUT]) {}
 
-    pub(super) fn at(&self, _node: usize, _token: Option<&Token>) -> Option<(u8, &[ObjectId; 64])> {
+    pub(super) fn at(&self, _node: usize, _token: Option<&Token>) -> Option<(u8, &[ObjectId; FAN_OUT])> {
         None
     }
 }

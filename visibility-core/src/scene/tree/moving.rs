@@ -1,6 +1,7 @@
 //! Moving objects within the tree, one at a time or many at once, leaf by leaf.
 
 use super::{NONE, Scratch, Slot, Tree};
+use crate::scene::FAN_OUT;
 use crate::scene::queue::Queue;
 use crate::{Aabb, ObjectId};
 
@@ -65,7 +66,7 @@ impl Tree {
         sorted.resize(slots.len(), 0);
         for (position, slot) in slots.iter().enumerate() {
             let end = &mut ends[slot.node()];
-            sorted[*end as usize] = (position << 6 | slot.lane()) as u32;
+            sorted[*end as usize] = (position * FAN_OUT + slot.lane()) as u32;
             *end += 1;
         }
 
@@ -78,14 +79,14 @@ impl Tree {
                 continue;
             }
             if self.is_unculled_leaf(leaf) {
-                leavers.extend(leaf_batch.iter().map(|&word| word >> 6));
+                leavers.extend(leaf_batch.iter().map(|&word| word / FAN_OUT as u32));
                 continue;
             }
             let above = self.parent(leaf as u32);
             let home = above.map(|above| self.bounds[above.node()].get(above.lane()));
             let mut leaving = 0u64;
             for &word in leaf_batch {
-                let (position, lane) = (word >> 6, word & 63);
+                let (position, lane) = (word / FAN_OUT as u32, word % FAN_OUT as u32);
                 let bounds = &moved[position as usize].1;
                 let leaves_home =
                     !bounds.is_finite() || home.as_ref().is_some_and(|home| is_far(home, bounds));

@@ -3,7 +3,7 @@
 
 use super::moving::is_far;
 use super::{NONE, Scratch, Tree};
-use crate::scene::boxes64::{Boxes64, lanes};
+use crate::scene::boxes64::{Boxes64, FAN_OUT, lanes};
 use crate::scene::queue::Queue;
 use crate::{Aabb, ObjectId};
 
@@ -21,7 +21,7 @@ impl Tree {
     ) {
         let Scratch { positions, leavers, .. } = scratch;
         leavers.clear();
-        for (leaf, of_lane) in positions.as_chunks::<64>().0.iter().enumerate() {
+        for (leaf, of_lane) in positions.as_chunks::<FAN_OUT>().0.iter().enumerate() {
             let mask =
                 of_lane.iter().zip(0..).fold(0, |mask, (&at, lane)| mask | u64::from(at != NONE) << lane);
             if mask == 0 {
@@ -79,7 +79,7 @@ impl Tree {
 
 /// Loads the boxes at the given positions of a batch into the cache. The processor waits for all of these
 /// cache misses at once, whereas copying a box before the next is loaded lets it wait for few at a time.
-fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; 64]) {
+fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; FAN_OUT]) {
     let mut sum = 0;
     for &position in positions {
         if let Some((_, bounds)) = moved.get(position as usize) {
@@ -93,14 +93,14 @@ fn fetch(moved: &[(ObjectId, Aabb)], positions: &[u32; 64]) {
 /// Returns whether all boxes, except in the lanes of `free`, certainly are finite and not far from `home`. A
 /// box that has not moved may be far: false then.
 fn all_stay(boxes: &Boxes64, free: u64, home: Option<&Aabb>) -> bool {
-    let mut bad = [0u32; 64];
+    let mut bad = [0u32; FAN_OUT];
     for axis in 0..3 {
         let (min, max) = (&boxes.coordinates[axis], &boxes.coordinates[axis + 3]);
         let (low, high) = home.map_or((-f32::MAX, f32::MAX), |home| {
             let size = home.max[axis] - home.min[axis];
             (home.min[axis] - size, home.max[axis] + size)
         });
-        for lane in 0..64 {
+        for lane in 0..FAN_OUT {
             let center = min[lane] * 0.5 + max[lane] * 0.5;
             let is_finite = (min[lane] <= max[lane]) & (min[lane] >= -f32::MAX) & (max[lane] <= f32::MAX);
             bad[lane] |= u32::from(!(is_finite & (center >= low) & (center <= high)));

@@ -6,7 +6,7 @@
 //! objects of a neighbourhood keeps nodes as full as they were. The same is done with the nodes of each level
 //! above.
 
-use super::super::boxes64::{Boxes64, lanes};
+use super::super::boxes64::{Boxes64, FAN_OUT, lanes};
 use super::pack::{number, pack};
 use super::{Slot, Tree, separation};
 use crate::{Aabb, ObjectId};
@@ -107,16 +107,16 @@ impl Tree {
     /// if nothing was changed. After `Some(0)` objects may still have changed lanes.
     pub(in crate::scene) fn regroup(&mut self, group: &Group, merge: bool) -> Option<usize> {
         let nodes = group.nodes();
-        let mut boxes = [Aabb::EMPTY; 64 * GROUP];
-        let mut centers = [Vec3A::ZERO; 64 * GROUP];
-        let mut order = [0u64; 64 * GROUP];
+        let mut boxes = [Aabb::EMPTY; FAN_OUT * GROUP];
+        let mut centers = [Vec3A::ZERO; FAN_OUT * GROUP];
+        let mut order = [0u64; FAN_OUT * GROUP];
         let mut hulls = [Aabb::EMPTY; GROUP];
         let mut count = 0;
         let mut before = 0.0;
         for (member, &node) in nodes.iter().enumerate() {
             for lane in lanes(self.occupied[node as usize]) {
                 let bounds = self.bounds[node as usize].get(lane);
-                let number = member * 64 + lane;
+                let number = member * FAN_OUT + lane;
                 (boxes[number], centers[number]) = (bounds, bounds.center().into());
                 order[count] = number as u64;
                 count += 1;
@@ -144,8 +144,8 @@ impl Tree {
 
         // Copies of the old contents, since nodes are overwritten before all have been read.
         let level = self.levels[nodes[0] as usize];
-        let mut ids = [[ObjectId::PLACEHOLDER; 64]; GROUP];
-        let mut layers = [[0; 64]; GROUP];
+        let mut ids = [[ObjectId::PLACEHOLDER; FAN_OUT]; GROUP];
+        let mut layers = [[0; FAN_OUT]; GROUP];
         let (mut occluders, mut detailed) = ([0; GROUP], [0; GROUP]);
         for (member, &node) in nodes.iter().enumerate() {
             self.before_change(node as usize);
@@ -164,11 +164,11 @@ impl Tree {
             free &= !(1 << member);
             let node = nodes[member] as usize;
             let mut new_boxes = Boxes64::EMPTY;
-            let mut new_ids = [ObjectId::PLACEHOLDER; 64];
-            let mut new_layers = [u32::MAX; 64];
+            let mut new_ids = [ObjectId::PLACEHOLDER; FAN_OUT];
+            let mut new_layers = [u32::MAX; FAN_OUT];
             let (mut new_occluders, mut new_detailed) = (0, 0);
             for (lane, &word) in order[start..end].iter().enumerate() {
-                let (from, old) = (number(word) / 64, number(word) % 64);
+                let (from, old) = (number(word) / FAN_OUT, number(word) % FAN_OUT);
                 new_boxes.set(lane, &boxes[number(word)]);
                 new_ids[lane] = ids[from][old];
                 new_layers[lane] = layers[from][old];
@@ -184,14 +184,14 @@ impl Tree {
             self.ids[node] = new_ids;
             self.layers[node] = new_layers;
             self.occluders[node] = new_occluders;
-            self.occupied[node] = if end - start == 64 { u64::MAX } else { (1 << (end - start)) - 1 };
+            self.occupied[node] = if end - start == FAN_OUT { u64::MAX } else { (1 << (end - start)) - 1 };
             self.detailed[node] = new_detailed;
         }
         for member in lanes(free.into()) {
             let node = nodes[member] as usize;
             self.bounds[node] = Boxes64::EMPTY;
-            self.ids[node] = [ObjectId::PLACEHOLDER; 64];
-            self.layers[node] = [u32::MAX; 64];
+            self.ids[node] = [ObjectId::PLACEHOLDER; FAN_OUT];
+            self.layers[node] = [u32::MAX; FAN_OUT];
             self.occluders[node] = 0;
             self.detailed[node] = 0;
             self.occupied[node] = 0;
@@ -223,16 +223,16 @@ fn size(bounds: &Aabb) -> f32 {
 /// For each lane, returns a measure of how near its box is to `home`. For a box that overlaps `home`, this is
 /// the fraction of `home` that the box covers, up to 1. Otherwise it is negative: minus the gaps between the
 /// boxes, summed over the axes and relative to the sides of `home`.
-fn nearness(boxes: &Boxes64, home: &Aabb) -> [f32; 64] {
+fn nearness(boxes: &Boxes64, home: &Aabb) -> [f32; FAN_OUT] {
     let c = &boxes.coordinates;
     let (min, max) = (home.min, home.max);
-    let mut shared = [1.0f32; 64];
-    let mut apart = [0.0f32; 64];
+    let mut shared = [1.0f32; FAN_OUT];
+    let mut apart = [0.0f32; FAN_OUT];
     let size = max - min;
     let least = size.max_element() * 1e-3 + f32::MIN_POSITIVE;
     for axis in 0..3 {
         let (low, high, scale) = (min[axis], max[axis], 1.0 / (size[axis] + least));
-        for lane in 0..64 {
+        for lane in 0..FAN_OUT {
             let from = if c[axis][lane] > low { c[axis][lane] } else { low };
             let to = if c[axis + 3][lane] < high { c[axis + 3][lane] } else { high };
             let overlap = (to - from + least) * scale;
@@ -240,7 +240,7 @@ fn nearness(boxes: &Boxes64, home: &Aabb) -> [f32; 64] {
             apart[lane] += if overlap < 0.0 { overlap } else { 0.0 };
         }
     }
-    for lane in 0..64 {
+    for lane in 0..FAN_OUT {
         shared[lane] = if apart[lane] < 0.0 { apart[lane] } else { shared[lane] };
     }
     shared

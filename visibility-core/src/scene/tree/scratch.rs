@@ -1,6 +1,7 @@
 //! Scratch memory for moving many objects at once.
 
 use super::slot::{NONE, Slot};
+use crate::scene::FAN_OUT;
 use crate::{Aabb, ObjectId};
 use alloc::vec::Vec;
 
@@ -40,7 +41,7 @@ impl Scratch {
     /// Sets the positions for all slots of `nodes` nodes to `NONE` and returns them.
     pub(in crate::scene) fn clear_positions(&mut self, nodes: usize) -> &mut [u32] {
         self.positions.clear();
-        self.positions.resize(nodes * 64, NONE);
+        self.positions.resize(nodes * FAN_OUT, NONE);
         &mut self.positions
     }
 

@@ -1,5 +1,7 @@
 //! Positions in the hierarchy: a node and one of its 64 lanes.
 
+use crate::scene::FAN_OUT;
+
 /// No node.
 pub(crate) const NONE: u32 = u32::MAX;
 
@@ -12,14 +14,14 @@ impl Slot {
     pub(crate) const NONE: Self = Self(NONE);
 
     pub(crate) fn new(node: u32, lane: usize) -> Self {
-        Self(node << 6 | lane as u32)
+        Self(node * FAN_OUT as u32 + lane as u32)
     }
 
     pub(crate) fn node(self) -> usize {
-        (self.0 >> 6) as usize
+        self.0 as usize / FAN_OUT
     }
 
     pub(crate) fn lane(self) -> usize {
-        (self.0 & 63) as usize
+        self.0 as usize % FAN_OUT
     }
 }

@@ -33,7 +33,7 @@ fn check(scene: &Scene, seen: &mut Seen) {
     let mut objects: HashSet<ObjectId> = HashSet::new();
     let check_leaf = |leaf: usize, objects: &mut HashSet<ObjectId>, seen: &mut Seen| {
         assert_ne!(tree.occupied[leaf], 0, "leaf {leaf} is empty and not free");
-        for lane in 0..64 {
+        for lane in 0..FAN_OUT {
             if tree.occupied[leaf] >> lane & 1 == 0 {
                 check_lane_is_free(tree, leaf, lane);
                 continue;
@@ -67,7 +67,7 @@ fn check(scene: &Scene, seen: &mut Seen) {
         }
         assert_ne!(tree.occupied[node], 0, "inner node {node} is empty and not free");
         assert_eq!((tree.occluders[node], tree.detailed[node]), (0, 0));
-        for lane in 0..64 {
+        for lane in 0..FAN_OUT {
             if tree.occupied[node] >> lane & 1 == 0 {
                 check_lane_is_free(tree, node, lane);
                 continue;
@@ -97,7 +97,7 @@ fn check(scene: &Scene, seen: &mut Seen) {
     for &node in &free {
         assert!(reached.insert(node), "node {node} is free or used");
         assert_eq!((tree.occupied[node], tree.parents[node]), (0, Slot::NONE), "free node {node} is empty");
-        (0..64).for_each(|lane| check_lane_is_free(tree, node, lane));
+        (0..FAN_OUT).for_each(|lane| check_lane_is_free(tree, node, lane));
     }
     assert_eq!(reached.len(), nodes, "no node is lost");
     assert_eq!(objects.len(), scene.len());
@@ -317,7 +317,7 @@ fn the_tree_stays_consistent_with_all_objects_in_one_place() {
 #[test]
 fn a_change_of_any_slot_is_a_change_of_layout() {
     let at = |x: f32| Aabb::from_arrays([x, 0.0, 0.0], [x + 0.5, 1.0, 1.0]);
-    for kept in 0..64 {
+    for kept in 0..FAN_OUT {
         // Two full blocks far from each other; all objects but one are removed from the second.
         let mut scene = Scene::new();
         let ids = scene.insert_batch((0..128).map(|i| at(if i < 64 { i as f32 } else { 1000.0 + i as f32 })));

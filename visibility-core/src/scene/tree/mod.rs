@@ -25,7 +25,7 @@ pub(crate) use history::Token;
 pub(super) use scratch::Scratch;
 pub(crate) use slot::{NONE, Slot};
 
-use super::boxes64::{Boxes64, lanes};
+use super::boxes64::{Boxes64, FAN_OUT, lanes};
 use super::draw_range::Detail;
 use crate::{Aabb, ObjectId, geometry::longest_axis};
 use alloc::vec::Vec;
@@ -54,10 +54,10 @@ pub(crate) struct Tree {
     pub(crate) occupied: Vec<u64>,
     /// For leaves, the object in each lane. For inner nodes, the child in each lane: `index` is the child's
     /// node number. [`ObjectId::PLACEHOLDER`] in free lanes.
-    pub(crate) ids: Vec<[ObjectId; 64]>,
+    pub(crate) ids: Vec<[ObjectId; FAN_OUT]>,
     /// For leaves, the layer mask of the object in each lane. Free lanes, and all lanes of
     /// inner nodes, have all bits set, so that they do not affect the AND over a leaf.
-    pub(crate) layers: Vec<[u32; 64]>,
+    pub(crate) layers: Vec<[u32; FAN_OUT]>,
     /// For leaves, a mask of the objects flagged as occluders, bit i for lane i; 0 for inner nodes.
     pub(crate) occluders: Vec<u64>,
     /// For each node, the slot of its parent that holds the node; `NONE` for the root and free nodes. For
@@ -155,7 +155,7 @@ impl Tree {
             self.levels[node as usize] = level;
             return node;
         }
-        self.push_node(Boxes64::EMPTY, 0, [ObjectId::PLACEHOLDER; 64], [u32::MAX; 64], 0, level)
+        self.push_node(Boxes64::EMPTY, 0, [ObjectId::PLACEHOLDER; FAN_OUT], [u32::MAX; FAN_OUT], 0, level)
     }
 
     /// Appends a node without a parent to all arrays and returns its number.
@@ -163,8 +163,8 @@ impl Tree {
         &mut self,
         bounds: Boxes64,
         occupied: u64,
-        ids: [ObjectId; 64],
-        layers: [u32; 64],
+        ids: [ObjectId; FAN_OUT],
+        layers: [u32; FAN_OUT],
         occluders: u64,
         level: u8,
     ) -> u32 {
@@ -325,7 +325,7 @@ impl Tree {
 
     /// Returns the level and the ids of a node, as they were at the state of `token`; without a token as they
     /// are.
-    pub(crate) fn contents_at(&self, node: usize, token: Option<&Token>) -> (u8, &[ObjectId; 64]) {
+    pub(crate) fn contents_at(&self, node: usize, token: Option<&Token>) -> (u8, &[ObjectId; FAN_OUT]) {
         self.history.at(node, token).unwrap_or_else(|| (self.levels[node], &self.ids[node]))
     }
 
@@ -383,8 +383,9 @@ impl Tree {
     fn split(&mut self, node: u32) -> u32 {
         let level = self.levels[node as usize];
         let other = self.allocate(level);
-        let mut order: [usize; 64] = core::array::from_fn(|lane| lane);
-        let centers: [_; 64] = core::array::from_fn(|lane| self.bounds[node as usize].get(lane).center());
+        let mut order: [usize; FAN_OUT] = core::array::from_fn(|lane| lane);
+        let centers: [_; FAN_OUT] =
+            core::array::from_fn(|lane| self.bounds[node as usize].get(lane).center());
         let spread = Aabb::from_points(centers);
         let axis = longest_axis(spread.half_extent().to_array());
         order.sort_unstable_by(|&a, &b| centers[a][axis].total_cmp(&centers[b][axis]).then(a.cmp(&b)));
@@ -426,18 +427,18 @@ pub(super) fn separation(a: &Aabb, b: &Aabb) -> f32 {
 fn closest_lane(boxes: &Boxes64, occupied: u64, bounds: &Aabb) -> usize {
     let c = &boxes.coordinates;
     let (min, max) = (bounds.min, bounds.max);
-    let mut cost = [0.0f32; 64];
-    let mut distance = [0.0f32; 64];
+    let mut cost = [0.0f32; FAN_OUT];
+    let mut distance = [0.0f32; FAN_OUT];
     for axis in 0..3 {
         let (low, high) = (min[axis], max[axis]);
-        for lane in 0..64 {
+        for lane in 0..FAN_OUT {
             let below = c[axis][lane] - low;
             let above = high - c[axis + 3][lane];
             cost[lane] += if below > 0.0 { below } else { 0.0 } + if above > 0.0 { above } else { 0.0 };
             distance[lane] += (below - above).abs();
         }
     }
-    let mut best = occupied.trailing_zeros() as usize & 63;
+    let mut best = occupied.trailing_zeros() as usize % FAN_OUT;
     for lane in lanes(occupied) {
         if (cost[lane], distance[lane]) < (cost[best], distance[best]) {
             best = lane;

@@ -36,6 +36,14 @@ const UNDERFLOW: f64 = 1e-300;
 /// relative errors.
 const UP: f64 = 1.0 + 1e-12;
 
+/// Thresholds below which an entry of an elimination counts as 0, each tried in turn. The right one depends
+/// on the rows; every result is checked by [`proves`].
+const ZEROS: [f64; 3] = [1e-12, 1e-9, 1e-6];
+
+/// Least entry that an elimination divides by, of rows whose greatest entry is about 1. Below it the entry
+/// may be all rounding; a wrong choice finds no proof.
+const LEAST_PIVOT: f64 = 1e-11;
+
 /// Returns a lower bound of `sum l_i s_i` and an upper bound of `sum |r_k| B_k`, two numbers that prove
 /// infeasibility if the first is greater, for the multipliers `l_i` (one per row), the rows' least values
 /// `s_i`, the weighted sum `r` of the rows' normals, and `bounds` as `B_k`.
@@ -94,8 +102,7 @@ pub(crate) fn find<const K: usize>(rows: &[Row<K>], bounds: &[f64; K]) -> Option
     if rows.len() > MAX_ROWS {
         return None;
     }
-    // The threshold for zero depends on the rows, so three are tried. Every result is checked by `proves`.
-    [1e-12, 1e-9, 1e-6].into_iter().find_map(|zero| {
+    ZEROS.into_iter().find_map(|zero| {
         let mut used = [false; MAX_ROWS];
         used[..rows.len()].fill(true);
         // Each iteration drops at least one row.
@@ -152,7 +159,7 @@ impl<const K: usize> Elimination<K> {
         coordinate.iter_mut().enumerate().for_each(|(k, c)| *c = k);
         let mut rank = 0;
         while rank < K.min(count) {
-            let (mut best, mut at) = (1e-11, None);
+            let (mut best, mut at) = (LEAST_PIVOT, None);
             for (k, m) in m.iter().enumerate().skip(rank) {
                 for (j, v) in m.iter().enumerate().take(count).skip(rank) {
                     if v.abs() > best {

@@ -142,6 +142,10 @@ pub(crate) enum Polytope {
     Open,
 }
 
+/// Least cosine between a line and a portal's normal at which the line's crossing of the portal is a start
+/// for the program: the crossing is at most a billion times as far as the line is off.
+const LEAST_COSINE: f64 = 1e-9;
+
 impl Pluecker {
     /// Tests whether it is certain that no line passes all `count` openings at least `clearance` (world
     /// units) away from their edges. `opening` returns an opening by index. `(origin, direction)` is a point
@@ -163,7 +167,7 @@ impl Pluecker {
         };
         let normal = opening(square).normal;
         let along = normal.dot(direction);
-        let is_square = along > 1e-9;
+        let is_square = along > LEAST_COSINE;
         if !is_square {
             return Polytope::Open;
         }

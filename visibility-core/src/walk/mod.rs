@@ -13,7 +13,7 @@ mod split;
 pub use check::first_misplaced;
 pub(crate) use split::{NodeTest, retain_on};
 
-use crate::scene::{Boxes64, Tree, lanes};
+use crate::scene::{Boxes64, FAN_OUT, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, VisibleSet};
 
 /// A child of a node of a [`BoxHierarchy`]: an inner node or an object.
@@ -82,9 +82,9 @@ pub trait BoxHierarchy {
     where
         Self: Sized,
     {
-        let (mut boxes, mut children, mut count) = (Boxes64::EMPTY, [Child::Node(usize::MAX); 64], 0);
+        let (mut boxes, mut children, mut count) = (Boxes64::EMPTY, [Child::Node(usize::MAX); FAN_OUT], 0);
         self.for_each_child(scene, node, &mut |child, bounds| {
-            if count == 64 {
+            if count == FAN_OUT {
                 each(&Block { boxes: &boxes, children: Children::Listed(&children) });
                 (boxes, count) = (Boxes64::EMPTY, 0);
             }
@@ -214,8 +214,8 @@ impl Block<'_> {
     #[inline(always)]
     pub fn child(&self, lane: usize) -> Child {
         match self.children {
-            Children::Node { tree, node, leaf: true } => Child::Object(tree.ids[node][lane % 64]),
-            Children::Node { tree, node, leaf: false } => Child::Node(tree.child(node, lane % 64)),
+            Children::Node { tree, node, leaf: true } => Child::Object(tree.ids[node][lane % FAN_OUT]),
+            Children::Node { tree, node, leaf: false } => Child::Node(tree.child(node, lane % FAN_OUT)),
             Children::Listed(children) => children.get(lane).copied().unwrap_or(Child::Node(usize::MAX)),
         }
     }
@@ -224,7 +224,7 @@ impl Block<'_> {
     /// lane, for cullers that keep data per leaf. Ids in lanes that are not occupied are meaningless. `None`
     /// for inner nodes and for blocks of other hierarchies.
     #[inline(always)]
-    pub fn leaf(&self) -> Option<(usize, &[ObjectId; 64])> {
+    pub fn leaf(&self) -> Option<(usize, &[ObjectId; FAN_OUT])> {
         match self.children {
             Children::Node { tree, node, leaf: true } => Some((node, &tree.ids[node])),
             _ => None,
@@ -247,7 +247,7 @@ impl Block<'_> {
 
 /// Returns a mask with the lowest `count` bits set; all 64 bits for counts of 64 and more.
 fn first_lanes(count: usize) -> u64 {
-    u64::MAX.checked_shr(64 - count.min(64) as u32).unwrap_or(0)
+    u64::MAX.checked_shr((FAN_OUT - count.min(FAN_OUT)) as u32).unwrap_or(0)
 }
 
 /// A walk in progress over one hierarchy, removing objects from one [`VisibleSet`]. Candidates are the

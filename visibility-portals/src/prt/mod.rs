@@ -61,7 +61,7 @@ pub enum PrtError {
         error: PolygonError,
     },
     /// The file ends before all announced lines were read.
-    Truncated {
+    Length {
         /// Number of lines of the file.
         lines: usize,
         /// Description of the line that is missing, in English.
@@ -83,7 +83,7 @@ impl fmt::Display for PrtError {
             Self::Line { line, problem } => write!(f, "line {line}: {problem}"),
             Self::Polygon { line, portal, error } => write!(f, "line {line}, portal {}: {error}", portal.0),
             Self::Graph { line, error } => write!(f, "line {line}: {error}"),
-            Self::Truncated { lines, expected } => {
+            Self::Length { lines, expected } => {
                 write!(f, "the file ends after line {lines}, where {expected} should follow")
             }
         }
@@ -202,7 +202,7 @@ impl<'a> Lines<'a> {
     fn next(&mut self, expected: &'static str) -> Result<&'a str, PrtError> {
         loop {
             let Some(line) = self.rest.next() else {
-                return Err(PrtError::Truncated { lines: self.number, expected });
+                return Err(PrtError::Length { lines: self.number, expected });
             };
             self.number += 1;
             if !line.trim().is_empty() {
