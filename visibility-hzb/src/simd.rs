@@ -17,8 +17,9 @@ use crate::lanes::WIDTH;
 use crate::level::{
     Candidate, Edges, FillScratch, LevelFrame, LevelScratch, PreparedLevel, TileKeys, UnionTiles,
 };
+use crate::query::BoxQuery;
 use crate::query::box_projection::{ProjectedBoxes, ScreenProjection32};
-use crate::query::box_query::{BoxQuery, Boxes};
+use crate::query::box_query::Boxes;
 use crate::raster::contour_raster::ContourTiles;
 use crate::raster::mesh_raster::MeshScratch;
 use crate::setup::convex_shape::ConvexScratch;

@@ -5,11 +5,9 @@
 //! before: up to four texels of the pyramid, all pixels of the rectangle around the box, and the planes of
 //! the box's faces.
 
-use super::box_face_planes::FacePlaneSetup;
-use super::box_projection::{ProjectedBoxes, ScreenProjection32, project};
+use super::BoxQuery;
+use super::box_projection::{ProjectedBoxes, project};
 use super::face_query::FaceTest;
-use crate::buffer::pyramid::Pyramid;
-use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, bits};
 use visibility_core::occlusion::Occlusion64;
 use visibility_core::scene::FAN_OUT;
@@ -17,25 +15,6 @@ use visibility_core::scene::FAN_OUT;
 /// Least x, y, z and greatest x, y, z of 64 boxes, in scene coordinates (metres relative to the scene's
 /// origin).
 pub(crate) type Boxes = [[f32; FAN_OUT]; 6];
-
-/// Parts of a z-buffer that a test of boxes reads: the view's projection, the tiles, the pyramid above them,
-/// and bounds.
-#[derive(Clone, Copy)]
-pub(crate) struct BoxQuery<'a> {
-    /// Projection of the current view.
-    pub(crate) projection: &'a ScreenProjection32,
-    /// Covered pixels and depth keys of all tiles.
-    pub(crate) tiles: &'a Tiles,
-    /// Pyramid of least depth keys (greater is nearer) above the tiles. May be older than `tiles`, which is
-    /// conservative.
-    pub(crate) pyramid: &'a Pyramid,
-    /// Precomputed terms of the current view, with which the planes of a box's faces give bounds on the
-    /// box's depth key.
-    pub(crate) faces: &'a FacePlaneSetup,
-    /// Upper bound on all depth keys in the buffer (greater is nearer). Negative infinity if the buffer is
-    /// empty.
-    pub(crate) nearest: f32,
-}
 
 /// Tests the boxes whose bit is set in `candidates`. Bit i stands for box i. Other boxes are in neither mask
 /// of the result. A box in neither mask is undecided and counts as partly visible. Improper boxes (NaN, or a

@@ -1,8 +1,8 @@
 //! Tests whether drawn occluders hide a box, by bounds on the box's depth from the planes of its faces: block
 //! by block of 8 x 8 tiles, then tile by tile, row by row, pixel by pixel.
 
+use super::BoxQuery;
 use super::box_face_planes::{BoxFacePlanes, LANES};
-use super::box_query::BoxQuery;
 use crate::buffer::pyramid::Pyramid;
 use crate::buffer::tile_layout::{Rectangle, SIDE, mask};
 use crate::buffer::tiles::Tiles;
