@@ -9,14 +9,15 @@ use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
 use visibility_hzb::Hzb;
 use visibility_testing::Random;
 
-/// A wall beside the eye, to the right, high or low, and boxes behind it that begin behind the eye. View rays
-/// to points of a hidden box meet the wall first. Nearly all are hidden that the wall covers.
+/// A wall beside the eye, to the right, high or low, and boxes behind it that begin behind the eye. Some are
+/// around the eye instead, or have it on a face. View rays to points of a hidden box meet the wall first.
+/// Nearly all are hidden that the wall covers.
 #[test]
 fn boxes_beside_the_eye_are_hidden_behind_a_wall() {
     let mut random = Random(17);
-    let size = [192, 128];
     let (mut hidden, mut behind, mut missed, mut rays) = (0, 0, 0, 0);
     for trial in 0..8_000 {
+        let size = random.pick(&[[192, 128], [17, 33], [130, 50], [333, 77]]);
         let turn = random.range(-0.5, 0.5);
         let along = DVec3::new(turn.sin(), turn.cos(), random.range(-0.2, 0.2));
         let eye = random.vector(0.5);
@@ -29,12 +30,15 @@ fn boxes_beside_the_eye_are_hidden_behind_a_wall() {
         let wall = Occluder { mesh: OccluderMesh::cuboid(&wall).unwrap(), transform: Affine3A::IDENTITY };
         let hzb = draw(Hzb::new(size[0], size[1]).unwrap(), core::slice::from_ref(&wall), &view);
         let all = faces(core::slice::from_ref(&wall));
-        let near = Vec3::new(random.range(2.4, 6.0) as f32, random.range(-5.0, -1.0) as f32, -1.0);
-        let far = Vec3::new(near.x + 3.0, random.range(1.0, 60.0) as f32, 1.0);
+        let is_around_eye = random.one_in(4);
+        let left = if is_around_eye { eye.x as f32 - 1.0 } else { random.range(2.4, 6.0) as f32 };
+        let near = Vec3::new(left, random.range(-5.0, -1.0) as f32, -1.0);
+        let right = if is_around_eye && random.one_in(2) { eye.x as f32 } else { left + 3.0 };
+        let far = Vec3::new(right, random.range(1.0, 60.0) as f32, 1.0);
         let bounds = Aabb::new(near, far);
         // Where the last ray to the box that passes the wall's plane does so, seen from above.
         let passes = eye.y + (f64::from(far.y) - eye.y) * (2.3 - eye.x) / (f64::from(near.x) - eye.x);
-        let is_behind = top == 40.0 && passes + 1.0 < f64::from(wall_end);
+        let is_behind = !is_around_eye && top == 40.0 && passes + 1.0 < f64::from(wall_end);
         behind += u64::from(is_behind);
         missed += u64::from(is_behind && hzb.test(&bounds) != Occlusion::Hidden);
         if hzb.test(&bounds) == Occlusion::Hidden {
@@ -43,6 +47,7 @@ fn boxes_beside_the_eye_are_hidden_behind_a_wall() {
         }
     }
     println!("{hidden} hidden, {missed} of {behind} behind the wall are not, {rays} rays");
-    assert!(missed * 20 < behind, "{missed} of {behind} boxes behind the wall are not hidden");
+    // In the smallest picture a pixel is wide.
+    assert!(missed * 8 < behind, "{missed} of {behind} boxes behind the wall are not hidden");
     assert!(rays > 10_000, "{rays} rays prove little");
 }

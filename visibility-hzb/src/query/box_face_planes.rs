@@ -18,9 +18,10 @@
 //! magnitudes of these products, and `D` by less than `32u` of the sum of magnitudes of its six products. On
 //! the plane of a face, where one coordinate of `q` is a constant `t`, the depth key is that coordinate of `C
 //! s`, divided by `D t`. The numerator is off by less than `64u` of `P s`, taken at the far corner of the
-//! picture, with scaling and evaluation. The denominator is off by less than `2 P e` plus `64u` of `t` times
-//! the six products, where half would do but for its own rounding and that of `t`. Half-spaces whose
-//! denominator is not twice as large as that error are left out, which only makes the box larger.
+//! picture, with scaling and evaluation (some `31u` up to a block of 64 pixels past that corner, where the
+//! picture is a quarter as wide). The denominator is off by less than `2 P e` plus `64u` of `t` times the six
+//! products, where half would do but for its own rounding and that of `t`. Half-spaces whose denominator is
+//! not twice as large as that error are left out, which only makes the box larger.
 
 use crate::lanes::least;
 use crate::setup::screen_projection::{ScreenProjection, U};
@@ -29,7 +30,7 @@ use crate::setup::screen_projection::{ScreenProjection, U};
 /// together. Lanes 0 to 2 are the faces of greatest x, y and z, lanes 3 to 5 those of least x, y and z.
 pub(crate) const LANES: usize = 8;
 
-/// Lane indices.
+/// Places of squares side by side, counted from the first.
 const STEPS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Sign of the outward normal of each face along its axis; 0 in the two unused lanes.
@@ -203,9 +204,7 @@ impl BoxFacePlanes {
         }
         [lowest(&above), -lowest(&below)]
     }
-}
 
-impl BoxFacePlanes {
     /// Returns what [`range`](Self::range) does for [`LANES`] squares side by side, of which the first has
     /// its upper left corner at `left` and `top`, in pixels: upper bounds, and lower bounds.
     #[inline(always)]
