@@ -226,7 +226,8 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         let mut report = Report::new(&level, &outcome.cells, &outcome.times, &set, seconds, outcome.complete);
         (report.stages, report.too_large) = (outcome.stages, outcome.too_large);
         write_report(&level, &outcome.cells, &report, &arguments.json, &arguments.pictures)?;
-        report.text()
+        let (scene, file) = (&arguments.job.scene, arguments.out.display());
+        format!("{}walkthrough --scene {scene} --cullers baked:{file} culls by it\n", report.text())
     };
     if complete {
         forget(&settings.state);
@@ -278,7 +279,8 @@ fn put_together(arguments: &Assembly) -> Result<(), Failure> {
     write(&arguments.out, &set.to_bytes())?;
     let report = Report::new(&level, &cells, &[], &set, 0.0, true);
     write_report(&level, &cells, &report, &arguments.json, &arguments.pictures)?;
-    print!("{}", report.text());
+    let (scene, file) = (&arguments.job.scene, arguments.out.display());
+    print!("{}walkthrough --scene {scene} --cullers baked:{file} culls by it\n", report.text());
     Ok(())
 }
 

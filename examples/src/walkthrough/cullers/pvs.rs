@@ -64,7 +64,8 @@ fn make(dial: Option<&str>, world: &World) -> Made {
         Some("walls") => (Origin::Walls, Detail::Objects),
         Some("bsp") => (Origin::Polygons, Detail::Objects),
         Some(other) => {
-            return Err(format!("its dial is `objects`, `cells`, `walls` or `bsp`, not `{other}`"));
+            let dials = "its dial is `objects`, `cells`, `walls` or `bsp`";
+            return Err(format!("{dials}, not `{other}`; for the file of a bake, write `baked:{other}`"));
         }
     };
     Ok(Box::new(PvsCuller::new(sets_of(world, origin, detail)?)))
