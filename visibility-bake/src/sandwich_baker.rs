@@ -128,7 +128,9 @@ pub struct BakeScratch {
 struct Slot {
     /// By stage, the number of viewcells of the group that are not worked on yet.
     left: [usize; STAGES],
-    group: Option<Arc<Group>>,
+    /// What was made last, and whether for the sweeps of viewcells. With a limit of time, or in a bake that
+    /// was resumed, viewcells of the group may be in different stages.
+    group: Option<(bool, Arc<Group>)>,
     /// What the sweep of the group has found, for when its content was released.
     record: Option<Arc<GroupRecord>>,
 }
@@ -286,7 +288,7 @@ impl<'a> SandwichBaker<'a> {
     fn release_groups(&self) {
         for slot in self.slots.iter().filter(|_| self.level.is_in_file()) {
             let Ok(mut slot) = slot.try_lock() else { continue };
-            slot.group.take_if(|group| Arc::strong_count(group) == 1);
+            slot.group.take_if(|(_, group)| Arc::strong_count(group) == 1);
         }
     }
 
@@ -308,13 +310,15 @@ impl<'a> SandwichBaker<'a> {
     /// that need it wait.
     fn group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Result<Arc<Group>, LevelError> {
         let mut slot = self.level.lock(&self.slots[number as usize]);
-        if let Some(group) = &slot.group {
+        let for_sweeps = stage == SWEEP;
+        if let Some((_, group)) = slot.group.as_ref().filter(|made| made.0 == for_sweeps) {
             return Ok(group.clone());
         }
+        slot.group = None;
         self.release_groups();
         scratch.local = None;
         let group = Arc::new(self.new_group(number, stage, &mut slot.record, scratch)?);
-        slot.group = Some(group.clone());
+        slot.group = Some((for_sweeps, group.clone()));
         Ok(group)
     }
 
@@ -407,7 +411,8 @@ impl<'a> SandwichBaker<'a> {
         self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
     }
 
-    /// Works on an item as [`work`](Baker::work) does, with the memory that is free.
+    /// Works on an item whose stage is the next of its viewcell, as [`work`](Baker::work) does, with the
+    /// memory that is free.
     fn attempt(
         &self,
         item: u32,
@@ -422,9 +427,6 @@ impl<'a> SandwichBaker<'a> {
         };
         let (place, stage) = self.place_and_stage(item);
         let before = self.done[place].as_ref();
-        if before.map_or(GROUP, |before| before.next) != stage {
-            return Ok(Some(None));
-        }
         if self.time.is_past(stage, begun) {
             if let Some(before) = before
                 && stage == SWEEP
@@ -686,6 +688,9 @@ impl Baker for SandwichBaker<'_> {
         stop: &dyn Fn() -> bool,
     ) -> Option<Option<FoundCell>> {
         let (place, stage) = self.place_and_stage(item);
+        if self.done[place].as_ref().map_or(GROUP, |before| before.next) != stage {
+            return Some(None);
+        }
         let of = self.groups.of[self.range.start + place];
         let _begun = self.time.begin();
         let mut attempt = |is_alone| {
@@ -699,8 +704,8 @@ impl Baker for SandwichBaker<'_> {
             match &found {
                 Ok(Some(Some(found))) => self.end_stages(of, stage..found.next),
                 Err(LevelError::Memory { .. }) if !is_alone => {}
-                Err(_) => self.end_stages(of, stage..STAGES as u32),
-                Ok(_) => {}
+                Ok(None) => {}
+                Ok(Some(None)) | Err(_) => self.end_stages(of, stage..STAGES as u32),
             }
             found
         };
