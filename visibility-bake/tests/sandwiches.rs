@@ -344,6 +344,16 @@ fn no_stage_takes_what_another_has_made_for_a_group() {
     });
 }
 
+#[test]
+fn the_longest_time_leaves_nothing_out() {
+    let (scene, cells) = street();
+    let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+    let baker = || SandwichBaker::new(&scene, &cells, settings).with_range(0..2);
+    let outcome = Bake::new(baker().with_time(Duration::MAX)).run();
+    assert_eq!((outcome.stages, outcome.complete), ([2; 5], true));
+    assert_eq!(outcome.cells, Bake::new(baker()).run().cells);
+}
+
 /// A field of so many triangles that no search could begin in its share of the time, and before it a street
 /// of which more is hidden from parts of each viewcell; and open country, where groups hide nothing.
 #[test]
