@@ -29,7 +29,8 @@ use visibility_region::ExtendedProjectionCuller;
 const SEARCHED_A_SECOND: f64 = 2e5;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
-/// with progress, stopping and resuming, on any number of threads with the same result.
+/// with progress, stopping and resuming, on any number of threads; without a limit of time with the same
+/// result.
 ///
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
@@ -93,7 +94,8 @@ pub struct SandwichOutcome {
     /// By viewcell. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<CellSandwich>,
     /// By viewcell, the time that each method took: 0 without a [clock](SandwichBaker::with_clock), and in a
-    /// viewcell that was not worked on. All else of the outcome is the same whatever the times.
+    /// viewcell that was not worked on. Without a limit of time, all else of the outcome is the same whatever
+    /// the times.
     pub times: Vec<MethodTimes>,
     /// Whether all viewcells were worked on to the end: never if some are [too large](Self::too_large).
     pub complete: bool,
@@ -213,7 +215,7 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
-    /// must run. The caller ends the bake. What is hidden comes first, for as many viewcells as can be:
+    /// must run; more than 2^32 seconds count as these. The caller ends the bake. What is hidden comes first, for as many viewcells as can be:
     ///
     /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
     ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
@@ -232,8 +234,9 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the baker with the results of an earlier bake, of the scene before an edit. The outcome is the
-    /// same as without, to the last byte, but for times. See [`BakeCache`] for what an edit costs.
+    /// Returns the baker with the results of an earlier bake, of the scene before an edit. Without a limit of
+    /// time, the outcome is the same as without them, to the last byte, but for times. See [`BakeCache`] for
+    /// what an edit costs.
     #[must_use]
     pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
         self.cache = cache.into();
