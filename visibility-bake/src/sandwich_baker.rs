@@ -215,7 +215,8 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
-    /// must run; more than 2^32 seconds count as these. The caller ends the bake. What is hidden comes first, for as many viewcells as can be:
+    /// must run. More than 2^32 seconds count as these. The caller ends the bake. What is hidden comes first,
+    /// for as many viewcells as can be:
     ///
     /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
     ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
