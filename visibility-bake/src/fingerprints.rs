@@ -9,7 +9,7 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 
 /// Part of the hash of each input of a viewcell. Another number for each change of the methods, so that
 /// results of former methods are not taken.
-pub(crate) const METHODS: u32 = 11;
+pub(crate) const METHODS: u32 = 12;
 
 /// Returns a hash of all that a bake depends on: the scene, all viewcells and the settings. Shards with the
 /// same hash belong together. Time is linear in the numbers of triangles and viewcells.

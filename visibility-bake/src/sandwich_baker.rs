@@ -29,7 +29,8 @@ use visibility_region::ExtendedProjectionCuller;
 const SEARCHED_A_SECOND: f64 = 2e5;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
-/// with progress, stopping and resuming, on any number of threads with the same result.
+/// with progress, stopping and resuming, on any number of threads; without a limit of time with the same
+/// result.
 ///
 /// The sweep of extended projections removes what is hidden behind many occluders together, first for a group
 /// of neighbouring viewcells, then, in what is left, for each of them. When all viewcells are swept, rays
@@ -93,7 +94,8 @@ pub struct SandwichOutcome {
     /// By viewcell. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<CellSandwich>,
     /// By viewcell, the time that each method took: 0 without a [clock](SandwichBaker::with_clock), and in a
-    /// viewcell that was not worked on. All else of the outcome is the same whatever the times.
+    /// viewcell that was not worked on. Without a limit of time, all else of the outcome is the same whatever
+    /// the times.
     pub times: Vec<MethodTimes>,
     /// Whether all viewcells were worked on to the end: never if some are [too large](Self::too_large).
     pub complete: bool,
@@ -128,7 +130,9 @@ pub struct BakeScratch {
 struct Slot {
     /// By stage, the number of viewcells of the group that are not worked on yet.
     left: [usize; STAGES],
-    group: Option<Arc<Group>>,
+    /// What was made last, and whether for the sweeps of viewcells. With a limit of time, or in a bake that
+    /// was resumed, viewcells of the group may be in different stages.
+    group: Option<(bool, Arc<Group>)>,
     /// What the sweep of the group has found, for when its content was released.
     record: Option<Arc<GroupRecord>>,
 }
@@ -211,7 +215,8 @@ impl<'a> SandwichBaker<'a> {
     }
 
     /// Returns the baker for a bake that ends when `time` has passed, by its [clock](Self::with_clock), which
-    /// must run. The caller ends the bake. What is hidden comes first, for as many viewcells as can be:
+    /// must run. More than 2^32 seconds count as these. The caller ends the bake. What is hidden comes first,
+    /// for as many viewcells as can be:
     ///
     /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
     ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
@@ -230,8 +235,9 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the baker with the results of an earlier bake, of the scene before an edit. The outcome is the
-    /// same as without, to the last byte, but for times. See [`BakeCache`] for what an edit costs.
+    /// Returns the baker with the results of an earlier bake, of the scene before an edit. Without a limit of
+    /// time, the outcome is the same as without them, to the last byte, but for times. See [`BakeCache`] for
+    /// what an edit costs.
     #[must_use]
     pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
         self.cache = cache.into();
@@ -286,7 +292,7 @@ impl<'a> SandwichBaker<'a> {
     fn release_groups(&self) {
         for slot in self.slots.iter().filter(|_| self.level.is_in_file()) {
             let Ok(mut slot) = slot.try_lock() else { continue };
-            slot.group.take_if(|group| Arc::strong_count(group) == 1);
+            slot.group.take_if(|(_, group)| Arc::strong_count(group) == 1);
         }
     }
 
@@ -308,13 +314,15 @@ impl<'a> SandwichBaker<'a> {
     /// that need it wait.
     fn group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Result<Arc<Group>, LevelError> {
         let mut slot = self.level.lock(&self.slots[number as usize]);
-        if let Some(group) = &slot.group {
+        let for_sweeps = stage == SWEEP;
+        if let Some((_, group)) = slot.group.as_ref().filter(|made| made.0 == for_sweeps) {
             return Ok(group.clone());
         }
+        slot.group = None;
         self.release_groups();
         scratch.local = None;
         let group = Arc::new(self.new_group(number, stage, &mut slot.record, scratch)?);
-        slot.group = Some(group.clone());
+        slot.group = Some((for_sweeps, group.clone()));
         Ok(group)
     }
 
@@ -407,7 +415,8 @@ impl<'a> SandwichBaker<'a> {
         self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
     }
 
-    /// Works on an item as [`work`](Baker::work) does, with the memory that is free.
+    /// Works on an item whose stage is the next of its viewcell, as [`work`](Baker::work) does, with the
+    /// memory that is free.
     fn attempt(
         &self,
         item: u32,
@@ -422,9 +431,6 @@ impl<'a> SandwichBaker<'a> {
         };
         let (place, stage) = self.place_and_stage(item);
         let before = self.done[place].as_ref();
-        if before.map_or(GROUP, |before| before.next) != stage {
-            return Ok(Some(None));
-        }
         if self.time.is_past(stage, begun) {
             if let Some(before) = before
                 && stage == SWEEP
@@ -686,6 +692,9 @@ impl Baker for SandwichBaker<'_> {
         stop: &dyn Fn() -> bool,
     ) -> Option<Option<FoundCell>> {
         let (place, stage) = self.place_and_stage(item);
+        if self.done[place].as_ref().map_or(GROUP, |before| before.next) != stage {
+            return Some(None);
+        }
         let of = self.groups.of[self.range.start + place];
         let _begun = self.time.begin();
         let mut attempt = |is_alone| {
@@ -699,8 +708,8 @@ impl Baker for SandwichBaker<'_> {
             match &found {
                 Ok(Some(Some(found))) => self.end_stages(of, stage..found.next),
                 Err(LevelError::Memory { .. }) if !is_alone => {}
-                Err(_) => self.end_stages(of, stage..STAGES as u32),
-                Ok(_) => {}
+                Ok(None) => {}
+                Ok(Some(None)) | Err(_) => self.end_stages(of, stage..STAGES as u32),
             }
             found
         };

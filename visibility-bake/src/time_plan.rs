@@ -37,6 +37,9 @@ const LEAST_HIDDEN: f64 = 0.125;
 /// Least time of a search: with less, nothing would be left after the rays.
 const LEAST_SEARCH: Duration = Duration::from_millis(500);
 
+/// Longest limit of time: numbers of seconds far above it are beyond what a [`Duration`] holds once rounded.
+const LONGEST: Duration = Duration::from_secs(1 << 32);
+
 /// Phase of a stage that has time left.
 const IN_TIME: u8 = 0;
 /// Phase of a stage in the round in which its time has ended: no item is begun any more.
@@ -78,9 +81,9 @@ impl TimePlan {
         self.clock = clock;
     }
 
-    /// Limits the time from now on.
+    /// Limits the time from now on, to [`LONGEST`] at most.
     pub(crate) fn limit(&mut self, time: Duration) {
-        let now = self.now();
+        let (now, time) = (self.now(), time.min(LONGEST));
         self.ends = [now.saturating_add(time); STAGES];
         for (stage, part) in ENDS {
             self.ends[stage as usize] = now.saturating_add(time.mul_f64(part));

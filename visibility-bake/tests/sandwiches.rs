@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 use visibility_bake::{
     AssembleError, BakeCache, BakedSet, BakedSetError, CellSandwich, Grid, MethodTimes, SandwichBaker,
-    SandwichSettings, Shard, assemble,
+    SandwichOutcome, SandwichSettings, Shard, assemble,
 };
 use visibility_core::bake::Bake;
 use visibility_core::glam::{DAffine3, DVec3, Vec3};
@@ -294,6 +294,64 @@ fn little_time_is_divided_among_the_stages() {
     let resumed = Bake::resume(baker(), &bake.save()).unwrap().run();
     assert!(resumed.complete && resumed.stages[0] < 10, "{:?}", resumed.stages);
     assert!(resumed.stages[1..] == [10; 4] && resumed.cache == BakeCache::default());
+}
+
+/// The time of the sweeps of groups ends between two viewcells of a group, which are in different stages from
+/// then on.
+#[test]
+fn no_stage_takes_what_another_has_made_for_a_group() {
+    // A millisecond passes each time that the clock is asked.
+    static ASKED: AtomicU64 = AtomicU64::new(0);
+    fn clock() -> Duration {
+        Duration::from_millis(ASKED.fetch_add(1, Ordering::Relaxed))
+    }
+    let (scene, cells) = street();
+    let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+    let baker = || SandwichBaker::new(&scene, &cells, settings);
+    let limited = |limit: u64| {
+        ASKED.store(0, Ordering::Relaxed);
+        baker().with_clock(clock).with_time(Duration::from_millis(limit))
+    };
+    // How many items a round begins at most.
+    let at_most = |count: usize| {
+        let begun = AtomicUsize::new(0);
+        move || begun.fetch_add(1, Ordering::Relaxed) >= count
+    };
+    let is_looked_from = |outcome: &SandwichOutcome| {
+        outcome.complete && outcome.times.iter().all(|times| !times.rays.is_zero())
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(|| {
+        for limit in (89..125).step_by(5) {
+            let outcome = Bake::new(limited(limit)).run();
+            // In so little time no viewcell is swept to the end.
+            assert!(is_looked_from(&outcome) && outcome.stages[1] == 0, "{limit} ms: {:?}", outcome.stages);
+            // So what the bake finds when it goes on without a limit is not for other bakes.
+            let mut bake = Bake::new(limited(limit));
+            bake.advance();
+            bake.advance_unless(at_most(1), || false);
+            let resumed = Bake::resume(baker(), &bake.save()).unwrap().run();
+            assert!(resumed.complete && resumed.cache == BakeCache::default(), "{limit} ms");
+        }
+        // Some viewcells have what their group has found when the bake is stopped. It goes on when the time
+        // for groups is over.
+        let mut bake = Bake::new(baker());
+        bake.advance_unless(at_most(5), || false);
+        let bake = Bake::resume(limited(1000), &bake.save()).unwrap();
+        ASKED.store(750, Ordering::Relaxed);
+        let outcome = bake.run();
+        assert!(is_looked_from(&outcome), "{:?}", outcome.stages);
+    });
+}
+
+#[test]
+fn the_longest_time_leaves_nothing_out() {
+    let (scene, cells) = street();
+    let settings = SandwichSettings { gap: 1.0, rays: 1, ..SandwichSettings::default() };
+    let baker = || SandwichBaker::new(&scene, &cells, settings).with_range(0..2);
+    let outcome = Bake::new(baker().with_time(Duration::MAX)).run();
+    assert_eq!((outcome.stages, outcome.complete), ([2; 5], true));
+    assert_eq!(outcome.cells, Bake::new(baker()).run().cells);
 }
 
 /// A field of so many triangles that no search could begin in its share of the time, and before it a street

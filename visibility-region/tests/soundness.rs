@@ -68,10 +68,11 @@ fn no_ray_from_the_cell_reaches_what_is_hidden_from_its_parts() {
     let (world, cell) = random_world(&mut rng, 1.0);
     let mut left = |parts: Option<u32>, is_over: bool| {
         let mut visible = VisibleSet::new();
-        match parts {
+        let stats = match parts {
             Some(parts) => sweep.cull_in_parts(&world.scene, &cell, parts, &mut visible, &|| is_over),
             None => sweep.cull(&world.scene, &cell, &mut visible),
         };
+        assert_eq!(stats.visible, visible.count(&world.scene) as u64, "{parts:?} parts");
         visible.count(&world.scene)
     };
     let (all, whole) = (world.scene.len(), left(None, false));

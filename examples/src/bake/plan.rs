@@ -15,8 +15,9 @@ const TRIAL: f64 = 0.1;
 pub struct Plan {
     /// Number of viewcells.
     pub viewcells: usize,
-    /// Seconds that the sweep of the first viewcell took by itself, on one thread.
-    pub first: f64,
+    /// Seconds that the sweep of the first viewcell took by itself, on one thread. `None` if it did not come
+    /// to its end in a tenth of the limit.
+    pub first: Option<f64>,
     /// Seconds that the bake may take.
     pub limit: f64,
     /// Number of threads, at least 1.
@@ -34,9 +35,11 @@ impl Plan {
         bake.advance();
         let start = Instant::now();
         bake.advance();
+        let first = start.elapsed().as_secs_f64();
+        let is_swept = bake.finish().stages[1] > 0;
         Self {
             viewcells: level.viewcells.cells().len(),
-            first: start.elapsed().as_secs_f64(),
+            first: is_swept.then_some(first),
             limit: limit.as_secs_f64(),
             threads,
             size,
@@ -46,6 +49,13 @@ impl Plan {
     /// Returns one line for a person.
     pub fn text(&self) -> String {
         let Self { viewcells, first, limit, threads, size } = *self;
+        let Some(first) = first.filter(|_| limit > 0.0) else {
+            let trial = limit * TRIAL;
+            return format!(
+                "{viewcells} viewcells, and not even the first was swept in {trial:.1} s, a tenth of the time: \
+                 for most only what is hidden from their groups will be known, if that"
+            );
+        };
         let needed = first * viewcells as f64 / threads as f64;
         let begin = format!("{viewcells} viewcells, the first swept in {first:.2} s: ");
         let time = limit * SWEEPS;
@@ -73,12 +83,17 @@ mod tests {
 
     #[test]
     fn a_plan_says_what_is_reached() {
-        let plan = Plan { viewcells: 4000, first: 0.25, limit: 60.0, threads: 2, size: [4.0, 4.0, 2.0] };
+        let plan =
+            Plan { viewcells: 4000, first: Some(0.25), limit: 60.0, threads: 2, size: [4.0, 4.0, 2.0] };
         let needs = "4000 viewcells, the first swept in 0.25 s: some 408 are in 60 s; for the others only what \
                      is hidden from their groups is known; --size 13,13,2 makes some 408";
         assert_eq!(plan.text(), needs);
         let all = "100 viewcells, the first swept in 0.25 s: all are in some 12 s, and 48 s are left for rays \
                    and proofs";
         assert_eq!(Plan { viewcells: 100, ..plan }.text(), all);
+        let none = "4000 viewcells, and not even the first was swept in 6.0 s, a tenth of the time: for most only \
+                    what is hidden from their groups will be known, if that";
+        assert_eq!(Plan { first: None, ..plan }.text(), none);
+        assert!(Plan { limit: 0.0, ..plan }.text().contains("not even the first was swept in 0.0 s"));
     }
 }

@@ -186,10 +186,13 @@ impl ExtendedProjectionCuller {
             let mut left = asked.clone();
             stats += self.cull_behind(scene, &Viewcell::from_box(min, max), &occluding, &mut left, stop);
             stats += asked.retain(scene, |id, _| !left.contains(scene, id));
+            if stats.visible == 0 {
+                break;
+            }
         }
-        if parts > 0 && !stop() {
-            stats += visible.retain(scene, |id, _| !asked.contains(scene, id));
-        }
+        let is_whole = parts > 0 && !stop();
+        // What is retained is counted in any case.
+        stats += visible.retain(scene, |id, _| !(is_whole && asked.contains(scene, id)));
         stats
     }
 
