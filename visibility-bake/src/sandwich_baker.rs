@@ -364,7 +364,10 @@ impl<'a> SandwichBaker<'a> {
         let question =
             if self.time.is_limited() { with_members(self.content_hash([]).with(1)) } else { whole };
         let answer = self.cache.answer(whole).or_else(|| self.cache.answer(question));
+        // Results name objects by their places among those that a trace leaves, which must be that of the
+        // viewcells that are done.
         if let Some((record, cells)) = answer
+            && known.as_ref().is_none_or(|known| known.trace == record.trace)
             && let Some(objects) = record.trace.replay(&self.level.tree)
             && is_usable(cells, &objects)
         {
@@ -748,7 +751,7 @@ impl Baker for SandwichBaker<'_> {
             // A bake that sweeps all of a group would find other results.
             if let Some(found) = found.collect::<Option<Vec<&FoundCell>>>()
                 && let Some(first) = found.first()
-                && found.iter().all(|found| found.is_whole())
+                && found.iter().all(|found| found.is_whole() && found.group.trace == first.group.trace)
             {
                 cache.insert(first.group.clone(), found.iter().map(|found| found.record.clone()).collect());
             }
