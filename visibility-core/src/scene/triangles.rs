@@ -12,8 +12,10 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 /// Triangles with a [transform](Self::placed) are placed one by one as they are read: in `f64`, and then
 /// rounded to `f32`. The transform is kept in `f32`, as renderers have it, which moves a vertex along an axis
 /// by at most 4 roundings of the greatest coordinate on that axis of the image of the mesh's box. Where that
-/// could move vertices more, it is kept in `f64`. Memory: 36 bytes for each triangle of the mesh, once, and 64
-/// bytes for each of the transforms that are [given together](Self::placed_each), or 192 for one kept in `f64`.
+/// could move vertices more, it is kept in `f64`.
+///
+/// Memory: 36 bytes for each triangle of the mesh, once, and 64 bytes for each of the transforms that are
+/// [given together](Self::placed_each), or 192 for one kept in `f64`.
 ///
 /// ```
 /// use visibility_core::glam::{DAffine3, DVec3, Vec3};
