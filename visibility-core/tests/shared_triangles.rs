@@ -64,6 +64,32 @@ fn triangles_outside_of_the_bounds_are_refused_where_they_are_placed() {
     assert_eq!(scene.triangles(id).unwrap(), mesh.view(), "a refused call changes nothing");
 }
 
+/// Bounds that were computed from the transform in `f64` hold the triangles although their transform is
+/// rounded, also where coordinates on an axis are far less than those on another, or a corner is at 0.
+#[test]
+fn bounds_computed_in_f64_hold_placed_triangles() {
+    let mut random = Random(3);
+    let mut rounded = [0; 3];
+    for round in 0..300 {
+        let far = [0.0, 2.0, 10_000.0][round % 3];
+        let mesh = solid(Aabb::from_arrays([far, 0.0, 0.0], [far + 5.0, 1.0, 2.0]));
+        let turn = DAffine3::from_rotation_y(if round < 3 { 0.7 } else { random.unit() * 6.0 });
+        let corners = || mesh.iter().flatten().map(|p| turn.transform_point3(p.as_dvec3()));
+        let greatest = corners().map(|p| p.z).fold(f64::NEG_INFINITY, f64::max);
+        let back = DAffine3::from_translation(DVec3::Z * -greatest) * turn;
+        let bounds = Aabb::from_points(corners().map(|p| (p - DVec3::Z * greatest).as_vec3()));
+        let placed = SharedTriangles::from(mesh).placed(back);
+        rounded[round % 3] += usize::from(placed.view().known_bounds().is_some());
+        let mut scene = Scene::new();
+        let id = scene.insert(bounds);
+        assert_eq!(scene.set_triangles(id, placed.clone()), Ok(()), "{round}: {far} m");
+        // A tenth of a millimetre is no rounding of a few metres.
+        scene.set_bounds(id, Aabb::new(bounds.min, bounds.max - Vec3::Z * 1e-4)).unwrap();
+        assert!(scene.set_triangles(id, placed).is_err(), "{round}: {far} m");
+    }
+    assert!(rounded[0] == 100 && rounded[1] > 50 && rounded[2] < 10, "{rounded:?}");
+}
+
 #[test]
 fn objects_with_the_same_triangles_share_one_prepared_mesh() {
     let (mesh, other) = (SharedTriangles::from(solid(UNIT)), SharedTriangles::from(solid(UNIT)));
@@ -101,7 +127,7 @@ fn objects_with_the_same_triangles_share_one_prepared_mesh() {
 }
 
 /// A mesh far from its own origin, which a transform brings near, would be placed by rounded products that
-/// are much larger than the coordinates: off by centimetres.
+/// are much larger than the coordinates: off by centimetres, also where the transform itself is not rounded.
 #[test]
 fn rounding_never_moves_an_occluder() {
     for (far, shares) in [(0.0, true), (2.0, true), (1e5, false), (1e6, false)] {
@@ -112,6 +138,10 @@ fn rounding_never_moves_an_occluder() {
             DQuat::from_rotation_z(0.3),
             DQuat::from_rotation_z(0.3) * DVec3::splat(-1.5 * f64::from(far)) + DVec3::new(9.0, 1.0, 2.0),
         );
+        let back = DAffine3 {
+            matrix3: back.matrix3.as_mat3().as_dmat3(),
+            translation: back.translation.as_vec3().as_dvec3(),
+        };
         let id = place(&mut scene, &mesh.into(), back, false);
         assert_eq!(scene.prepare_occluders(&Preparation::default()), 1);
         let (prepared, transform) = scene.occluder(id).expect("a mesh");
@@ -155,8 +185,8 @@ fn a_shared_mesh_goes_with_the_triangles() {
     assert!(!scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty());
 }
 
-/// Transforms that are given together are kept in `f32`, or all in `f64` if one cannot be rounded. Boxes that
-/// are known hold all corners.
+/// Of transforms that are given together, each is kept in `f32` or `f64` as it is alone. Boxes that are known
+/// hold all corners.
 #[test]
 fn transforms_given_together_place_as_each_does() {
     let mut random = Random(11);
@@ -177,12 +207,11 @@ fn transforms_given_together_place_as_each_does() {
         for (i, (placed, transform)) in placed.iter().zip(&transforms).enumerate() {
             assert!(placed.shares_mesh(&mesh));
             let bounds = placed.view().known_bounds();
-            assert_eq!(bounds.is_some(), is_rounded, "{far}, {i}");
+            assert_eq!(bounds.is_some(), is_rounded || i == 7, "{far}, {i}");
             let alone = mesh.placed(*transform);
             for (corner, of_alone) in placed.iter().flatten().zip(alone.iter().flatten()) {
                 assert!(bounds.is_none_or(|bounds| bounds.contains_point(corner)), "{far}, {i}: {corner}");
-                // The one that stays far is rounded alone.
-                assert!(corner == of_alone || i == 7 && !is_rounded, "{far}, {i}");
+                assert_eq!(corner, of_alone, "{far}, {i}");
             }
             let exact = mesh.iter().flatten().map(|p| transform.transform_point3(p.as_dvec3()).as_vec3());
             let corners: Vec<Vec3> = exact.collect();
@@ -190,4 +219,22 @@ fn transforms_given_together_place_as_each_does() {
             assert!(i == 7 || placed.iter().flatten().all(|p| moved(p) < 2e-5), "{far}, {i}");
         }
     }
+}
+
+/// One transform that cannot be rounded does not take the shared mesh from the other objects.
+#[test]
+fn one_exact_transform_costs_one_prepared_mesh() {
+    let mesh = SharedTriangles::from(solid(Aabb::new(Vec3::splat(1e6), Vec3::splat(1e6 + 4.0))));
+    let mut transforms: Vec<_> =
+        (0..50).map(|i| DAffine3::from_translation(DVec3::X * f64::from(8 * i))).collect();
+    transforms[20] = DAffine3::from_rotation_translation(
+        DQuat::from_rotation_z(0.3),
+        DQuat::from_rotation_z(0.3) * DVec3::splat(-1e6),
+    );
+    let mut scene = Scene::new();
+    for placed in mesh.placed_each(&transforms) {
+        let id = scene.insert(Object { occluder: true, ..Object::new(placed.bounds()) });
+        scene.set_triangles(id, placed).unwrap();
+    }
+    assert_eq!((scene.prepare_occluders(&Preparation::default()), scene.mesh_count()), (50, 2));
 }

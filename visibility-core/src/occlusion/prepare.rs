@@ -61,9 +61,9 @@ impl Scene {
     /// Makes an occluder mesh for every object that is flagged as an occluder, has triangles and has no mesh
     /// yet. Returns the number of objects that got one.
     ///
-    /// Meant for loading time. Meshes are in scene coordinates, as the triangles are: moving an object, or
-    /// replacing its [triangles](Scene::set_triangles), removes its mesh. The next call makes a mesh from
-    /// triangles set since.
+    /// Meant for loading time. A mesh stays where the triangles are: moving the object, or replacing its
+    /// [triangles](Scene::set_triangles), removes the mesh. The next call makes a mesh from triangles set
+    /// since.
     ///
     /// Objects without [local bounds](Scene::set_local_bounds) whose triangles are
     /// [placed](crate::scene::SharedTriangles::placed) share one mesh, and have the transform of the

@@ -25,17 +25,19 @@ pub(super) fn is_within(mesh: &OccluderMesh, transform: &Affine3A, bounds: &Aabb
 /// Tests whether a corner of `triangles` lies outside of `bounds` by more than rounding. False if `bounds`
 /// are improper; NaN corners are not outside.
 pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
+    let known = triangles.known_bounds().filter(Aabb::is_finite);
+    // Rounding a transform moves triangles by at most 4 u of the greatest coordinate; `widened` allows 16 u.
+    let placed = known.filter(|_| triangles.mesh().1.is_some());
+    let moved = placed.map_or(Vec3::ZERO, |known| known.min.abs().max(known.max.abs()) / 4.0);
     let outside = |p: Vec3| {
         let p = Vec3A::from(p);
-        let [least, greatest] = widened(bounds, p.abs());
+        let [least, greatest] = widened(bounds, p.abs() + Vec3A::from(moved));
         p.cmplt(least).any() || p.cmpgt(greatest).any()
     };
     // A coordinate plus or minus its slack grows with the coordinate: where neither end of a box is outside,
     // no point of the box is.
-    let is_inside = |known: Aabb| known.is_proper() && !outside(known.min) && !outside(known.max);
-    bounds.is_proper()
-        && !triangles.known_bounds().is_some_and(is_inside)
-        && triangles.iter().flatten().any(outside)
+    let is_inside = |known: Aabb| !outside(known.min) && !outside(known.max);
+    bounds.is_proper() && !known.is_some_and(is_inside) && triangles.iter().flatten().any(outside)
 }
 
 /// Returns the corners of `bounds`, moved outwards by what the rounding of the bounds and of points that they

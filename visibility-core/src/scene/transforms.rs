@@ -3,9 +3,9 @@
 //!
 //! An object hides other objects with its occluder mesh, or with its triangles in cullers that use these.
 //! Both must be where the object is. A [transform](Scene::set_transform) moves the mesh together with the
-//! bounds. A change of the [bounds](Scene::set_bounds) alone does not say how the object moved, so the mesh
-//! is taken from the object. Triangles are in scene coordinates and never move, so each change takes them
-//! away.
+//! bounds. A change of the [bounds](Scene::set_bounds) alone does not say how the object moved, so the
+//! object loses its mesh. Triangles are in scene coordinates and never move, so the object loses them with
+//! each change.
 
 use super::boxes64::{FAN_OUT, lanes};
 use super::mesh_bounds::{is_any_outside, is_within};

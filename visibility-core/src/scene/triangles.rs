@@ -5,15 +5,17 @@ use super::Triangle;
 use crate::Aabb;
 use alloc::{boxed::Box, sync::Arc, vec::Vec};
 use core::slice;
-use glam::{Affine3A, DAffine3, DVec3, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
 /// Triangles that objects share. A clone refers to the same triangles.
 ///
 /// Triangles with a [transform](Self::placed) are placed one by one as they are read: in `f64`, and then
-/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, which moves a vertex by at most a
-/// few roundings of the greatest coordinate. Where that could move vertices more, it is kept in `f64`.
+/// rounded to `f32`. The transform is kept in `f32`, as renderers have it, which moves a vertex along an axis
+/// by at most 4 roundings of the greatest coordinate on that axis of the image of the mesh's box. Where that
+/// could move vertices more, it is kept in `f64`.
+///
 /// Memory: 36 bytes for each triangle of the mesh, once, and 64 bytes for each of the transforms that are
-/// [given together](Self::placed_each).
+/// [given together](Self::placed_each), or 192 for one kept in `f64`.
 ///
 /// ```
 /// use visibility_core::glam::{DAffine3, DVec3, Vec3};
@@ -33,8 +35,10 @@ pub struct SharedTriangles {
 enum Source {
     /// A mesh in scene coordinates.
     InScene(Arc<Mesh>),
-    /// A mesh, and the index of the transform that places it.
-    Placed(Arc<Instances>, u32),
+    /// A mesh, and the index of the rounded transform that places it.
+    Rounded(Arc<Instances>, u32),
+    /// A mesh, and the transform that places it, which cannot be rounded.
+    Exact(Arc<(Arc<Mesh>, DAffine3)>),
 }
 
 /// Triangles in coordinates of their own, with the box around them.
@@ -44,19 +48,11 @@ struct Mesh {
     bounds: Aabb,
 }
 
-/// A mesh with the transforms from its coordinates to those of the scene.
+/// A mesh with the transforms from its coordinates to those of the scene, each [rounded].
 #[derive(Debug)]
 struct Instances {
     mesh: Arc<Mesh>,
-    transforms: Transforms,
-}
-
-#[derive(Debug)]
-enum Transforms {
-    /// Each [rounded].
-    Rounded(Box<[Affine3A]>),
-    /// As they were given, since one at least cannot be rounded.
-    Exact(Box<[DAffine3]>),
+    transforms: Box<[Affine3A]>,
 }
 
 impl SharedTriangles {
@@ -67,7 +63,7 @@ impl SharedTriangles {
     /// corners are then exchanged, so that the front of each stays its front.
     #[must_use]
     pub fn placed(&self, transform: DAffine3) -> Self {
-        Self { source: Source::Placed(Arc::new(self.instances(&[transform])), 0) }
+        self.instances(&[transform]).placed(0, &transform)
     }
 
     /// Returns triangles of the same mesh, [placed](Self::placed) by each of some transforms, in less memory
@@ -83,22 +79,20 @@ impl SharedTriangles {
     /// ```
     #[must_use]
     pub fn placed_each(&self, transforms: &[DAffine3]) -> Vec<Self> {
-        let instances = Arc::new(self.instances(transforms));
-        let placed = (0..u32::MAX).take(transforms.len());
-        placed.map(|index| Self { source: Source::Placed(instances.clone(), index) }).collect()
+        let instances = self.instances(transforms);
+        (0..u32::MAX).zip(transforms).map(|(index, transform)| instances.placed(index, transform)).collect()
     }
 
-    fn instances(&self, transforms: &[DAffine3]) -> Instances {
-        let mesh = self.mesh();
-        let rounded: Option<Box<_>> = transforms.iter().map(|each| rounded(each, &mesh.bounds)).collect();
-        let transforms = rounded.map_or_else(|| Transforms::Exact(transforms.into()), Transforms::Rounded);
-        Instances { mesh: mesh.clone(), transforms }
+    fn instances(&self, transforms: &[DAffine3]) -> Arc<Instances> {
+        let transforms = transforms.iter().map(rounded).collect();
+        Arc::new(Instances { mesh: self.mesh().clone(), transforms })
     }
 
     fn mesh(&self) -> &Arc<Mesh> {
         match &self.source {
             Source::InScene(mesh) => mesh,
-            Source::Placed(instances, _) => &instances.mesh,
+            Source::Rounded(instances, _) => &instances.mesh,
+            Source::Exact(placed) => &placed.0,
         }
     }
 
@@ -107,10 +101,8 @@ impl SharedTriangles {
         let mesh = self.mesh();
         let transform = match &self.source {
             Source::InScene(_) => None,
-            Source::Placed(instances, index) => Some(match &instances.transforms {
-                Transforms::Rounded(transforms) => exact(&transforms[*index as usize]),
-                Transforms::Exact(transforms) => transforms[*index as usize],
-            }),
+            Source::Rounded(instances, index) => Some(exact(&instances.transforms[*index as usize])),
+            Source::Exact(placed) => Some(placed.1),
         };
         Triangles { mesh: &mesh.triangles, transform, mesh_bounds: Some(&mesh.bounds) }
     }
@@ -119,11 +111,8 @@ impl SharedTriangles {
     /// without a transform.
     pub(crate) fn rounded_transform(&self) -> Option<&Affine3A> {
         match &self.source {
-            Source::Placed(instances, index) => match &instances.transforms {
-                Transforms::Rounded(transforms) => transforms.get(*index as usize),
-                Transforms::Exact(_) => None,
-            },
-            Source::InScene(_) => None,
+            Source::Rounded(instances, index) => instances.transforms.get(*index as usize),
+            Source::InScene(_) | Source::Exact(_) => None,
         }
     }
 
@@ -148,7 +137,7 @@ impl SharedTriangles {
     pub fn bounds(&self) -> Aabb {
         match &self.source {
             Source::InScene(mesh) => mesh.bounds,
-            Source::Placed(..) => Aabb::from_points(self.iter().flatten()),
+            _ => Aabb::from_points(self.iter().flatten()),
         }
     }
 
@@ -168,21 +157,45 @@ impl SharedTriangles {
     }
 }
 
-/// Returns a transform rounded to `f32`. `None` if it is not finite then, and where products and sums are so
-/// much larger than the coordinates that they yield that rounding could move vertices of a mesh with the
-/// given box: more than 4 times.
-fn rounded(transform: &DAffine3, mesh_bounds: &Aabb) -> Option<Affine3A> {
-    let rounded = Affine3A {
-        matrix3: transform.matrix3.as_mat3().into(),
-        translation: transform.translation.as_vec3a(),
+impl Instances {
+    /// Returns the mesh placed by `transform`, which was rounded to the transform at `index`.
+    fn placed(self: &Arc<Self>, index: u32, transform: &DAffine3) -> SharedTriangles {
+        let source = if can_be_rounded(transform, &self.mesh.bounds) {
+            Source::Rounded(self.clone(), index)
+        } else {
+            Source::Exact(Arc::new((self.mesh.clone(), *transform)))
+        };
+        SharedTriangles { source }
+    }
+}
+
+/// Returns a transform rounded to `f32`.
+fn rounded(transform: &DAffine3) -> Affine3A {
+    Affine3A { matrix3: transform.matrix3.as_mat3().into(), translation: transform.translation.as_vec3a() }
+}
+
+/// Returns whether a transform may be [rounded] for a mesh with the given box. On each axis, this must move
+/// vertices by at most 4 u (u = 2^-24) of the greatest coordinate of the box's image there, so that bounds
+/// computed from the transform as it was given still hold the triangles, up to rounding. A box around the
+/// mesh's origin always allows that: on each axis its image has a coordinate of a third of `size` or more.
+///
+/// A placed mesh is computed in `f32`, so the terms that coordinates are the sum of must not be much larger
+/// than the image either: at most 4 times. False if the rounded transform is not finite.
+fn can_be_rounded(transform: &DAffine3, mesh_bounds: &Aabb) -> bool {
+    let rounded = rounded(transform);
+    let of_mesh = mesh_bounds.min.abs().max(mesh_bounds.max.abs()).as_dvec3();
+    let sum_of_terms = |translation: DVec3, m: DMat3| {
+        let [x, y, z] = [m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs()];
+        translation.abs() + x * of_mesh.x + y * of_mesh.y + z * of_mesh.z
     };
-    let [x, y, z] = [0, 1, 2].map(|axis| rounded.matrix3.col(axis).abs());
-    let of_mesh = mesh_bounds.min.abs().max(mesh_bounds.max.abs());
-    let size = rounded.translation.abs() + x * of_mesh.x + y * of_mesh.y + z * of_mesh.z;
-    let placed = mesh_bounds.transformed(&rounded);
-    let coordinates = placed.min.abs().max(placed.max.abs());
-    let is_near = size.max_element() <= 4.0 * coordinates.max_element();
-    (is_near && rounded.is_finite()).then_some(rounded)
+    let DAffine3 { matrix3, translation } = exact(&rounded);
+    let size = sum_of_terms(translation, matrix3);
+    let moved = sum_of_terms(transform.translation - translation, transform.matrix3 - matrix3);
+    let image = mesh_bounds.transformed(&rounded);
+    let coordinates = image.min.abs().max(image.max.abs()).as_dvec3();
+    rounded.is_finite()
+        && size.max_element() <= 4.0 * coordinates.max_element()
+        && moved.cmple(2.0 * f64::from(f32::EPSILON) * coordinates).all()
 }
 
 /// Returns a transform in `f64`, without rounding.
@@ -280,8 +293,9 @@ impl<'a> Triangles<'a> {
     pub fn known_bounds(&self) -> Option<Aabb> {
         let bounds = self.mesh_bounds?;
         let Some(transform) = self.transform else { return Some(*bounds) };
-        let rounded = rounded(&transform, bounds).filter(|rounded| exact(rounded) == transform)?;
-        Some(bounds.transformed(&rounded))
+        let rounded = rounded(&transform);
+        let is_kept = exact(&rounded) == transform && can_be_rounded(&transform, bounds);
+        is_kept.then(|| bounds.transformed(&rounded))
     }
 
     /// Returns the triangles in the coordinates of their mesh, and the transform from these to scene
