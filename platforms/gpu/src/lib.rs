@@ -13,6 +13,9 @@
 #[allow(dead_code, unreachable_pub, unused_imports)]
 #[path = "../../../examples/src/error.rs"]
 mod error;
+#[allow(dead_code)]
+#[path = "../../../examples/src/object_name.rs"]
+mod object_name;
 #[path = "../../../examples/src/other_formats.rs"]
 mod other_formats;
 #[allow(dead_code, unreachable_pub, unused_imports)]

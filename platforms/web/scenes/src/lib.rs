@@ -9,6 +9,8 @@
 
 #[path = "../../../../examples/src/error.rs"]
 mod error;
+#[path = "../../../../examples/src/object_name.rs"]
+mod object_name;
 #[path = "../../../../examples/src/other_formats.rs"]
 mod other_formats;
 #[path = "../../../../examples/src/recipes/mod.rs"]
