@@ -13,7 +13,7 @@
 #[allow(dead_code, unreachable_pub, unused_imports)]
 #[path = "../../../examples/src/error.rs"]
 mod error;
-#[allow(dead_code)]
+#[allow(dead_code, unreachable_pub)]
 #[path = "../../../examples/src/object_name.rs"]
 mod object_name;
 #[path = "../../../examples/src/other_formats.rs"]
