@@ -249,7 +249,8 @@ impl<'a> SandwichBaker<'a> {
         self.done.iter().map(|done| done.as_ref().map(|found| &found.sandwich))
     }
 
-    /// Returns the [`bake_fingerprint`] of all viewcells, whatever the range of this baker.
+    /// Returns the [`bake_fingerprint`](crate::bake_fingerprint) of all viewcells, whatever the range of this
+    /// baker.
     pub fn whole_fingerprint(&self) -> u64 {
         self.fingerprint
     }
