@@ -185,7 +185,7 @@ fn a_shared_mesh_goes_with_the_triangles() {
     assert!(!scene.has_mesh(id) && scene.triangles(id).unwrap().is_empty());
 }
 
-/// Of transforms that are given together, each is kept in `f32` or `f64` as it is alone. Boxes that are known
+/// Each of several transforms that are given together is kept in `f32` or `f64` as it is alone. Known boxes
 /// hold all corners.
 #[test]
 fn transforms_given_together_place_as_each_does() {

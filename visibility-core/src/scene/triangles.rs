@@ -99,12 +99,12 @@ impl SharedTriangles {
     /// Returns the triangles in scene coordinates.
     pub fn view(&self) -> Triangles<'_> {
         let mesh = self.mesh();
-        let transform = match &self.source {
-            Source::InScene(_) => None,
-            Source::Rounded(instances, index) => Some(exact(&instances.transforms[*index as usize])),
-            Source::Exact(placed) => Some(placed.1),
+        let (transform, is_rounded) = match &self.source {
+            Source::InScene(_) => (None, true),
+            Source::Rounded(instances, index) => (Some(exact(&instances.transforms[*index as usize])), true),
+            Source::Exact(placed) => (Some(placed.1), false),
         };
-        Triangles { mesh: &mesh.triangles, transform, mesh_bounds: Some(&mesh.bounds) }
+        Triangles { mesh: &mesh.triangles, transform, mesh_bounds: is_rounded.then_some(&mesh.bounds) }
     }
 
     /// Returns the transform from mesh to scene coordinates, if it is kept in `f32`. `None` for triangles
@@ -252,7 +252,8 @@ impl<const N: usize> From<[Triangle; N]> for SharedTriangles {
 pub struct Triangles<'a> {
     mesh: &'a [Triangle],
     transform: Option<DAffine3>,
-    /// Box around the triangles in the coordinates of the mesh, if it is known.
+    /// Box around the triangles in the coordinates of the mesh, if it is known and a transform is kept in
+    /// `f32`.
     mesh_bounds: Option<&'a Aabb>,
 }
 
@@ -292,10 +293,7 @@ impl<'a> Triangles<'a> {
     /// a transform, and otherwise the box around the image of the mesh's box. NaN if a coordinate is.
     pub fn known_bounds(&self) -> Option<Aabb> {
         let bounds = self.mesh_bounds?;
-        let Some(transform) = self.transform else { return Some(*bounds) };
-        let rounded = rounded(&transform);
-        let is_kept = exact(&rounded) == transform && can_be_rounded(&transform, bounds);
-        is_kept.then(|| bounds.transformed(&rounded))
+        Some(self.transform.map_or(*bounds, |transform| bounds.transformed(&rounded(&transform))))
     }
 
     /// Returns the triangles in the coordinates of their mesh, and the transform from these to scene

@@ -124,10 +124,7 @@ impl<'a> FaceTest<'a> {
         let [most, from] = self.planes.ranges([left, top], size);
         let mut open = 0;
         for i in 0..LANES {
-            let nearest = f64::from(self.nearest);
-            let most = if most[i] < nearest { most[i] } else { nearest };
-            // Points in view have no depth key below 0 in perspective views.
-            let from = if from[i] > 0.0 { from[i] } else { 0.0 };
+            let [most, from] = self.limited([most[i], from[i]]);
             open |= u32::from((most >= from) & !(f64::from(least[i]) > most)) << i;
         }
         open
@@ -194,13 +191,18 @@ impl<'a> FaceTest<'a> {
     /// Returns an upper bound on the box's depth key in `part`. `None` if no view ray there meets the box.
     #[inline(always)]
     fn most(&self, part: &Rectangle) -> Option<f32> {
-        let [most, least] = self.planes.range(sides_of(part));
-        let nearest = f64::from(self.nearest);
-        let most = if most < nearest { most } else { nearest };
-        // Points in view have no depth key below 0 in perspective views.
-        let least = if least > 0.0 { least } else { 0.0 };
+        let [most, least] = self.limited(self.planes.range(sides_of(part)));
         let most = up(most);
         (f64::from(most) >= least).then_some(most)
+    }
+
+    /// Returns an upper and a lower bound on the box's depth key by its faces, limited to what is known
+    /// without them: the box has no greater key than `nearest`, and points in view have none below 0 in
+    /// perspective views.
+    #[inline(always)]
+    fn limited(&self, [most, least]: [f64; 2]) -> [f64; 2] {
+        let nearest = f64::from(self.nearest);
+        [if most < nearest { most } else { nearest }, if least > 0.0 { least } else { 0.0 }]
     }
 
     /// Returns the subset of the mask `pixels` in which the box may be and is not certainly hidden. `tile` is
