@@ -1,4 +1,4 @@
-//! What is known of a viewcell while a bake runs.
+//! Results of a viewcell while a bake runs, and how they are saved.
 
 use crate::bake_cache::{CellRecord, GroupRecord};
 use crate::cell_sandwich::CellSandwich;

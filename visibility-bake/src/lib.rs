@@ -54,6 +54,7 @@ pub use sandwich_baker::{BakeScratch, SandwichBaker, SandwichOutcome};
 pub use settings::SandwichSettings;
 pub use shard::{AssembleError, Shard, assemble};
 pub use tiled_scene::{TiledScene, TiledSceneWriter};
+pub use time_plan::SWEEP_TIME;
 pub use visibility_core::level_version::level_version;
 
 #[cfg(doctest)]

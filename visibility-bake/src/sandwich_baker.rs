@@ -130,8 +130,8 @@ pub struct BakeScratch {
 struct Slot {
     /// By stage, the number of viewcells of the group that are not worked on yet.
     left: [usize; STAGES],
-    /// What was made last, and whether for the sweeps of viewcells. With a limit of time, or in a bake that
-    /// was resumed, viewcells of the group may be in different stages.
+    /// Content that was made last, and whether for the sweeps of viewcells. With a limit of time, or in a
+    /// bake that was resumed, viewcells of the group may be in different stages.
     group: Option<(bool, Arc<Group>)>,
     /// What the sweep of the group has found, for when its content was released.
     record: Option<Arc<GroupRecord>>,
@@ -145,7 +145,7 @@ struct Group {
     content: Content,
 }
 
-/// What is known of a viewcell after a stage, and the next.
+/// Record and times of a viewcell after a stage, and its next stage.
 type Found = (CellRecord, MethodTimes, u32);
 
 enum Content {
@@ -221,9 +221,10 @@ impl<'a> SandwichBaker<'a> {
     /// - Groups are swept undivided, for seven tenths of the time at most; those that are not by then wait
     ///   until all others are done. Where the first groups find less than an eighth of the objects hidden,
     ///   the others are left out, and all the time is for viewcells.
-    /// - Viewcells are swept by themselves until 85 hundredths of the time; what is left of the others goes
-    ///   on as it is. A sweep that takes more than a quarter of the time that is left for its stage, and more
-    ///   than its share, ends early: what it has found by then counts.
+    /// - Viewcells are swept by themselves until 85 hundredths of the time have passed
+    ///   ([`SWEEP_TIME`](crate::SWEEP_TIME)); what is left of the others goes on as it is. A sweep that takes
+    ///   more than a quarter of the time that is left for its stage, and more than its share, ends early:
+    ///   what it has found by then counts.
     /// - Each search, by rays and then by proofs, has its share of the time that is left, and half a second
     ///   at least. Where it could not even begin in that, since a sweep has left too many triangles, the
     ///   viewcell is swept in parts instead.

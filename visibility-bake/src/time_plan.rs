@@ -1,6 +1,6 @@
 //! How a bake divides its time among stages and viewcells, if that is limited.
 //!
-//! What is hidden is found first by the sweeps of groups, each for many viewcells, then by those of
+//! Hidden objects are found first by the sweeps of groups, each for many viewcells, then by those of
 //! viewcells, and in the end by searches: in less time for an object the earlier. So each stage has all of
 //! the time that the later ones need not have, and a viewcell that is not swept at all counts more than ten
 //! that are not searched.
@@ -20,8 +20,12 @@ pub(crate) const LOOK: u32 = 2;
 /// The stage of proofs of boxes.
 pub(crate) const BOXES: u32 = 3;
 
+/// Part of a [limited time](crate::SandwichBaker::with_time) after which viewcells are no more swept by
+/// themselves: the rest is for rays and proofs.
+pub const SWEEP_TIME: f64 = 0.85;
+
 /// Part of the time after which a stage of sweeps gives way to the next.
-const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, 0.85)];
+const ENDS: [(u32, f64); 2] = [(GROUP, 0.7), (SWEEP, SWEEP_TIME)];
 
 /// Least part of the time left for its stage that a sweep may take. A sweep finds most in its end, so equal
 /// shares for all would often find less than whole sweeps for a few.

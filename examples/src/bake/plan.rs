@@ -1,16 +1,14 @@
-//! What a bake with a limit of time will come to, said before it begins.
+//! Forecast of what a bake with a limit of time will come to, printed before it begins.
 
 use super::level::Level;
 use std::time::{Duration, Instant};
+use visibility_bake::SWEEP_TIME;
 use visibility_core::bake::Bake;
-
-/// Part of the time that is for sweeps at most.
-const SWEEPS: f64 = 0.85;
 
 /// Part of the time that the sweeps of the first viewcell may take, which are not kept.
 const TRIAL: f64 = 0.1;
 
-/// What is known of a bake before it begins.
+/// Forecast of a bake.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Plan {
     /// Number of viewcells.
@@ -58,7 +56,7 @@ impl Plan {
         };
         let needed = first * viewcells as f64 / threads as f64;
         let begin = format!("{viewcells} viewcells, the first swept in {first:.2} s: ");
-        let time = limit * SWEEPS;
+        let time = limit * SWEEP_TIME;
         if needed <= time {
             let left = limit - needed;
             return format!(

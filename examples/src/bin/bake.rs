@@ -226,8 +226,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         let mut report = Report::new(&level, &outcome.cells, &outcome.times, &set, seconds, outcome.complete);
         (report.stages, report.too_large) = (outcome.stages, outcome.too_large);
         write_report(&level, &outcome.cells, &report, &arguments.json, &arguments.pictures)?;
-        let (scene, file) = (&arguments.job.scene, arguments.out.display());
-        format!("{}walkthrough --scene {scene} --cullers baked:{file} culls by it\n", report.text())
+        report.text() + &next_command(&arguments.job, &arguments.out)
     };
     if complete {
         forget(&settings.state);
@@ -279,9 +278,13 @@ fn put_together(arguments: &Assembly) -> Result<(), Failure> {
     write(&arguments.out, &set.to_bytes())?;
     let report = Report::new(&level, &cells, &[], &set, 0.0, true);
     write_report(&level, &cells, &report, &arguments.json, &arguments.pictures)?;
-    let (scene, file) = (&arguments.job.scene, arguments.out.display());
-    print!("{}walkthrough --scene {scene} --cullers baked:{file} culls by it\n", report.text());
+    print!("{}{}", report.text(), next_command(&arguments.job, &arguments.out));
     Ok(())
+}
+
+/// Returns the line that says how to cull by the file of a bake.
+fn next_command(job: &Job, file: &Path) -> String {
+    format!("walkthrough --scene {} --cullers baked:{} culls by it\n", job.scene, file.display())
 }
 
 /// Writes the report of a bake and its pictures where they are asked for.
