@@ -15,7 +15,7 @@ use crate::hom::opacity_pyramid::OpacityPyramid;
 use crate::hom::tile_range::TileRange;
 use crate::lanes::WIDTH;
 use crate::level::{
-    Candidate, Edges, FillScratch, LevelFrame, LevelScratch, PreparedLevel, TileKeys, UnionTiles,
+    Candidate, Edges, FillScratch, LevelFrame, LevelScratch, PreparedEdge, PreparedLevel, Seams, TileKeys,
 };
 use crate::query::BoxQuery;
 use crate::query::box_projection::{ProjectedBoxes, ScreenProjection32};
@@ -102,12 +102,13 @@ compiled! {
         (level: &PreparedLevel, frame: &LevelFrame, index: usize, scratch: &mut LevelScratch) -> bool;
     finish_edges = Edges::finish, (edges: &mut Edges) -> ();
     find_open_tiles = crate::level::find_open_tiles,
-        (keys: &TileKeys, tiles: &Tiles, union: Option<&mut UnionTiles>, open: &mut Vec<u32>) -> u32;
+        (keys: &TileKeys, tiles: &Tiles, open: &mut Vec<u32>) -> u32;
     fill = crate::level::fill, (
         edges: &Edges, slack: f32, keys: &TileKeys, coverage: Coverage, scratch: &mut FillScratch,
-        union: Option<&mut UnionTiles>, tiles: &mut Tiles
+        seams: &mut Seams, tiles: &mut Tiles
     ) -> bool;
-    finish_union = UnionTiles::finish, (union: &mut UnionTiles, draw: bool, tiles: &mut Tiles) -> ();
+    cover_seams = Seams::cover,
+        (seams: &Seams, outline: &[PreparedEdge], first: u32, base: u32, tiles: &mut Tiles) -> bool;
     fill_shape = crate::raster::shape_fill::fill_shape,
         (shape: &ScreenShape, tiles: &mut Tiles) -> bool;
     project_boxes = crate::query::box_projection::project_boxes, (

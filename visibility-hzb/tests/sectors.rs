@@ -4,7 +4,7 @@
 use crate::level::{as_faces, triangles, view_within};
 use crate::rays::check;
 use std::sync::Arc;
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Culler, OcclusionMap, Pose, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller, PreparedLevel};
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
@@ -235,4 +235,28 @@ fn forged_files_are_drawn_or_refused() {
         }
     }
     assert!(refused > 100, "{refused} are refused");
+}
+
+/// Pixels along an edge are covered by the two triangles of one level that share it, not by one of them and a
+/// triangle of another level, whose edges have the same numbers there.
+#[test]
+fn edges_of_one_level_are_not_those_of_another() {
+    let mut random = Random(43);
+    let view = view(DVec3::ZERO, DVec3::X);
+    let mut covered = 0;
+    for round in 0..1_500 {
+        let mut hzb = Hzb::new(64, 40).unwrap();
+        let mut faces = Vec::new();
+        for _ in 0..6 {
+            let middle = random.vec3(-3.0, 3.0) + Vec3::X * 10.0;
+            let [a, b, c, d] = [0; 4].map(|_| middle + random.vec3(-4.0, 4.0));
+            let folded = [[a, b, c], [b, a, d]].map(|corners| LevelTriangle { corners, two_sided: true });
+            faces.extend(as_faces(&folded));
+            hzb.add_level(prepared(&folded, DVec3::ZERO));
+        }
+        hzb.begin(&view, DVec3::ZERO);
+        hzb.flush();
+        covered += check(&faces, &view, &hzb, &mut random, &format!("round {round}"))[1];
+    }
+    assert!(covered > 400_000, "{covered} pixels are covered, expected more");
 }

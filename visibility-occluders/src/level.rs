@@ -52,9 +52,8 @@ impl LevelSettings {
         Self { kept_area: share.clamp(0.0, 1.0), ..self }
     }
 
-    /// Sets the maximum number of edges of a cluster of more than one polygon. 96 by default. Pixels along
-    /// edges that two clusters share stay bare, so that greater values mostly hide more where polygons are
-    /// few and large, such as in maps of games: measure with 144 and 192.
+    /// Sets the maximum number of edges of a cluster of more than one polygon, and of a polygon of more than
+    /// one face. 96 by default. What is hidden hardly depends on it, the time of a frame by some hundredths.
     #[must_use]
     pub fn with_max_cluster_edges(self, edges: usize) -> Self {
         Self { max_cluster_edges: edges, ..self }
@@ -226,11 +225,8 @@ impl LevelOccluders {
             // Regions are sorted by area, so polygons of lesser index are larger.
             items[first..end].sort_unstable_by_key(|item| item.polygon);
             let polygons = items[first..end].iter().map(|item| item.polygon as usize);
-            let mut own: Vec<_> = polygons.clone().map(|i| core::mem::take(&mut outlines[i])).collect();
-            // Edges shared with polygons of other clusters need not stay divided.
-            level.report.straightened += straighten(&faces.vertices, &mut own);
-            let own = own.iter().map(|outline| &outline[..]);
-            level.push_cluster(&faces, polygons.map(|i| kept[i]).zip(own), magnitude.as_dvec3());
+            let own = polygons.map(|i| (kept[i], &outlines[i][..]));
+            level.push_cluster(&faces, own, magnitude.as_dvec3());
         }
         Ok(level)
     }

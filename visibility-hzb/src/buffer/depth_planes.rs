@@ -28,6 +28,12 @@ impl DepthPlanes {
         Self { planes: [plane; 3], count: 1 }
     }
 
+    /// Two planes, as [`ScreenShape::planes`] has them.
+    #[inline(always)]
+    pub(crate) fn two([p, q]: [[f32; 3]; 2]) -> Self {
+        Self { planes: [p, q, q], count: 2 }
+    }
+
     /// Copies the depth planes of `shape`. Returns no planes if the shape has more than three.
     #[inline(always)]
     pub(crate) fn of(shape: &ScreenShape) -> Self {

@@ -2,6 +2,7 @@
 
 use super::edges::Edges;
 use super::frame::LevelFrame;
+use super::prepared::NO_EDGE;
 use crate::lanes::{greatest, least};
 use crate::raster::mesh_raster::project_corner;
 use crate::setup::near_clip::cut_edge;
@@ -112,7 +113,7 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     let as_f32 = |[x, y]: [f64; 2]| [x as f32, y as f32];
     let (mut p, mut q) = (top, bottom);
     if p[0] < -guard && q[0] < -guard {
-        return out.push(as_f32([-guard, p[1]]), as_f32([-guard, q[1]]), false);
+        return out.push(as_f32([-guard, p[1]]), as_f32([-guard, q[1]]), NO_EDGE);
     }
     if p[0] > guard && q[0] > guard {
         return;
@@ -120,13 +121,13 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
     for end in [&mut p, &mut q] {
         if end[0] < -guard {
             let crossing = at_column(-guard);
-            out.push(as_f32([-guard, end[1]]), as_f32(crossing), false);
+            out.push(as_f32([-guard, end[1]]), as_f32(crossing), NO_EDGE);
             *end = crossing;
         } else if end[0] > guard {
             *end = at_column(guard);
         }
     }
-    out.push(as_f32(p), as_f32(q), false);
+    out.push(as_f32(p), as_f32(q), NO_EDGE);
 }
 
 #[cfg(test)]

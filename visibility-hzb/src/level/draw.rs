@@ -5,9 +5,10 @@ use super::edges::Edges;
 use super::fill::FillScratch;
 use super::frame::{LEAST_PARALLEL_COSINE, LevelFrame, MAX_BEND_PX, MAX_ERROR_PX};
 use super::open_tiles::{BARELY_NEARER, DepthBound, TileKeys};
-use super::prepared::{BoxLanes, NO_POLYGON, Polygons, PreparedEdge, PreparedLevel};
-use super::union::UnionTiles;
+use super::prepared::{BoxLanes, NO_EDGE, Polygons, PreparedEdge, PreparedLevel};
+use super::seams::Seams;
 use super::vertices::Vertices;
+use crate::Coverage;
 use crate::buffer::tile_layout::{Rectangle, SIDE};
 use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, bits, greatest, least};
@@ -25,7 +26,7 @@ use visibility_core::simd::Simd;
 use visibility_occluders::{OccluderCluster, OccluderPolygon};
 
 /// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
-const LEAST_AREA_PX: f32 = 24.0;
+const LEAST_AREA_PX: f32 = 32.0;
 
 /// Work of finding out whether a cluster may be seen, in triangles of a tenth of a microsecond (measured, as
 /// the following).
@@ -69,14 +70,12 @@ pub(crate) struct LevelScratch {
     edges: Edges,
     fill: FillScratch,
     clip: ClipScratch,
-    union: UnionTiles,
+    seams: Seams,
+    /// For each level the number of edges in levels before it.
+    first_edges: Vec<u32>,
     /// For each polygon of a cluster, the coordinate along its normal of the far side of its slab. NaN for a
     /// polygon that is not drawn.
     far_sides: Vec<f64>,
-    /// For each polygon of a cluster, whether it was drawn or waits to be.
-    done: Vec<bool>,
-    /// Polygons of a cluster that hang together by edges, in the order of drawing.
-    waiting: Vec<u32>,
     /// Work spent in this frame, in triangles.
     work: f32,
 }
@@ -93,7 +92,13 @@ pub(crate) fn draw_candidates(
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> (f32, f32) {
-    scratch.union.prepare(tiles);
+    scratch.first_edges.clear();
+    let mut edges = 0;
+    for level in levels {
+        scratch.first_edges.push(edges as u32);
+        edges += level.edges.len();
+    }
+    scratch.seams.begin_frame(edges);
     scratch.work = 0.0;
     let mut nearest = f32::NEG_INFINITY;
     for candidate in candidates {
@@ -108,7 +113,7 @@ pub(crate) fn draw_candidates(
                 continue;
             }
         }
-        if draw_cluster(simd, level, frame, candidate.cluster as usize, scratch, tiles) {
+        if draw_cluster(simd, level, frame, candidate, scratch, tiles) {
             nearest = greatest(candidate.nearest, nearest);
         }
     }
@@ -186,36 +191,20 @@ fn draw_cluster(
     simd: Simd,
     level: &PreparedLevel,
     frame: &LevelFrame,
-    index: usize,
+    candidate: &Candidate,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> bool {
+    let index = candidate.cluster as usize;
     let Some(cluster) = level.level.clusters().get(index) else { return false };
-    if !is_inside_clip_planes(level, frame, cluster) {
-        return false;
-    }
-    let (first, end) = (cluster.polygons[0] as usize, cluster.polygons[1] as usize);
-    if !simd.begin_cluster(level, frame, index, scratch) {
+    if !is_inside_clip_planes(level, frame, cluster) || !simd.begin_cluster(level, frame, index, scratch) {
         return false;
     }
     let mut drawn = false;
-    for seed in 0..end - first {
-        if scratch.far_sides[seed].is_nan() || core::mem::replace(&mut scratch.done[seed], true) {
-            continue;
+    for at in 0..scratch.far_sides.len() {
+        if !scratch.far_sides[at].is_nan() {
+            drawn |= draw_polygon(simd, level, frame, candidate, at, scratch, tiles);
         }
-        // The polygons that hang together with this one, of those not drawn yet.
-        scratch.waiting.clear();
-        scratch.waiting.push(seed as u32);
-        let (mut whole, mut next) = (true, 0);
-        while let Some(&at) = scratch.waiting.get(next) {
-            next += 1;
-            match draw_polygon(simd, level, frame, index, at as usize, scratch, tiles) {
-                Outcome::Covered => drawn = true,
-                Outcome::Nothing => {}
-                Outcome::LeftOut => whole = false,
-            }
-        }
-        simd.finish_union(&mut scratch.union, whole, tiles);
     }
     drawn
 }
@@ -236,8 +225,6 @@ pub(crate) fn begin_cluster(
     scratch.work += CLUSTER_WORK;
     scratch.far_sides.clear();
     scratch.far_sides.resize(end - first, f64::NAN);
-    scratch.done.clear();
-    scratch.done.resize(end - first, false);
     for (block, polygons) in level.polygons[blocks].iter().enumerate() {
         let mut chosen = worth_drawing(polygons, frame);
         while chosen != 0 {
@@ -301,33 +288,22 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// What came of drawing a polygon.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Outcome {
-    /// It may have covered a pixel.
-    Covered,
-    /// It is not in the picture, or all that it covers is hidden.
-    Nothing,
-    /// Its outline is not known well enough. No union may have it.
-    LeftOut,
-}
-
-/// Draws polygon `at` of the cluster with index `index`, and adds its neighbours to those that wait.
+/// Draws polygon `at` of a cluster, and the seams between it and polygons drawn before. Returns whether it
+/// may have covered a pixel.
 fn draw_polygon(
     simd: Simd,
     level: &PreparedLevel,
     frame: &LevelFrame,
-    index: usize,
+    candidate: &Candidate,
     at: usize,
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
-) -> Outcome {
-    let LevelScratch {
-        vertices, edges, fill: fill_scratch, clip, union, far_sides, done, waiting, work, ..
-    } = scratch;
-    let Some(cluster) = level.level.clusters().get(index) else { return Outcome::LeftOut };
+) -> bool {
+    let LevelScratch { vertices, edges, fill: fill_scratch, clip, seams, far_sides, work, .. } = scratch;
+    let index = candidate.cluster as usize;
+    let Some(cluster) = level.level.clusters().get(index) else { return false };
     let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at);
-    let Some(polygon) = polygon else { return Outcome::LeftOut };
+    let Some(polygon) = polygon else { return false };
     let far = far_sides[at];
     let first = cluster.vertices[0] as usize;
     let outline = polygon.edges[0] as usize..polygon.edges[1] as usize;
@@ -337,16 +313,14 @@ fn draw_polygon(
     *work += POLYGON_WORK;
     edges.clear();
     clip.edges.clear();
-    let (mut joined, mut most_w, mut nearest_w) = (false, 0.0f32, f32::INFINITY);
+    let first_edge = scratch.first_edges[candidate.level as usize];
+    let seams_are_bare = frame.coverage == Coverage::Conservative;
+    let (mut most_w, mut nearest_w) = (0.0f32, f32::INFINITY);
     let ([x, y], [least_w, own_most_w]) = (&vertices.places, &vertices.w);
-    for &PreparedEdge { ends, neighbour } in &level.edges[outline] {
-        let shared = neighbour != NO_POLYGON && !far_sides[neighbour as usize].is_nan();
-        if shared && !core::mem::replace(&mut done[neighbour as usize], true) {
-            waiting.push(neighbour);
-        }
+    for (edge, &PreparedEdge { ends, partner }) in (polygon.edges[0]..).zip(&level.edges[outline.clone()]) {
         let [a, b] = ends.map(|vertex| vertex as usize);
         if vertices.plain[a] && vertices.plain[b] {
-            joined |= shared;
+            let shared = if partner != NO_EDGE && seams_are_bare { first_edge + edge } else { NO_EDGE };
             edges.push([x[a], y[a]], [x[b], y[b]], shared);
             // The other end begins another edge.
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
@@ -372,10 +346,7 @@ fn draw_polygon(
     }
     simd.finish_edges(edges);
     if plain && !may_be_seen(simd, frame, tiles, edges.bounds, nearest_w) {
-        if joined {
-            union.leave_out(edges.shared_bounds, frame.slack, frame.columns, tiles);
-        }
-        return Outcome::Nothing;
+        return false;
     }
     let thickness = polygon.extent[1] - polygon.extent[0];
     let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
@@ -384,7 +355,7 @@ fn draw_polygon(
     let exact = flattened != Some(true) && (polygon.two_sided || faces_eye(frame, polygon, middle, radius));
     let bend = if exact { 0.0 } else { 1.25 * thickness * frame.pixels_per_metre / least_w };
     if !(bend <= MAX_BEND_PX && error <= f64::from(MAX_ERROR_PX)) {
-        return Outcome::LeftOut;
+        return false;
     }
     let plane = depth_plane(frame, polygon.normal, middle, radius, far);
     // A face may be as far behind its outline as the slab is thick.
@@ -394,16 +365,15 @@ fn draw_polygon(
         f32::NEG_INFINITY
     };
     let Some(keys) = TileKeys::new(edges, frame, &DepthBound { plane, floor }, tiles) else {
-        return Outcome::Nothing;
+        return false;
     };
-    let mut union = joined.then_some(union);
-    let open = simd.find_open_tiles(&keys, tiles, union.as_deref_mut(), &mut fill_scratch.open);
+    let open = simd.find_open_tiles(&keys, tiles, &mut fill_scratch.open);
     *work += TILE_WORK * open as f32;
-    if open > 0 && simd.fill(edges, frame.slack, &keys, frame.coverage, fill_scratch, union, tiles) {
-        Outcome::Covered
-    } else {
-        Outcome::Nothing
+    if open == 0 {
+        return false;
     }
+    let covered = simd.fill(edges, frame.slack, &keys, frame.coverage, fill_scratch, seams, tiles);
+    covered | simd.cover_seams(seams, &level.edges[outline], polygon.edges[0], first_edge, tiles)
 }
 
 /// Returns whether a polygon may cover pixels that hold nothing as near: one within `bounds` (least column,

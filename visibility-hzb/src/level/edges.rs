@@ -1,5 +1,6 @@
 //! Edges of one outline on the screen, in lanes.
 
+use super::prepared::NO_EDGE;
 use crate::lanes::{WIDTH, greatest, least};
 use alloc::vec::Vec;
 
@@ -24,15 +25,24 @@ pub(super) struct Edges16 {
     pub(super) high: [f32; WIDTH],
     /// Width of an edge that counts as level, else 0.
     pub(super) level: [f32; WIDTH],
-    /// Mask of the edges that two polygons of the cluster share: their union does not end there.
-    pub(super) shared: u32,
+    /// For each edge that two polygons share its index in the frame, else [`NO_EDGE`].
+    pub(super) shared: [u32; WIDTH],
 }
 
 impl Edges16 {
     /// No edges.
     const NONE: Self = {
         let none = [0.0; WIDTH];
-        Self { x: none, top: none, bottom: none, slope: none, low: none, high: none, level: none, shared: 0 }
+        Self {
+            x: none,
+            top: none,
+            bottom: none,
+            slope: none,
+            low: none,
+            high: none,
+            level: none,
+            shared: [NO_EDGE; WIDTH],
+        }
     };
 
     /// Returns the column of lane `i` at `row`.
@@ -48,8 +58,8 @@ impl Edges16 {
 pub(crate) struct Edges {
     /// Ends of each edge: column and row of one end, then of the other, [`WIDTH`] edges at a time.
     ends: Vec<[[f32; WIDTH]; 4]>,
-    /// Masks of shared edges, as [`Edges16::shared`].
-    shared: Vec<u32>,
+    /// As [`Edges16::shared`].
+    shared: Vec<[u32; WIDTH]>,
     /// Number of edges.
     count: usize,
     /// Edges as drawn. Valid after [`finish`](Self::finish).
@@ -57,8 +67,6 @@ pub(crate) struct Edges {
     /// Least column, least row, greatest column, greatest row of all edges, in pixels. Valid after
     /// [`finish`](Self::finish).
     pub(super) bounds: [f32; 4],
-    /// As `bounds`, of the edges at which the union of the cluster's polygons does not end.
-    pub(super) shared_bounds: [f32; 4],
 }
 
 impl Edges {
@@ -70,19 +78,19 @@ impl Edges {
         self.shared.clear();
     }
 
-    /// Appends an edge between two points, given by column and row. `shared` tells whether another drawn
-    /// polygon of the cluster has the edge, between the same two points.
+    /// Appends an edge between two points, given by column and row. `shared` is its index in the frame if
+    /// another polygon may have the edge too, between the same two points, else [`NO_EDGE`].
     #[inline(always)]
-    pub(super) fn push(&mut self, [ax, ay]: [f32; 2], [bx, by]: [f32; 2], shared: bool) {
+    pub(super) fn push(&mut self, [ax, ay]: [f32; 2], [bx, by]: [f32; 2], shared: u32) {
         let lane = self.count % WIDTH;
         if lane == 0 {
             // A lane that stays empty has its ends at one point: it crosses no row of pixel centres and is
             // marked nowhere, since that point is beyond all rows.
             self.ends.push([[0.0; WIDTH], [f32::INFINITY; WIDTH], [0.0; WIDTH], [f32::INFINITY; WIDTH]]);
-            self.shared.push(0);
+            self.shared.push([NO_EDGE; WIDTH]);
         }
         if let (Some(ends), Some(all_shared)) = (self.ends.last_mut(), self.shared.last_mut()) {
-            *all_shared |= u32::from(shared) << lane;
+            all_shared[lane] = shared;
             (ends[0][lane], ends[1][lane], ends[2][lane], ends[3][lane]) = (ax, ay, bx, by);
         }
         self.count += 1;
@@ -92,7 +100,7 @@ impl Edges {
     #[inline(always)]
     pub(crate) fn finish(&mut self) {
         self.drawn.resize(self.ends.len(), Edges16::NONE);
-        let (mut all, mut shared) = (Bounds::EMPTY, Bounds::EMPTY);
+        let mut all = Bounds::EMPTY;
         for ((out, [ax, ay, bx, by]), &shared_edges) in
             self.drawn.iter_mut().zip(&self.ends).zip(&self.shared)
         {
@@ -111,10 +119,9 @@ impl Edges {
                 (out.top[i], out.bottom[i], out.low[i], out.high[i]) = (top, bottom, low, high);
                 let used = top < f32::INFINITY;
                 all.add(i, used, [low, top, high, bottom]);
-                shared.add(i, used & (shared_edges >> i & 1 != 0), [low, top, high, bottom]);
             }
         }
-        (self.bounds, self.shared_bounds) = (all.joined(), shared.joined());
+        self.bounds = all.joined();
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::edges::Edges;
 use super::open_tiles::{TileKeys, end_tile, first_tile, first_tiles};
-use super::union::UnionTiles;
+use super::seams::Seams;
 use super::window::{RowEdges, Window, edges_of_row, tiles_of};
 use crate::buffer::depth_planes::DepthPlanes;
 use crate::buffer::tile_layout::SIDE;
@@ -21,7 +21,7 @@ pub(crate) struct FillScratch {
 }
 
 /// Covers the pixels of [open tiles](FillScratch::open) that the outline `edges` winds round an odd number of
-/// times and does not come within `slack` pixels of. The polygon is added to `union` if there is one. Returns
+/// times and does not come within `slack` pixels of. The polygon is added to `seams`. Returns
 /// whether a tile may have changed.
 #[inline(always)]
 pub(crate) fn fill(
@@ -30,12 +30,13 @@ pub(crate) fn fill(
     keys: &TileKeys,
     coverage: Coverage,
     FillScratch { open, row: row_edges }: &mut FillScratch,
-    mut union: Option<&mut UnionTiles>,
+    seams: &mut Seams,
     tiles: &mut Tiles,
 ) -> bool {
     let [x0, x1] = keys.columns;
     let keep = if coverage == Coverage::Sampled { 0 } else { u64::MAX };
     let mut planes_index = 0;
+    seams.begin_polygon(keys);
     for (row, open) in (keys.rows[0]..).zip(open.chunks((x1 - x0).div_ceil(WIDTH))) {
         if open.iter().all(|&open| open == 0) {
             continue;
@@ -53,26 +54,19 @@ pub(crate) fn fill(
                 let mut open = left_open >> skipped & 0xff;
                 left_open &= !(0xff << skipped);
                 let first = column + skipped;
-                let window = Window::new(edges, row_edges, (first * SIDE) as f32, top, slack);
-                let (mut covered, mut shared, mut any, mut all) = (window.odd, 0, 0, u64::MAX);
+                seams.begin_window();
+                let window = Window::new(edges, row_edges, (first * SIDE) as f32, top, slack, seams);
+                seams.finish_window(&window, base + first, open);
+                let (mut covered, mut any, mut all) = (window.odd, 0, u64::MAX);
                 for row in 0..SIDE {
-                    covered[row] &= !((window.near_end[row] | window.near_shared[row]) & keep);
-                    shared |= window.near_shared[row];
+                    covered[row] &= !(window.near[row] & keep);
                     any |= covered[row];
                     all &= covered[row];
                 }
-                if any | shared == 0 {
+                if any == 0 {
                     continue;
                 }
                 let masks = if all == u64::MAX { [u64::MAX; SIDE] } else { tiles_of(&covered) };
-                if let Some(union) = union.as_deref_mut()
-                    && shared != 0
-                {
-                    let (odd, near_end) = (tiles_of(&window.odd), tiles_of(&window.near_end));
-                    // Tiles beyond these are of the next windows.
-                    let own = x1.min(column + WIDTH) - first;
-                    union.add(base + first, own, shared, &odd, &near_end);
-                }
                 while open != 0 {
                     let i = open.trailing_zeros() as usize % SIDE;
                     open &= open - 1;

@@ -4,22 +4,23 @@
 //! # The rule
 //! A polygon covers the pixels whose centre has an odd number of the outline's edges to the left, and that no
 //! edge comes near: within the *slack* of the closed pixel. Its depth key is that of the plane at the side of
-//! the polygon's slab that is away from the eye. Pixels along an edge that two polygons of a cluster share
-//! would stay bare. So polygons that hang together by edges are covered once more as a whole (`union.rs`). In
-//! a tile, the sum is over the polygons one of whose shared edges comes near a pixel of the tile. Covered are
-//! pixels that an odd number of them covers at the centre, and that no other edge comes near, at the least
-//! key of all polygons whose shared edges come near the tile's row of tiles.
+//! the polygon's slab that is away from the eye. Pixels along an edge that two polygons share would stay
+//! bare: the edge's *seam* (`seams.rs`). It is covered by the two together once both are drawn. Covered are
+//! pixels that the shared edge comes near and no other edge of either polygon does, and whose centre one of
+//! them winds round an odd number of times and the other an even number. Their key is the lesser of the two
+//! planes'. Pixels around a vertex stay bare.
 //!
 //! # Why it is sound
 //! An outline winds round a line as often as the line goes through faces from front to back, less the times
 //! from back to front ([`LevelOccluders`](visibility_occluders::LevelOccluders)). It does so for all lines
 //! through a pixel that no edge meets alike, and if the number is odd it is not 0: each of the lines goes
-//! through a face, within the slab. The same holds for several polygons together. Any set of them may be
-//! summed if it has both polygons of each shared edge within half the slack of a pixel: the edge is in the
-//! sum an even number of times. It has both: they take the same numbers for the edge's ends, and a tile is
-//! passed over only if the outline is more than two pixels away from it in that row. Where one of the two is
-//! not drawn, because the tile or all of its bounds hold something nearer, the union covers nothing in the
-//! tiles that its shared edges come near.
+//! through a face, within the slab. The same holds for two polygons together, whose numbers are added. In a
+//! pixel of a seam the shared edge is in the sum twice, and no other edge comes near: the parity of the sum
+//! is the same for all lines through the pixel. If it is odd, each of them goes through a face of one or the
+//! other. Both polygons must agree on which centres have the shared edge to their left, also where a centre
+//! is nearer to it than rounding. They do: they take the same `f32` for its ends, in the same order, and the
+//! same column at a row. What is taken off that column is the left side of a window, a multiple of eight,
+//! and this is exact for columns in the window.
 //!
 //! Polygons need not be flat: their outlines run through the vertices of the level, and all that is said of
 //! windings holds for closed curves in space. What is not flat matters in four places.
@@ -31,8 +32,10 @@
 //! at least 0 times, since all faces are turned to the front by less than a right angle. Moving each vertex
 //! from the plane to its place moves the outline on the screen by no more than the *bend*, which is part of
 //! the slack, so the same holds for the lines of a pixel: an odd number means that more faces are gone
-//! through from the front. In a union it holds for the lines farther from all shared edges than the bend:
-//! some line of each pixel, and with it, since no edge of the sum is near, all.
+//! through from the front. Two such polygons run through an edge that they share in opposite directions, so
+//! that it is gone from the sum of their numbers. The sum is the same for all lines through a pixel of the
+//! seam, and at least 0 for those that are farther from the edge than the bend. Polygons that hide from both
+//! sides may run through it either way: their parity is enough.
 //!
 //! *Depth*: the eye is outside the slab, and a ray reaches the far side of the slab after the face.
 //!
@@ -58,9 +61,10 @@
 //! column of an edge at a row is a quotient, a product and a sum: `12u L`; rounding rows and columns to a
 //! window takes `4u L`. The slack is twice the first, the greatest bend, and `64u L`.
 //!
-//! Both ends of an edge are the same `f32` in all outlines that have the vertex, and where it is cut, in both
-//! parts. So an outline crosses each row of centres an even number of times, and away from its edges the
-//! number to the left of a centre is that of the exact outline.
+//! Both ends of an edge are the same `f32` in all outlines that have the vertex, of whatever cluster, and
+//! where it is cut, in both parts; an edge that is cut has no seam. So an outline crosses each row of centres
+//! an even number of times, and away from its edges the number to the left of a centre is that of the exact
+//! outline.
 
 mod bands;
 mod clip;
@@ -70,7 +74,7 @@ mod fill;
 mod frame;
 mod open_tiles;
 mod prepared;
-mod union;
+mod seams;
 mod vertices;
 mod window;
 
@@ -80,5 +84,6 @@ pub(crate) use edges::Edges;
 pub(crate) use fill::{FillScratch, fill};
 pub(crate) use frame::{LevelFrame, sides};
 pub(crate) use open_tiles::{TileKeys, find_open_tiles};
+pub(crate) use prepared::PreparedEdge;
 pub use prepared::PreparedLevel;
-pub(crate) use union::UnionTiles;
+pub(crate) use seams::Seams;

@@ -2,7 +2,6 @@
 
 use super::edges::Edges;
 use super::frame::LevelFrame;
-use super::union::UnionTiles;
 use crate::buffer::row_spans::STEPS;
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
@@ -53,8 +52,6 @@ pub(crate) struct TileKeys {
     pub(super) columns: [usize; 2],
     /// First and end row of tiles.
     pub(super) rows: [usize; 2],
-    /// Rows of tiles that an edge comes near which another polygon shares: first and end.
-    shared_rows: [usize; 2],
     /// Left, upper, right and lower side of the pixels that the outline may come near, in tiles.
     sides: [f32; 4],
     /// The least key of a tile in columns, rows, and a constant, for the part of it within `sides`.
@@ -87,17 +84,11 @@ impl TileKeys {
         if !(left < size[0] && above < size[1] && right > 0.0 && below > 0.0) {
             return None;
         }
-        let [_, shared_above, _, shared_below] = edges.shared_bounds;
         // All tiles that the outline may come near, so that polygons that share an edge agree on them.
         let columns = [first_tile(left).max(frame.columns[0]), end_tile(right, frame.columns[1])];
         (columns[0] < columns[1]).then_some(Self {
             columns,
             rows: [first_tile(above), end_tile(below, tiles.rows)],
-            // An edge that ends just below a row of pixels is near it: a pixel more, so that the row counts.
-            shared_rows: [
-                first_tile(low(shared_above - 1.0)),
-                end_tile(high(shared_below + 1.0), tiles.rows),
-            ],
             sides,
             plane,
             constant: plane[2] - (least(plane[0], 0.0) + least(plane[1], 0.0)),
@@ -126,16 +117,11 @@ impl TileKeys {
 }
 
 /// Replaces `open` by the open tiles of an outline: for each row of tiles a mask for each [`WIDTH`] columns.
-/// Returns their number. Where another polygon shares an edge, lowers the keys of `union`.
+/// Returns their number.
 #[inline(always)]
-pub(crate) fn find_open_tiles(
-    keys: &TileKeys,
-    tiles: &Tiles,
-    mut union: Option<&mut UnionTiles>,
-    open: &mut Vec<u32>,
-) -> u32 {
+pub(crate) fn find_open_tiles(keys: &TileKeys, tiles: &Tiles, open: &mut Vec<u32>) -> u32 {
     open.clear();
-    let ([first, end], [shared_first, shared_end]) = (keys.columns, keys.shared_rows);
+    let [first, end] = keys.columns;
     let mut count = 0;
     for row in keys.rows[0]..keys.rows[1] {
         let (base, of_row) = (row * tiles.columns, keys.of_row(row));
@@ -148,12 +134,6 @@ pub(crate) fn find_open_tiles(
                 own[i] = keys.at(left + STEPS[i], of_row);
                 // Keys of parallel views may be negative.
                 is_open[i] = u8::from((own[i] > held[i]) & (own[i] > held[i] * BARELY_NEARER));
-            }
-            if shared_first <= row
-                && row < shared_end
-                && let Some(union) = union.as_deref_mut()
-            {
-                union.lower([column, row], base, &own, &is_open, end);
             }
             let mask = bits(&is_open) & first_tiles((end - column) as u32);
             count += mask.count_ones();

@@ -1,6 +1,8 @@
 //! A part of a row of tiles: which of its pixels an outline winds round, and which it comes near.
 
 use super::edges::{Edges, Edges16};
+use super::prepared::NO_EDGE;
+use super::seams::Seams;
 use crate::buffer::tile_layout::SIDE;
 use crate::lanes::{WHOLE, WIDTH, bits, greatest, least, xor};
 use alloc::vec::Vec;
@@ -32,19 +34,27 @@ fn within(column: f32) -> f32 {
 /// Pixels of a window: a word for each row of pixels, a bit for each column.
 #[derive(Default)]
 pub(super) struct Window {
-    /// Pixels that an edge comes near at which the union of the cluster's polygons may end.
-    pub(super) near_end: [u64; SIDE],
-    /// Pixels that another edge comes near, which two polygons of the cluster share.
-    pub(super) near_shared: [u64; SIDE],
+    /// Pixels that an edge comes near.
+    pub(super) near: [u64; SIDE],
+    /// Pixels that two edges or more come near.
+    pub(super) near_two: [u64; SIDE],
     /// Pixels whose centres have an odd number of edges to their left.
     pub(super) odd: [u64; SIDE],
 }
 
 impl Window {
     /// Returns the window that begins at column `left` and row `top`, both in pixels. `row` are the edges of
-    /// that row of tiles, and pixels within `slack` of an edge are near it.
+    /// that row of tiles, and pixels within `slack` of an edge are near it. Those near shared edges are
+    /// added to `seams`.
     #[inline(always)]
-    pub(super) fn new(edges: &Edges, row: &[RowEdges], left: f32, top: f32, slack: f32) -> Self {
+    pub(super) fn new(
+        edges: &Edges,
+        row: &[RowEdges],
+        left: f32,
+        top: f32,
+        slack: f32,
+        seams: &mut Seams,
+    ) -> Self {
         let mut window = Self::default();
         let mut passed = 0;
         for own in row {
@@ -59,7 +69,7 @@ impl Window {
             let mut meets = bits(&meets);
             let Some(lanes) = edges.drawn.get(own.chunk as usize) else { continue };
             while meets != 0 {
-                window.add(lanes, meets.trailing_zeros() as usize % WIDTH, left, top, slack);
+                window.add(lanes, meets.trailing_zeros() as usize % WIDTH, left, top, slack, seams);
                 meets &= meets - 1;
             }
         }
@@ -72,7 +82,7 @@ impl Window {
     /// Adds lane `i` of `edges` to the window that begins at column `left` and row `top`, both in pixels.
     /// Pixels within `slack` of the edge are near it.
     #[inline(always)]
-    fn add(&mut self, edges: &Edges16, i: usize, left: f32, top: f32, slack: f32) {
+    fn add(&mut self, edges: &Edges16, i: usize, left: f32, top: f32, slack: f32, seams: &mut Seams) {
         let (y, bottom, level) = (edges.top[i], edges.bottom[i], edges.level[i]);
         let (mut first, mut end, mut step) = ([0; SIDE], [0; SIDE], [0; SIDE]);
         for row in 0..SIDE {
@@ -87,12 +97,15 @@ impl Window {
             let crosses = (y < centre) & (centre <= bottom);
             step[row] = if crosses { nearest(within(edges.column(i, centre) - left)) } else { WINDOW as u32 };
         }
-        let ends_union = if edges.shared >> i & 1 == 0 { u64::MAX } else { 0 };
+        let mut near = [0; SIDE];
         for row in 0..SIDE {
-            let near = bits_from(first[row]) & !bits_from(end[row]);
-            self.near_end[row] |= near & ends_union;
-            self.near_shared[row] |= near & !ends_union;
+            near[row] = bits_from(first[row]) & !bits_from(end[row]);
+            self.near_two[row] |= near[row] & self.near[row];
+            self.near[row] |= near[row];
             self.odd[row] ^= bits_from(step[row]);
+        }
+        if edges.shared[i] != NO_EDGE {
+            seams.add(edges.shared[i], &near);
         }
     }
 }
