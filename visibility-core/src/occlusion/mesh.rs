@@ -375,15 +375,19 @@ mod tests {
     #[test]
     fn a_box_is_closed_convex_and_faces_outwards() {
         let cube = cube();
-        assert!(cube.is_closed() && cube.is_convex());
-        assert_eq!((cube.positions().len(), cube.triangles().len()), (8, 12));
+        assert!(cube.is_closed() && cube.is_convex(), "a cuboid is closed and convex");
+        assert_eq!(
+            (cube.positions().len(), cube.triangles().len()),
+            (8, 12),
+            "vertices and triangles of a cuboid"
+        );
         let center = cube.bounds().center();
         for t in cube.triangles() {
             let [a, b, c] = t.map(|i| cube.positions()[i as usize]);
-            assert!((b - a).cross(c - a).dot(a - center) > 0.0);
+            assert!((b - a).cross(c - a).dot(a - center) > 0.0, "the triangle {a} {b} {c} faces inwards");
         }
-        assert_eq!(cube.area_towards(Vec3::X), 6.0);
-        assert_eq!(cube.area_towards(Vec3::NEG_Z), 6.0);
+        assert_eq!(cube.area_towards(Vec3::X), 6.0, "the projected area in square metres");
+        assert_eq!(cube.area_towards(Vec3::NEG_Z), 6.0, "the projected area in square metres");
     }
 
     #[test]
@@ -392,11 +396,15 @@ mod tests {
         let loose: Vec<crate::scene::Triangle> =
             cube.triangles().iter().map(|t| t.map(|i| cube.positions()[i as usize])).collect();
         let again = OccluderMesh::from_triangles(&loose).unwrap();
-        assert_eq!((again.positions().len(), again.edges().len()), (8, 18));
-        assert!(again.is_closed() && again.is_convex());
+        assert_eq!(
+            (again.positions().len(), again.edges().len()),
+            (8, 18),
+            "vertices and edges of the welded cuboid"
+        );
+        assert!(again.is_closed() && again.is_convex(), "the welded cuboid is closed and convex");
         let open = OccluderMesh::from_triangles(&loose[1..]).unwrap();
-        assert!(!open.is_closed() && !open.is_convex());
-        assert_eq!(open.edges().iter().filter(|edge| edge.right.is_none()).count(), 3);
+        assert!(!open.is_closed() && !open.is_convex(), "a cuboid without one triangle is open");
+        assert_eq!(open.edges().iter().filter(|edge| edge.right.is_none()).count(), 3, "edges of the hole");
     }
 
     #[test]
@@ -408,9 +416,13 @@ mod tests {
                 let t = cube.triangles()[triangle];
                 let side = [t[corner], t[(corner + 1) % 3]];
                 if left as usize == triangle {
-                    assert_eq!(vertices, side);
+                    assert_eq!(vertices, side, "an edge runs the way of its left triangle, {triangle}");
                 } else {
-                    assert_eq!((right, [vertices[1], vertices[0]]), (Some(triangle as u32), side));
+                    assert_eq!(
+                        (right, [vertices[1], vertices[0]]),
+                        (Some(triangle as u32), side),
+                        "an edge runs against its right triangle"
+                    );
                 }
             }
         }
@@ -420,10 +432,16 @@ mod tests {
     fn an_edge_of_three_triangles_joins_none() {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_Y];
         let fan = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
-        assert!(fan.edges().iter().all(|edge| edge.right.is_none()));
-        assert_eq!(fan.edges().len(), 9);
+        assert!(
+            fan.edges().iter().all(|edge| edge.right.is_none()),
+            "three triangles at an edge: each keeps an edge of its own"
+        );
+        assert_eq!(fan.edges().len(), 9, "edges of three triangles that share none");
         let same_way = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 1, 3]]).unwrap();
-        assert!(same_way.edges().iter().all(|edge| edge.right.is_none()));
+        assert!(
+            same_way.edges().iter().all(|edge| edge.right.is_none()),
+            "two triangles that run the same way along an edge share none"
+        );
     }
 
     #[test]
@@ -431,15 +449,25 @@ mod tests {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y];
         assert_eq!(
             OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 1, 7]]),
-            Err(MeshError::Index { triangle: 1, index: 7 })
+            Err(MeshError::Index { triangle: 1, index: 7 }),
+            "the triangle and the index of the vertex that does not exist"
         );
-        assert_eq!(OccluderMesh::from_indexed(&p, &[[0, 1, 1]]), Err(MeshError::NoTriangle));
-        assert_eq!(OccluderMesh::from_triangles(&[]), Err(MeshError::NoTriangle));
+        assert_eq!(
+            OccluderMesh::from_indexed(&p, &[[0, 1, 1]]),
+            Err(MeshError::NoTriangle),
+            "a triangle with the same vertex twice is left out, and none remains"
+        );
+        assert_eq!(OccluderMesh::from_triangles(&[]), Err(MeshError::NoTriangle), "no triangles");
         assert_eq!(
             OccluderMesh::from_triangles(&[[Vec3::ZERO, Vec3::NAN, Vec3::X]]),
-            Err(MeshError::Vertex { vertex: 1 })
+            Err(MeshError::Vertex { vertex: 1 }),
+            "the index of the vertex that is NaN"
         );
-        assert_eq!(OccluderMesh::cuboid(&Aabb::EMPTY), Err(MeshError::NoTriangle));
+        assert_eq!(
+            OccluderMesh::cuboid(&Aabb::EMPTY),
+            Err(MeshError::NoTriangle),
+            "the cuboid of the empty box"
+        );
     }
 
     #[test]
@@ -448,9 +476,13 @@ mod tests {
         p.insert(0, Vec3::splat(100.0));
         let triangles: Vec<_> = cube().triangles().iter().map(|t| t.map(|i| i + 1)).collect();
         let mesh = OccluderMesh::from_indexed(&p, &triangles).unwrap();
-        assert!(mesh.is_convex() && mesh.positions().len() == 8);
-        assert_eq!(mesh.fingerprint(), cube().fingerprint());
-        assert_ne!(mesh.fingerprint(), cube().with_two_sided(true).fingerprint());
+        assert!(mesh.is_convex() && mesh.positions().len() == 8, "the vertex far away is dropped");
+        assert_eq!(mesh.fingerprint(), cube().fingerprint(), "the same triangles have the same fingerprint");
+        assert_ne!(
+            mesh.fingerprint(),
+            cube().with_two_sided(true).fingerprint(),
+            "two-sided meshes have another fingerprint"
+        );
     }
 
     #[test]
@@ -458,7 +490,7 @@ mod tests {
         let mut p = cube().positions().to_vec();
         p[0] += Vec3::splat(0.5);
         let dented = OccluderMesh::from_indexed(&p, cube().triangles()).unwrap();
-        assert!(dented.is_closed());
+        assert!(dented.is_closed(), "moving a vertex opens no edge");
         let mut p = cube().positions().to_vec();
         p.push(Vec3::new(0.0, 1.5, 3.5));
         // The top face, split at a point pushed inwards.
@@ -466,7 +498,7 @@ mod tests {
             cube().triangles().iter().filter(|t| !t.iter().all(|i| *i >= 4)).copied().collect();
         triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
         let dented = OccluderMesh::from_indexed(&p, &triangles).unwrap();
-        assert!(dented.is_closed() && !dented.is_convex());
+        assert!(dented.is_closed() && !dented.is_convex(), "a dent in the top face");
     }
 
     /// Far from the origin, rounding tolerance must not make a box turned inside out a convex solid: at
@@ -482,7 +514,11 @@ mod tests {
             let inwards = OccluderMesh::CUBOID.map(|[a, b, c]| [a, c, b]);
             let room = OccluderMesh::from_indexed(&bounds.corners(), &inwards).unwrap();
             assert!(room.is_closed() && !room.is_convex() && !room.is_cuboid(), "{reach}");
-            assert_eq!(room.solid_triangles(), 0);
+            assert_eq!(
+                room.solid_triangles(),
+                0,
+                "reach {reach}: a room that faces inwards has no solid triangles"
+            );
             let turned: Vec<_> =
                 room.triangles().iter().map(|t| t.map(|i| room.positions()[i as usize])).collect();
             let given = inwards.map(|t| t.map(|i| bounds.corners()[i as usize]));
@@ -504,7 +540,10 @@ mod tests {
             OccluderMesh::CUBOID.into_iter().filter(|t| !t.iter().all(|i| *i >= 4)).collect();
         triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
         let dented = OccluderMesh::from_indexed(&p, &triangles).unwrap();
-        assert!(dented.is_closed() && !dented.is_convex());
+        assert!(
+            dented.is_closed() && !dented.is_convex(),
+            "a dent of 1 m in a mesh 10,000 km from the origin"
+        );
     }
 
     /// A closed sheet of two opposite triangles has no vertex in front of a face, but it has no volume
@@ -513,6 +552,6 @@ mod tests {
     fn a_sheet_with_two_faces_is_no_solid() {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let sheet = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 2, 1]]).unwrap();
-        assert!(sheet.is_closed() && !sheet.is_convex());
+        assert!(sheet.is_closed() && !sheet.is_convex(), "two triangles back to back enclose no volume");
     }
 }

@@ -94,7 +94,10 @@ impl Tree {
             }
             group = below;
         }
-        debug_assert!(group.nodes().iter().all(|&n| self.levels[n as usize] == level));
+        debug_assert!(
+            group.nodes().iter().all(|&n| self.levels[n as usize] == level),
+            "the group of node {node} is of level {level}"
+        );
         group
     }
 
