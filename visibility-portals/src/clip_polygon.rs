@@ -127,7 +127,7 @@ mod tests {
                 points[i / 2].x = bad;
                 let plane = Plane::new(DVec3::X, 0.0);
                 assert_eq!(clip(&mut points, 0..4, &plane, 1e-9), Clip::All, "{points:?}");
-                assert_eq!(points.len(), 4);
+                assert_eq!(points.len(), 4, "{points:?}: no vertex is added or left out");
             }
         }
     }

@@ -176,7 +176,11 @@ mod tests {
             let mut out = Vec::new();
             compress(&row, &mask, numbers.len().div_ceil(64), &mut out);
             for (place, &i) in numbers.iter().enumerate() {
-                assert_eq!(out[place / 64] >> (place % 64) & 1, row[i / 64] >> (i % 64) & 1);
+                assert_eq!(
+                    out[place / 64] >> (place % 64) & 1,
+                    row[i / 64] >> (i % 64) & 1,
+                    "target {i} is bit {place} of the compressed row"
+                );
             }
         }
     }
