@@ -166,10 +166,14 @@ mod tests {
             |a, b, c, source| OccluderTriangle { corners: [p(a), p(b), p(c)], source, two_sided: false };
         let flat = [triangle(0, 1, 2, 0), triangle(0, 2, 3, 1), triangle(0, 3, 4, 2)];
         let outlines = join(&flat);
-        assert_eq!(outlines.len(), 1);
-        assert_eq!((outlines[0].vertices.len(), &outlines[0].sources[..]), (5, &[0, 1, 2][..]));
+        assert_eq!(outlines.len(), 1, "a flat fan is one polygon");
+        assert_eq!(
+            (outlines[0].vertices.len(), &outlines[0].sources[..]),
+            (5, &[0, 1, 2][..]),
+            "its vertices, and the triangles that it is of"
+        );
         let mut bent = flat;
         bent[2].corners[2].z += 0.1;
-        assert_eq!(join(&bent).len(), 2);
+        assert_eq!(join(&bent).len(), 2, "a bent fan is two polygons");
     }
 }
