@@ -441,7 +441,7 @@ mod tests {
         }
         let ids: Vec<_> = boxes.iter().map(|&bounds| scene.insert(Object::new(bounds))).collect();
         let tessellation = OctreeTessellation::from_scene(&scene, Fineness { vertices: 4, halvings: DEPTH });
-        assert_eq!(tessellation.grid, grid);
+        assert_eq!(tessellation.grid, grid, "the grid is that around the large box");
         let cells = tessellation.content().cell_count() as u32;
         let mut touched = 0;
         for cell in 0..cells {

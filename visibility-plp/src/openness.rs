@@ -350,7 +350,7 @@ mod tests {
 
     #[test]
     fn openness_is_within_its_range_for_any_scene() {
-        assert!(openness_by_index(&Scene::new()).is_empty());
+        assert!(openness_by_index(&Scene::new()).is_empty(), "an empty scene has no openness");
         for size in [0.0, 1e-30, 1e25, f32::MAX, f32::INFINITY, f32::NAN] {
             let mut scene = Scene::new();
             scene.insert(Aabb::from_arrays([-size; 3], [size; 3]));

@@ -237,7 +237,7 @@ mod tests {
         let mut sum = 0;
         for (number, (cell, neighbours)) in mesh.cells.iter().zip(&mesh.neighbours).enumerate() {
             let own = volume(mesh.corners(cell));
-            assert!(own > 0);
+            assert!(own > 0, "cell {number}: six times its volume is {own}");
             sum += own;
             for (face, &neighbour) in neighbours.iter().enumerate() {
                 if neighbour == NONE {
@@ -246,15 +246,27 @@ mod tests {
                 let other = mesh.cells[neighbour as usize];
                 let back =
                     mesh.neighbours[neighbour as usize].iter().position(|&n| n as usize == number).unwrap();
-                assert!((0..4).filter(|&i| i != face).all(|i| other.contains(&cell[i])));
-                assert!(!cell.contains(&other[back]));
-                assert!(!is_in_sphere(mesh.corners(cell), mesh.points[other[back] as usize]));
+                assert!(
+                    (0..4).filter(|&i| i != face).all(|i| other.contains(&cell[i])),
+                    "cell {number}: a neighbour shares the corners of face {face}"
+                );
+                assert!(
+                    !cell.contains(&other[back]),
+                    "cell {number}: the neighbour's opposite vertex is a corner"
+                );
+                assert!(
+                    !is_in_sphere(mesh.corners(cell), mesh.points[other[back] as usize]),
+                    "cell {number}: the neighbour's opposite vertex is in its sphere"
+                );
             }
             if all_spheres {
-                assert!(mesh.points.iter().all(|&p| !is_in_sphere(mesh.corners(cell), p)));
+                assert!(
+                    mesh.points.iter().all(|&p| !is_in_sphere(mesh.corners(cell), p)),
+                    "cell {number}: a vertex is in its sphere"
+                );
             }
         }
-        assert_eq!(sum, 6 * side * side * side);
+        assert_eq!(sum, 6 * side * side * side, "six times the volume of all cells");
     }
 
     #[test]
@@ -266,7 +278,7 @@ mod tests {
         let mut mesh = Mesh::cube(side);
         check(&mesh, side.into(), true);
         mesh.insert_all(points.len(), |i, _| points[i]);
-        assert_eq!(mesh.points.len(), 308);
+        assert_eq!(mesh.points.len(), 308, "points with the eight corners of the cube");
         check(&mesh, side.into(), true);
     }
 
@@ -279,10 +291,13 @@ mod tests {
         let (mut mesh, mut gaps) = (Mesh::cube(1 << 16), 0);
         for number in 0..400 {
             let last = mesh.cells.len() as u32 - 1;
-            assert!(mesh.insert([random(), random(), random()], last.min(number)).is_some());
+            assert!(
+                mesh.insert([random(), random(), random()], last.min(number)).is_some(),
+                "point {number} is inserted"
+            );
             gaps += mesh.free.len();
             mesh.close_gaps();
-            assert!(mesh.free.is_empty());
+            assert!(mesh.free.is_empty(), "point {number}: a gap is left");
             check(&mesh, 1 << 16, false);
         }
         assert!(gaps > 1, "{gaps}");
@@ -299,7 +314,7 @@ mod tests {
         };
         let mut mesh = Mesh::cube(8192);
         mesh.insert_all(points.len(), nudge);
-        assert_eq!(mesh.points.len(), 351);
+        assert_eq!(mesh.points.len(), 351, "points with the eight corners of the cube");
         check(&mesh, 8192, true);
     }
 }
