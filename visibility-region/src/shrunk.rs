@@ -260,7 +260,10 @@ mod tests {
                 let (min, mut points) = (DVec3::splat(-1.0), Vec::new());
                 let max = min + DVec3::from_array(size);
                 let distance = sample_points(min, max, per_side, &mut points);
-                assert!(distance <= 0.71 * DVec3::from_array(size).max_element() / per_side as f64 + 1e-13);
+                assert!(
+                    distance <= 0.71 * DVec3::from_array(size).max_element() / per_side as f64 + 1e-13,
+                    "{size:?}, {per_side} points a side: the distance {distance} is more than half a diagonal"
+                );
                 let steps = (0..=20).flat_map(|i| (0..=20).map(move |j| (i, j)));
                 for (axis, (i, j)) in (0..3).flat_map(|axis| steps.clone().map(move |step| (axis, step))) {
                     let mut part = DVec3::new(1.0, f64::from(i) / 20.0, f64::from(j) / 20.0);
@@ -300,13 +303,22 @@ mod tests {
         let shrunk = |by| shrink(&mesh, &Affine3A::IDENTITY, by);
         let bounds = Aabb::from_points(shrunk(0.25).unwrap().into_iter().flatten());
         let inner = Aabb::from_arrays([3.25, 0.25, 0.25], [6.75, 3.75, 0.75]);
-        assert!(inner.contains_point(bounds.min) && inner.contains_point(bounds.max));
-        assert!((bounds.max - inner.max).abs().max_element() < 1e-4);
+        assert!(
+            inner.contains_point(bounds.min) && inner.contains_point(bounds.max),
+            "{bounds:?} is 0.25 m within the solid"
+        );
+        assert!(
+            (bounds.max - inner.max).abs().max_element() < 1e-4,
+            "{bounds:?} has shrunk by more than 0.25 m"
+        );
         assert!(shrunk(0.5).is_none(), "as thin as the distance");
         // Scaled by 2 along x, half the distance is enough there.
         let wide = Affine3A::from_scale(Vec3::new(2.0, 1.0, 1.0));
         let bounds = Aabb::from_points(shrink(&mesh, &wide, 0.25).unwrap().into_iter().flatten());
-        assert!((bounds.min.x - 3.125).abs() < 1e-4 && bounds.min.x >= 3.125);
+        assert!(
+            (bounds.min.x - 3.125).abs() < 1e-4 && bounds.min.x >= 3.125,
+            "{bounds:?} has shrunk by 0.125 m along x, in coordinates of the mesh"
+        );
         let pyramid = |x: f32| {
             let base = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
             let [a, b, c, d] = base.map(|[u, v]| Vec3::new(x + u, v, 0.0));
@@ -319,7 +331,10 @@ mod tests {
         // A pyramid scales about its middle: its base rises by the distance at least.
         let triangles = shrink(&pyramid(0.0), &Affine3A::IDENTITY, 0.25).unwrap();
         let points: Vec<DVec3> = triangles.iter().flatten().map(|p| p.as_dvec3()).collect();
-        assert!(planes.iter().all(|(normal, offset)| points.iter().all(|p| normal.dot(*p) + offset >= 0.25)));
+        assert!(
+            planes.iter().all(|(normal, offset)| points.iter().all(|p| normal.dot(*p) + offset >= 0.25)),
+            "a point of the pyramid is less than 0.25 m within: {points:?}"
+        );
         // Far from the origin of the mesh the vertices round by 0.03, however near the transform moves them.
         let far = Affine3A::from_translation(Vec3::new(-1e6, 0.0, 0.0));
         let pyramid = pyramid(1e6);

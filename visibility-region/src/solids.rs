@@ -200,7 +200,7 @@ mod tests {
                 assert!(caps.iter().any(is_in_slit), "{width} x {height}, from {first}: {caps:?}");
             }
         }
-        assert!(closed > 0);
+        assert!(closed > 0, "no house with a slit was closed");
     }
 
     #[test]
@@ -215,9 +215,13 @@ mod tests {
         let solid = solid.unwrap();
         let bottom = [p(0.0, 0.0, 0.0), p(0.0, 4.0, 0.0), p(4.0, 0.0, 0.0)];
         let sliver = |z: f32| [p(0.0, 0.0, 0.0), p(4.0, 0.0, 0.0), p(4.0, 1e-5, z)];
-        assert_eq!(caps(&[bottom, sliver(0.0)], &solid), Some(vec![bottom]));
+        assert_eq!(
+            caps(&[bottom, sliver(0.0)], &solid),
+            Some(vec![bottom]),
+            "the sliver in the plane of the cap is dropped"
+        );
         assert_eq!(caps(&[sliver(1e-6), bottom], &solid), Some(vec![bottom]), "as deep as the dents may be");
-        assert_eq!(caps(&[bottom, sliver(1e-5)], &solid), None);
+        assert_eq!(caps(&[bottom, sliver(1e-5)], &solid), None, "a sliver deeper than dents may be");
         assert_eq!(caps(&[sliver(0.0)], &solid), None, "no cap has a plane");
     }
 }

@@ -360,7 +360,10 @@ mod tests {
         let space = Space::new(&octree, &usable);
         for leaf in space.largest(DVec3::splat(-9.0), DVec3::splat(-8.0)).iter().take(500) {
             let [min, max] = space.extended(leaf.min, leaf.max);
-            assert!(min.cmple(leaf.min).all() && leaf.max.cmple(max).all());
+            assert!(
+                min.cmple(leaf.min).all() && leaf.max.cmple(max).all(),
+                "the blocker {min} to {max} holds its leaf"
+            );
             assert!(min.min_element() > 0.0 && max.z < 8.0, "{min} {max}");
             assert!(max.x < 4.0 || max.y < 4.0, "{min} {max} holds the corner");
         }
@@ -372,9 +375,12 @@ mod tests {
     #[test]
     fn unusable_solids_are_not_opaque() {
         let octree = space_of(&[([0.0; 3], [8.0; 3])]);
-        assert!(Space::new(&octree, &[false]).largest(DVec3::ZERO, DVec3::ONE).is_empty());
+        assert!(
+            Space::new(&octree, &[false]).largest(DVec3::ZERO, DVec3::ONE).is_empty(),
+            "a solid that may not be used is opaque"
+        );
         let space = Space::new(&octree, &[true]);
-        assert!(space.is_blocked(DVec3::splat(3.0), DVec3::splat(4.0), true));
+        assert!(space.is_blocked(DVec3::splat(3.0), DVec3::splat(4.0), true), "a box within the solid");
         assert!(!space.is_blocked(DVec3::splat(3.0), DVec3::splat(8.0), true), "the surface is not opaque");
         assert!(!space.is_blocked(DVec3::splat(3.0), DVec3::splat(80.0), true), "nor is what is outside");
     }
@@ -385,6 +391,6 @@ mod tests {
         let boxes: Vec<_> = (0..2000).map(|i| ([0.0; 3], [8.0 + i as f32 * 1e-5; 3])).collect();
         let octree = space_of(&boxes);
         assert!((9..8 * LISTED / boxes.len()).contains(&octree.nodes.len()), "{}", octree.nodes.len());
-        assert!(space_of(&boxes[..1]).nodes.len() > 10_000);
+        assert!(space_of(&boxes[..1]).nodes.len() > 10_000, "one solid divides the space further");
     }
 }

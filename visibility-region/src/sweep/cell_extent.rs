@@ -149,7 +149,11 @@ mod tests {
         let plain = Viewcell::from_box(-DVec3::ONE, DVec3::ONE);
         let cut = Viewcell { planes: vec![Plane::new(DVec3::new(1.0, 1.0, 0.0), 0.0)], ..plain.clone() };
         for cell in [plain, cut] {
-            assert_eq!(CellExtent::new(&cell, DVec3::ZERO).unwrap().axes(), DVec3::AXES);
+            assert_eq!(
+                CellExtent::new(&cell, DVec3::ZERO).unwrap().axes(),
+                DVec3::AXES,
+                "{cell:?} has the axes of the world"
+            );
         }
     }
 }

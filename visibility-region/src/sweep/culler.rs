@@ -370,7 +370,7 @@ mod tests {
         let (mut culler, mut visible) = (ExtendedProjectionCuller::new(), VisibleSet::new());
         let cell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
         culler.cull(&scene, &cell, &mut visible);
-        assert_eq!(visible.count(&scene), 1);
+        assert_eq!(visible.count(&scene), 1, "objects visible: the wall");
         let touched = culler.pieces.len();
         assert!((1..20_000).contains(&touched), "{touched}");
     }

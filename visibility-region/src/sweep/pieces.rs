@@ -331,9 +331,13 @@ mod tests {
 
     #[test]
     fn a_segment_that_many_triangles_share_bounds_all_of_them() {
-        assert_eq!(book(2), [[2, 4]]);
-        assert_eq!(book(2 * MOST_ON_SEGMENT), [[2, 4]; MOST_ON_SEGMENT]);
+        assert_eq!(book(2), [[2, 4]], "two triangles that share a segment");
+        assert_eq!(
+            book(2 * MOST_ON_SEGMENT),
+            [[2, 4]; MOST_ON_SEGMENT],
+            "as many triangles as a segment may bound"
+        );
         let more = 2 * (MOST_ON_SEGMENT + 1);
-        assert_eq!(book(more), vec![[1, 3]; more]);
+        assert_eq!(book(more), vec![[1, 3]; more], "more triangles than a segment may bound: {more}");
     }
 }

@@ -216,8 +216,8 @@ mod tests {
         let occluders: Vec<Candidate> = occluders.map(candidate).collect();
         let mut behind_left = BEHIND;
         let planes = distances(&direction, &cone, &occluders, &(0.0..f64::INFINITY), &mut behind_left);
-        assert_eq!((behind_left, planes.len()), (0, BEHIND + GROWING));
-        assert!(planes.is_sorted());
+        assert_eq!((behind_left, planes.len()), (0, BEHIND + GROWING), "occluders left over, and planes");
+        assert!(planes.is_sorted(), "planes in order: {planes:?}");
         planes
     }
 

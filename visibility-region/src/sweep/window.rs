@@ -341,7 +341,7 @@ mod tests {
             let range = [low as f64 / 1024.0, high as f64 / 1024.0];
             let found = window.pixels([range, [3.5, 4.5]], &bounds).map(|rect| rect.x);
             let turned = window.pixels([[3.5, 4.5], range], &bounds).map(|rect| rect.y);
-            assert_eq!(found, turned);
+            assert_eq!(found, turned, "{low} to {high}: pixels along x and along y");
             // Every pixel that the closed range comes near must be asked, and be within the window.
             let near = [low - 1, high + 1].map(|at| at.div_euclid(1024));
             let is_within = low <= high + 2 && near[0] >= 0 && near[1] < side;

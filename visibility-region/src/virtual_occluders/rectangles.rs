@@ -72,11 +72,11 @@ mod tests {
             map.set_span(row, 100, 180);
         }
         let all = largest(&map, 3);
-        assert_eq!(all[0], PixelRect { x: [6, 299], y: [10, 209] });
-        assert_eq!(all[1], PixelRect { x: [100, 179], y: [210, 399] });
-        assert_eq!(all.len(), 2);
-        assert!(all.iter().all(|&rect| map.all_set(rect)));
-        assert!(largest(&RayMap::new(), 3).is_empty());
+        assert_eq!(all[0], PixelRect { x: [6, 299], y: [10, 209] }, "the largest rectangle");
+        assert_eq!(all[1], PixelRect { x: [100, 179], y: [210, 399] }, "the second: what is left below it");
+        assert_eq!(all.len(), 2, "rectangles found");
+        assert!(all.iter().all(|&rect| map.all_set(rect)), "a rectangle holds a pixel that is not set");
+        assert!(largest(&RayMap::new(), 3).is_empty(), "an empty map has no rectangles");
     }
     /// Spans whose ends are in each half of a block, at the first and the last blocks.
     #[test]
