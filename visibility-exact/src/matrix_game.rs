@@ -199,16 +199,19 @@ mod tests {
             (game.solve(&matrix), game.row_weights.clone(), game.column_weights.clone())
         };
         let (value, _, columns) = solve(&[[4.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 5.0]]);
-        assert_eq!(value, Value::Positive);
-        assert!((columns.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        assert_eq!(value, Value::Positive, "a game that the columns win");
+        assert!((columns.iter().sum::<f64>() - 1.0).abs() < 1e-9, "the weights of the columns add up to 1");
         let rows = [[1.0, -3.0, -1.0], [-2.0, 1.0, -1.0]];
         let (value, weights, _) = solve(&rows);
-        assert_eq!(value, Value::Negative);
-        assert!((0..3).all(|j| weights[0] * rows[0][j] + weights[1] * rows[1][j] < 0.0));
+        assert_eq!(value, Value::Negative, "a game that the rows win");
+        assert!(
+            (0..3).all(|j| weights[0] * rows[0][j] + weights[1] * rows[1][j] < 0.0),
+            "the weights {weights:?} make each column negative"
+        );
         let (value, ..) = solve(&[[1.0, 0.0, -1.0], [-1.0, 0.0, 1.0]]);
-        assert_eq!(value, Value::Open);
-        assert_eq!(solve(&[[f64::NAN; 3]]).0, Value::Open);
-        assert_eq!(solve(&[[0.0; 3]]).0, Value::Open);
+        assert_eq!(value, Value::Open, "a game of value 0");
+        assert_eq!(solve(&[[f64::NAN; 3]]).0, Value::Open, "a game of NaN");
+        assert_eq!(solve(&[[0.0; 3]]).0, Value::Open, "a game of zeros");
     }
 
     /// Negative entries that may be positive by their errors prove nothing.

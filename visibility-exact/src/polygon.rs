@@ -159,12 +159,22 @@ mod tests {
                 let halves = polygon.halves(across);
                 let area = |polygon: &Polygon| polygon.normal().z;
                 assert!(halves.iter().all(|half| area(half) > 0.2 * area(&polygon)), "{n}");
-                assert!((area(&halves[0]) + area(&halves[1]) - area(&polygon)).abs() < 1e-12);
+                assert!(
+                    (area(&halves[0]) + area(&halves[1]) - area(&polygon)).abs() < 1e-12,
+                    "{n} corners, across: {across}: halves add up to the polygon"
+                );
             }
             let [a, b] =
                 [DVec3::X, -DVec3::X].map(|normal| polygon.clip(&Half { normal, offset: 0.1 }).unwrap());
-            assert!(a.normal().z + b.normal().z > polygon.normal().z);
-            assert_eq!(polygon.clip(&Half { normal: DVec3::Z, offset: -2.0 }), None);
+            assert!(
+                a.normal().z + b.normal().z > polygon.normal().z,
+                "{n} corners: the parts beyond 0.1 m to either side overlap"
+            );
+            assert_eq!(
+                polygon.clip(&Half { normal: DVec3::Z, offset: -2.0 }),
+                None,
+                "{n} corners: a plane that leaves nothing"
+            );
         }
     }
 }

@@ -103,7 +103,10 @@ mod tests {
             let triangles = prepared([Vec3::X, Vec3::Y, Vec3::Z]);
             let cell = CellBox { min: DVec3::splat(-150.0), max: DVec3::splat(150.0) };
             let mut search = Search::new(&triangles, cell, 0.0, None);
-            assert!(search.begin(Target::Triangle(0), Budget { nodes: 0, divided: 0, halvings: 0 }));
+            assert!(
+                search.begin(Target::Triangle(0), Budget { nodes: 0, divided: 0, halvings: 0 }),
+                "{round}: the search begins"
+            );
             let delta = search.delta;
             let [p, q] = exact.map(|corners| {
                 let move_corner = |v: DVec3| {
@@ -146,7 +149,10 @@ mod tests {
             let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
             let mut search = Search::new(&triangles, cell, 0.0, None);
             let target = Target::Triangle(0);
-            assert!(search.begin(target, Budget { nodes: 0, divided: 0, halvings: 0 }));
+            assert!(
+                search.begin(target, Budget { nodes: 0, divided: 0, halvings: 0 }),
+                "{round}: the search begins"
+            );
             let t = t.map(Vec3::as_dvec3);
             // Through the middle of the opposite side: also through what a viewcell's plane leaves of Q.
             let far = t[0] + ((t[1] - t[0]) + (t[2] - t[0])) * random.fine_range(0.6, 3.0);

@@ -291,7 +291,10 @@ mod tests {
             let cell = CellBox::new(&Viewcell::from_box(min, min + size), origin).unwrap();
             for k in 0..3 {
                 let [low, high] = [min, min + size].map(|x| DoubleDouble::difference(x[k], origin[k]));
-                assert!(cell.min[k] - low.hi <= low.lo && cell.max[k] - high.hi >= high.lo);
+                assert!(
+                    cell.min[k] - low.hi <= low.lo && cell.max[k] - high.hi >= high.lo,
+                    "axis {k}: {cell:?} holds {min} and its size {size} from {origin}"
+                );
             }
         }
     }
@@ -314,7 +317,7 @@ mod tests {
                 let corners = sight.q.corners().iter().map(|q| sight.before_p.height(*q));
                 let least = corners.fold(f64::MAX, f64::min);
                 if sight.before_p.normal.z == 0.0 && c > 2.0 && d > 2.0 && sight.before_q.normal.z > 0.0 {
-                    assert_eq!(least, 0.0);
+                    assert_eq!(least, 0.0, "{far}: a corner of Q is off the plane");
                     cuts += 1;
                 }
             }

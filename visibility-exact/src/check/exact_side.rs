@@ -90,8 +90,8 @@ mod tests {
             DVec3::new(201.8103790283203, 2.48138427734375, 127.65131378173828),
             DVec3::new(201.65684509277344, 2.325841188430786, 127.33496856689453),
         ];
-        assert!(is_before(x, triangle, 1.757e-12));
-        assert!(!is_before(x, triangle, 4.7e-12));
+        assert!(is_before(x, triangle, 1.757e-12), "the point is 1.757e-12 before the triangle at least");
+        assert!(!is_before(x, triangle, 4.7e-12), "the point is 4.7e-12 before the triangle at least");
         let [a, b, c] = triangle;
         assert!(!is_before(x, [a, c, b], 0.0), "its back");
     }
