@@ -58,7 +58,7 @@ mod tests {
         cells.sort_unstable();
         for pair in cells.windows(2) {
             let ((_, x, y), (_, u, v)) = (pair[0], pair[1]);
-            assert_eq!((x - u).abs() + (y - v).abs(), 1);
+            assert_eq!((x - u).abs() + (y - v).abs(), 1, "steps from {x}, {y} to {u}, {v}");
         }
     }
 
@@ -67,7 +67,11 @@ mod tests {
         let curve = Curve::new([-3.0, 5.0], [9.0, 6.0]);
         for i in 0..1000 {
             let point = [f64::from(i * 7 % 13) - 3.0, 5.0 + f64::from(i) / 1000.0];
-            assert_eq!(curve.place::<16>(point) >> 32, curve.place::<32>(point) >> 32);
+            assert_eq!(
+                curve.place::<16>(point) >> 32,
+                curve.place::<32>(point) >> 32,
+                "{point:?}: 16 levels and 32"
+            );
         }
     }
 }

@@ -455,7 +455,11 @@ mod tests {
                     let is_held = holds(-i64::from(error > 0.0));
                     assert!(!is_hidden || is_held, "{low:?} to {high:?}, {error}: not all of {column}");
                     let is_seen = (2..=12).contains(&column);
-                    assert_eq!(is_hidden, is_hidden && is_seen);
+                    assert_eq!(
+                        is_hidden,
+                        is_hidden && is_seen,
+                        "{low:?} to {high:?}: column {column} is hidden out of view"
+                    );
                     assert!(is_hidden || !is_seen || !holds(HAIR), "{low:?} to {high:?}, {error}: {column}");
                 }
             }
@@ -534,7 +538,10 @@ mod tests {
                         assert!(in_part(column) || !meets(column, 0), "{low:?} to {high:?}: {parts:?}");
                         assert!(!in_part(column) || meets(column, HAIR), "{low:?} to {high:?}: {parts:?}");
                     }
-                    assert!(parts.iter().all(|&(face, first, last)| face == 0 && 1 <= first && last <= 14));
+                    assert!(
+                        parts.iter().all(|&(face, first, last)| face == 0 && 1 <= first && last <= 14),
+                        "{low:?} to {high:?}: parts in view: {parts:?}"
+                    );
                 }
             }
         }

@@ -343,15 +343,15 @@ mod tests {
     fn a_prism_without_a_floor_is_a_solid_from_outside() {
         let house = prism(&SQUARE);
         let turned: Vec<_> = house.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
-        assert_eq!(count(&house, false, Affine3A::IDENTITY), 1);
-        assert_eq!(count(&house, true, Affine3A::IDENTITY), 1);
+        assert_eq!(count(&house, false, Affine3A::IDENTITY), 1, "a house without a floor");
+        assert_eq!(count(&house, true, Affine3A::IDENTITY), 1, "a house without a floor, two-sided");
         // A room, seen from inside only, unless both sides hide.
-        assert_eq!(count(&turned, false, Affine3A::IDENTITY), 0);
-        assert_eq!(count(&turned, true, Affine3A::IDENTITY), 1);
+        assert_eq!(count(&turned, false, Affine3A::IDENTITY), 0, "a room, turned inside out");
+        assert_eq!(count(&turned, true, Affine3A::IDENTITY), 1, "a room, two-sided");
         let mirror = Affine3A::from_mat3(Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)));
         assert_eq!(count(&house, false, mirror), 0, "the front of a mirrored triangle stays its front");
         assert_eq!(count(&turned, false, mirror), 0, "a mirrored room is a room");
-        assert_eq!(count(&house, true, mirror), 1);
+        assert_eq!(count(&house, true, mirror), 1, "a mirrored house, two-sided");
     }
 
     #[test]
@@ -364,20 +364,20 @@ mod tests {
         }
         // A plan with a dent, whose top from the first corner is still whole.
         let dented = prism(&[[1.0, 0.5], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]]);
-        assert_eq!(count(&dented, true, Affine3A::IDENTITY), 0);
+        assert_eq!(count(&dented, true, Affine3A::IDENTITY), 0, "a house with a dent");
     }
 
     /// Two triangles back to back have no edge of a single triangle, and cover half of their hull.
     #[test]
     fn a_flap_of_two_triangles_is_no_solid() {
         let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.0, 3.0)];
-        assert_eq!(count(&[[a, b, c], [a, c, b]], true, Affine3A::IDENTITY), 0);
+        assert_eq!(count(&[[a, b, c], [a, c, b]], true, Affine3A::IDENTITY), 0, "a flap of two triangles");
         // The same, hung on the top of a square whose other half is open.
         let mut house = prism(&SQUARE);
         let last = house.len() - 1;
         let [a, b, c] = house[last];
         house.truncate(last - 1);
         house.extend([[a, b, c], [a, c, b]]);
-        assert_eq!(count(&house, true, Affine3A::IDENTITY), 0);
+        assert_eq!(count(&house, true, Affine3A::IDENTITY), 0, "a flap on the top of a house");
     }
 }

@@ -625,7 +625,7 @@ mod tests {
                         let mut met = [None; 4];
                         grid.for_each_met(&corners, PAD, |index, from, to| {
                             let place = [index % 4, index / 4];
-                            assert_eq!(place[1 - axis], 1);
+                            assert_eq!(place[1 - axis], 1, "the square's place across the axis");
                             met[place[axis]] = Some((from[axis], to[axis]));
                         });
                         for (place, met) in met.into_iter().enumerate() {
@@ -639,7 +639,10 @@ mod tests {
                             assert!(met.is_none() || is_near || is_beyond, "{low:?} to {high:?}, {place}");
                             if let Some((from, to)) = met {
                                 let [start, end] = [start, end].map(|rank| rank as f64 / UNIT as f64);
-                                assert!(from < start && end < to && to - from < side * 1.001);
+                                assert!(
+                                    from < start && end < to && to - from < side * 1.001,
+                                    "square {place} from {start} to {end}: reached from {from} to {to}"
+                                );
                             }
                         }
                     }
