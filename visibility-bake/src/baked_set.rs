@@ -559,12 +559,24 @@ mod tests {
     fn objects_in_the_same_rows_are_a_class() {
         let rows = [vec![1, 2, 7], vec![1, 2], vec![0, 7], vec![]];
         let (classes, by_class) = classes(&rows, 9);
-        assert_eq!(classes, [vec![1, 2], vec![7], vec![0]]);
-        assert_eq!(by_class, [vec![0, 1], vec![0], vec![1, 2], vec![]]);
+        assert_eq!(
+            classes,
+            [vec![1, 2], vec![7], vec![0]],
+            "objects by class, classes in the order of their first rows"
+        );
+        assert_eq!(by_class, [vec![0, 1], vec![0], vec![1, 2], vec![]], "classes by row");
         let mut read = vec![Vec::new(); 3];
         let bytes = class_bytes(&classes);
-        assert_eq!(for_each_in_classes(&bytes, 9, |class, index| read[class].push(index)), Some(3));
-        assert_eq!((read, count_classes(&bytes, 9)), (classes, Some(3)));
+        assert_eq!(
+            for_each_in_classes(&bytes, 9, |class, index| read[class].push(index)),
+            Some(3),
+            "classes read from bytes"
+        );
+        assert_eq!(
+            (read, count_classes(&bytes, 9)),
+            (classes, Some(3)),
+            "objects read by class, and classes counted"
+        );
     }
 
     #[test]
@@ -572,7 +584,7 @@ mod tests {
         let read = |classes: &[&[u32]]| {
             count_classes(&class_bytes(&classes.iter().map(|class| class.to_vec()).collect::<Vec<_>>()), 400)
         };
-        assert!(read(&[&[1, 2, 300], &[399]]).is_some());
+        assert!(read(&[&[1, 2, 300], &[399]]).is_some(), "classes of known objects, each once");
         assert_eq!(read(&[&[1, 2, 300], &[400]]), None, "unknown");
         assert_eq!(read(&[&[1, 2, 300], &[0, 2]]), None, "twice");
         for cut_off in

@@ -101,8 +101,11 @@ mod tests {
         all.sort_unstable();
         assert!(all.into_iter().eq(0..802), "each viewcell is in one group");
         for (number, members) in (0..).zip(&groups.cells) {
-            assert!(members.is_sorted() && members.len() <= MOST_CELLS);
-            assert!(members.iter().all(|&cell| groups.of[cell as usize] == number));
+            assert!(members.is_sorted() && members.len() <= MOST_CELLS, "group {number}: {members:?}");
+            assert!(
+                members.iter().all(|&cell| groups.of[cell as usize] == number),
+                "group {number}: each of {members:?} knows its group"
+            );
             let bounds = bounds(viewcells.cells(), members);
             let volume = (bounds.max - bounds.min).max(DVec3::ZERO).element_product();
             assert!(volume <= SPREAD * 64.0 * members.len() as f64, "{members:?}");

@@ -293,7 +293,10 @@ mod tests {
                         );
                         assert!(cells.len() == 1 || first.max[axis] > low, "{low} to {high}");
                         assert!(cells.len() == 1 || last.min[axis] < high, "{low} to {high}");
-                        assert!(cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]));
+                        assert!(
+                            cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]),
+                            "{low} to {high}: a viewcell begins where the one before ends"
+                        );
                         for walk in [[at(low), at(high)], [at(high), at(low)]] {
                             let cells = grid.along(&walk).unwrap();
                             let [first, last] = [&cells[0], &cells[cells.len() - 1]];
@@ -301,7 +304,10 @@ mod tests {
                                 first.min[axis] <= low && high <= last.max[axis],
                                 "{low} to {high}: {cells:?}"
                             );
-                            assert!(cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]));
+                            assert!(
+                                cells.windows(2).all(|pair| pair[0].max[axis] == pair[1].min[axis]),
+                                "{low} to {high}: a viewcell along a walk begins where the one before ends"
+                            );
                         }
                     }
                 }
@@ -313,27 +319,50 @@ mod tests {
     fn a_box_is_filled_without_overlap_and_limits_are_errors() {
         let grid = Grid::new(DVec3::splat(0.1), DVec3::splat(0.1)).unwrap();
         let cells = grid.over(DVec3::ZERO, DVec3::splat(1.0)).unwrap();
-        assert_eq!(cells.len(), 1000);
+        assert_eq!(cells.len(), 1000, "viewcells over a cubic metre, 0.1 m wide");
         let volume: f64 = cells.iter().map(|cell| (cell.max - cell.min).element_product()).sum();
-        assert!((volume - 1.0).abs() < 1e-9);
-        assert_eq!(grid.over(DVec3::ONE, DVec3::ZERO).unwrap(), []);
-        assert_eq!(grid.over(DVec3::ZERO, DVec3::ZERO).unwrap().len(), 1);
+        assert!((volume - 1.0).abs() < 1e-9, "the volume of all viewcells is {volume} m3");
+        assert_eq!(grid.over(DVec3::ONE, DVec3::ZERO).unwrap(), [], "an inverted box");
+        assert_eq!(grid.over(DVec3::ZERO, DVec3::ZERO).unwrap().len(), 1, "a point");
         for far in [1e300, f64::INFINITY, f64::NAN] {
-            assert_eq!(grid.over(DVec3::ZERO, DVec3::splat(far)), Err(GridError::TooMany));
-            assert_eq!(grid.along(&[DVec3::ZERO, DVec3::splat(far)]), Err(GridError::TooMany));
+            assert_eq!(
+                grid.over(DVec3::ZERO, DVec3::splat(far)),
+                Err(GridError::TooMany),
+                "a box up to {far}"
+            );
+            assert_eq!(
+                grid.along(&[DVec3::ZERO, DVec3::splat(far)]),
+                Err(GridError::TooMany),
+                "a walk to {far}"
+            );
         }
         // From a corner of the grid at 0, boxes of half a metre over 2^25 m.
         let (grid, far) =
             (Grid::new(DVec3::ZERO, DVec3::splat(0.5)).unwrap(), DVec3::splat(f64::from(1 << 25)));
-        assert_eq!(grid.over(DVec3::ZERO, far), Err(GridError::Count { count: 1 << 78 }));
-        assert_eq!(grid.along(&[DVec3::ZERO, far]), Err(GridError::Count { count: 2 + 3 * (1 << 26) }));
+        assert_eq!(
+            grid.over(DVec3::ZERO, far),
+            Err(GridError::Count { count: 1 << 78 }),
+            "boxes of half a metre over 2^25 m"
+        );
+        assert_eq!(
+            grid.along(&[DVec3::ZERO, far]),
+            Err(GridError::Count { count: 2 + 3 * (1 << 26) }),
+            "viewcells along a walk of 2^25 m"
+        );
         let said = grid.along(&[DVec3::ZERO, far]).unwrap_err().to_string();
-        assert_eq!(said, "201326594 viewcells, where at most 16777216 are kept");
+        assert_eq!(
+            said, "201326594 viewcells, where at most 16777216 are kept",
+            "the error names count and limit"
+        );
         let stopped = grid.with_stop(|| true).along(&[DVec3::ZERO, DVec3::splat(1024.0)]);
-        assert_eq!(stopped, Err(GridError::Stopped));
-        assert_eq!(grid.with_stop(|| true), grid);
+        assert_eq!(stopped, Err(GridError::Stopped), "a walk that is stopped");
+        assert_eq!(grid.with_stop(|| true), grid, "a stop is no part of a grid");
         for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(Grid::new(DVec3::ZERO, DVec3::splat(size)), Err(GridError::Size));
+            assert_eq!(
+                Grid::new(DVec3::ZERO, DVec3::splat(size)),
+                Err(GridError::Size),
+                "boxes {size} m wide"
+            );
         }
     }
 }

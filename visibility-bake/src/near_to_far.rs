@@ -420,7 +420,7 @@ mod tests {
         let sign = add([80.0, 80.0, 1.0], [81.0, 81.0, 2.0], false);
         let cloud = add([0.0; 3], [f32::INFINITY; 3], false);
         scene.set_never_cull(sign, true).unwrap();
-        assert!(scene.contains(cloud));
+        assert!(scene.contains(cloud), "the cloud is in the scene");
         scene.prepare_occluders(&Default::default());
         scene
     }
@@ -510,10 +510,13 @@ mod tests {
         let mut tiles: Vec<[u32; 2]> =
             trace.opened[1..].iter().map(|opened| [opened.parent, opened.child]).collect();
         tiles.sort_unstable();
-        assert!(tiles.windows(2).all(|pair| pair[0] != pair[1]));
+        assert!(tiles.windows(2).all(|pair| pair[0] != pair[1]), "a tile is opened twice: {tiles:?}");
         let hashes = |trace: &Trace| trace.opened.iter().map(|opened| opened.hash).collect::<HashSet<u64>>();
         let by_cell: HashSet<u64> = cells.iter().flat_map(|cell| hashes(&sweep_of(&level, cell))).collect();
-        assert!(by_cell.is_subset(&hashes(&trace)) && by_cell.len() < hashes(&trace).len());
+        assert!(
+            by_cell.is_subset(&hashes(&trace)) && by_cell.len() < hashes(&trace).len(),
+            "tiles opened by each viewcell are opened by the group, with more"
+        );
         let alone = sweep_of_all(&level, &cells[..1]);
         assert_eq!(alone, sweep_of(&level, &cells[0]), "one viewcell is swept whatever it sees");
     }
@@ -531,12 +534,12 @@ mod tests {
             let cells = std::slice::from_ref(&cell);
             let trace = sweep_near_to_far(&level, cells, &[0], sweep, &mut None, Some(&stop)).unwrap();
             let left = trace.replay(&level.tree).unwrap().into_iter().collect::<HashSet<u32>>();
-            assert_eq!(left.len(), trace.left.len());
+            assert_eq!(left.len(), trace.left.len(), "asked {asked} times: an object is left twice");
             left
         };
         let whole = left_after(usize::MAX);
         let mut between = 0;
-        assert_eq!(left_after(0).len(), scene.len());
+        assert_eq!(left_after(0).len(), scene.len(), "a sweep that is stopped at once leaves all");
         for asked in (1..400).step_by(9) {
             let left = left_after(asked);
             assert!(left.is_superset(&whole), "stopped at plane {asked}");
@@ -598,13 +601,22 @@ mod tests {
         let baker = || SandwichBaker::of_level(level.clone(), &cells, settings);
         let whole = Bake::new(baker()).run();
         let limited = Bake::new(baker().with_time(Duration::from_secs(1))).run();
-        assert!(limited.cache != BakeCache::default() && limited.cache != whole.cache);
-        assert_eq!(limited.reused, 0);
+        assert!(
+            limited.cache != BakeCache::default() && limited.cache != whole.cache,
+            "the cache of a bake with a limit is of its own"
+        );
+        assert_eq!(limited.reused, 0, "no viewcell is reused without a cache");
         let after = Bake::new(baker().with_cache(limited.cache.clone())).run();
-        assert!(after.cells == whole.cells && after.cache == whole.cache);
+        assert!(
+            after.cells == whole.cells && after.cache == whole.cache,
+            "a whole bake after one with a limit has the result of one without"
+        );
         // Another bake with a limit takes all.
         let again = Bake::new(baker().with_time(Duration::from_secs(1)).with_cache(limited.cache)).run();
-        assert!(again.cells == limited.cells && again.reused == cells.cells().len());
+        assert!(
+            again.cells == limited.cells && again.reused == cells.cells().len(),
+            "another bake with a limit reuses all"
+        );
     }
 
     #[test]
@@ -617,8 +629,8 @@ mod tests {
         trace.save(&mut to);
         let bytes = to.finish();
         let mut from = Reader::new(&bytes, format).unwrap();
-        assert_eq!(Trace::load(&mut from).as_ref(), Ok(&trace));
-        assert!(from.end().is_ok());
+        assert_eq!(Trace::load(&mut from).as_ref(), Ok(&trace), "the trace as written");
+        assert!(from.end().is_ok(), "all of the trace is read");
         let forgeries: [fn(&mut Trace); 8] = [
             |trace| trace.opened[3].hash ^= 1,
             |trace| trace.opened[3].parent = u32::MAX,
@@ -635,7 +647,11 @@ mod tests {
             assert_eq!(forged.replay(&level.tree), None, "forgery {number}");
         }
         let whole = Trace::of_all(&level.tree);
-        assert_eq!(whole.replay(&level.tree).as_ref(), Some(&level.tree.order));
+        assert_eq!(
+            whole.replay(&level.tree).as_ref(),
+            Some(&level.tree.order),
+            "a whole trace replays to all objects"
+        );
         let forgeries: [fn(&mut Trace); 3] = [
             |trace| trace.opened[0].hash ^= 1,
             |trace| trace.left.push([0, u32::MAX]),

@@ -444,27 +444,36 @@ mod tests {
         for numbers in [&in_tiles, &scattered, &in_tiles] {
             let mut places = 0;
             file.for_each(&objects, &tree, numbers, |place, content| {
-                assert_eq!(place, places);
-                assert_eq!(content.triangles[..], triangles(numbers[place] as usize)[..]);
+                assert_eq!(place, places, "object {place} comes in its turn");
+                assert_eq!(
+                    content.triangles[..],
+                    triangles(numbers[place] as usize)[..],
+                    "triangles of object {place}"
+                );
                 places += 1;
                 let memory = lock(&file.shared.memory);
-                assert!(memory.reserved + memory.cached <= memory.limit);
+                assert!(
+                    memory.reserved + memory.cached <= memory.limit,
+                    "object {place}: {} bytes of {}",
+                    memory.reserved + memory.cached,
+                    memory.limit
+                );
                 let sizes: u64 = memory.tiles.values().map(|tile| tile.bytes).sum();
-                assert_eq!(sizes, memory.cached);
+                assert_eq!(sizes, memory.cached, "object {place}: bytes of all tiles");
                 (loads, kept) = (memory.requests, kept.max(memory.tiles.len()));
             })
             .unwrap();
-            assert_eq!(places, 600);
+            assert_eq!(places, 600, "objects passed");
         }
         assert!(loads > 600 && kept > 1, "{loads} times a tile, of which {kept} were kept at once");
         // All but what is known may be reserved, and then no tile is left; what is reserved comes back.
         let all = file.reserve(300 * BYTES_PER_WEIGHT).unwrap();
-        assert!(lock(&file.shared.memory).tiles.is_empty());
-        assert!(matches!(file.reserve(1), Err(LevelError::Memory { .. })));
+        assert!(lock(&file.shared.memory).tiles.is_empty(), "tiles are left though all memory is reserved");
+        assert!(matches!(file.reserve(1), Err(LevelError::Memory { .. })), "one byte more than the limit");
         drop(all);
-        assert!(file.reserve(300 * BYTES_PER_WEIGHT).is_ok());
+        assert!(file.reserve(300 * BYTES_PER_WEIGHT).is_ok(), "the memory came back");
         drop(file);
-        assert!(!path.exists());
+        assert!(!path.exists(), "the file is removed with the level");
     }
 
     /// Returns a level without objects, and a number of bytes of memory for threads.
@@ -485,7 +494,7 @@ mod tests {
             std::thread::yield_now();
             let second = file.reserve(45)?;
             *lock(&in_use) += first.bytes + second.bytes;
-            assert!(*lock(&in_use) <= 100);
+            assert!(*lock(&in_use) <= 100, "number {number}: more memory is in use than there is");
             std::thread::yield_now();
             *lock(&in_use) -= first.bytes + second.bytes;
             Ok::<(), LevelError>(())
@@ -510,7 +519,7 @@ mod tests {
         });
         assert!(*lock(&given_up) < 1800, "none has waited");
         let memory = lock(&file.shared.memory);
-        assert_eq!((memory.reserved, memory.running), (0, 0));
+        assert_eq!((memory.reserved, memory.running), (0, 0), "memory and threads left in the end");
     }
 
     #[test]
@@ -529,9 +538,9 @@ mod tests {
             while runs() && !waiting.is_finished() {
                 std::thread::yield_now();
             }
-            assert!(!waiting.is_finished());
+            assert!(!waiting.is_finished(), "the thread got memory that was not released");
             drop(all);
-            assert_eq!(waiting.join().unwrap(), Ok(()));
+            assert_eq!(waiting.join().unwrap(), Ok(()), "the thread got its memory");
         });
         let _all = file.reserve(100).unwrap();
         assert!(file.reserve(1).is_err(), "nobody else could release any");

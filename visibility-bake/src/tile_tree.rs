@@ -219,10 +219,10 @@ mod tests {
         let tree = TileTree::with_leaves(&objects, 0, 300);
         let mut order = tree.order.clone();
         order.sort_unstable();
-        assert!(order.into_iter().eq(0..objects.len() as u32));
+        assert!(order.into_iter().eq(0..objects.len() as u32), "each object is in one tile");
         let mut above = vec![0; tree.tiles.len()];
         for (number, tile) in tree.tiles.iter().enumerate() {
-            assert!(tree.own(number as u32).is_sorted());
+            assert!(tree.own(number as u32).is_sorted(), "tile {number}: its own objects ascend");
             tile.children.clone().for_each(|child| above[child as usize] += 1);
             let inside = |inner: &Aabb| {
                 tile.bounds.min.cmple(inner.min).all() && inner.max.cmple(tile.bounds.max).all()
@@ -234,12 +234,19 @@ mod tests {
                 assert!(inside(&object.bounds) || object.is_unculled() && number == 0, "object {at}");
             }
         }
-        assert!(above[1..].iter().all(|&count| count == 1) && above[0] == 0);
+        assert!(
+            above[1..].iter().all(|&count| count == 1) && above[0] == 0,
+            "each tile but the root is the child of one"
+        );
         let leaves = tree.tiles.iter().filter(|tile| tile.children.is_empty());
         assert!(leaves.clone().filter(|leaf| leaf.weight > 300).count() == 1, "all in one place");
         assert!((100..1000).contains(&leaves.count()), "{}", tree.tiles.len());
-        assert_eq!(TileTree::with_leaves(&objects, u64::MAX, 300).tiles.len(), 1);
-        assert_eq!(TileTree::new(&[]).tiles.len(), 1);
+        assert_eq!(
+            TileTree::with_leaves(&objects, u64::MAX, 300).tiles.len(),
+            1,
+            "a tree of few objects is one tile"
+        );
+        assert_eq!(TileTree::new(&[]).tiles.len(), 1, "a tree of no objects is one tile");
     }
 
     #[test]
@@ -254,7 +261,7 @@ mod tests {
             edited[at].hash ^= 1 << 40;
             edited[at].bounds.min += Vec3::splat(0.01);
             let after = TileTree::with_leaves(&edited, 0, 300);
-            assert_eq!(after.tiles.len(), before.tiles.len());
+            assert_eq!(after.tiles.len(), before.tiles.len(), "object {at}: tiles after its change");
             let changed = after.tiles.iter().zip(&before.tiles).filter(|(a, b)| a.hash != b.hash).count();
             assert!(changed > 0, "object {at}");
             total += changed;

@@ -395,15 +395,19 @@ mod tests {
         let other = Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3]));
         let with_triangles = level.scene_with_triangles(&[7, 3, 4]).unwrap();
         let with_meshes = level.scene_with_meshes(&[7, 3, 4], [other]).unwrap();
-        assert_eq!([&with_triangles, &with_meshes].map(|part| part.len()), [3, 4]);
+        assert_eq!([&with_triangles, &with_meshes].map(|part| part.len()), [3, 4], "objects of both parts");
         for part in [&with_triangles, &with_meshes] {
-            assert_eq!(part.origin(), scene.origin());
+            assert_eq!(part.origin(), scene.origin(), "the origin of the part");
             for (id, new) in [ids[7], ids[3], ids[4]].into_iter().zip(part.ids()) {
-                assert_eq!(part.object(new), scene.object(id));
+                assert_eq!(part.object(new), scene.object(id), "{id} and {new} are the same object");
                 let has_triangles = part.len() == 3;
                 let triangles = scene.triangles(id).ok().filter(|_| has_triangles).unwrap_or_default();
-                assert_eq!(part.triangles(new).unwrap(), triangles);
-                assert_eq!(part.occluder(new), scene.occluder(id).filter(|_| !has_triangles));
+                assert_eq!(part.triangles(new).unwrap(), triangles, "triangles of {new}");
+                assert_eq!(
+                    part.occluder(new),
+                    scene.occluder(id).filter(|_| !has_triangles),
+                    "the occluder of {new}"
+                );
             }
         }
     }

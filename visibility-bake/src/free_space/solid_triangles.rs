@@ -180,7 +180,7 @@ mod tests {
                 let own = heights.map(|_| [0.25, 0.5]);
                 let camera = CameraRange { radius, heights: own, up };
                 let solids = SolidTriangles::new(&grid, &scene, &camera, [DVec3::ZERO, DVec3::ONE]).unwrap();
-                assert_eq!(solids.counts, [4; 3]);
+                assert_eq!(solids.counts, [4; 3], "voxels along each axis");
                 let free = solids.free_voxels([0; 3]);
                 for voxel in free.all() {
                     let start = 3 * voxel_place(voxel, solids.counts)[2] as i64;

@@ -169,7 +169,7 @@ mod tests {
                 let triangle = [corner(low.value, 1.5), corner(high.value, 1.25), corner(high.value, 1.75)];
                 let mut found = Vec::new();
                 let Ok(()) = columns.for_each(triangle, [[0; 2], [3; 2]], |column, heights| {
-                    assert_eq!(column[1 - axis], 1);
+                    assert_eq!(column[1 - axis], 1, "{low:?} to {high:?}: the column across the axis");
                     found.push((column[axis], heights));
                     Ok::<(), std::convert::Infallible>(())
                 });
@@ -188,7 +188,10 @@ mod tests {
                         assert!(from - least < 1e-5 && most - to < 1e-5, "{low:?} to {high:?}, {column}");
                     }
                 }
-                assert!(found.iter().all(|(column, _)| (0..4).contains(column)));
+                assert!(
+                    found.iter().all(|(column, _)| (0..4).contains(column)),
+                    "{low:?} to {high:?}: columns within the limits: {found:?}"
+                );
             }
         }
     }
