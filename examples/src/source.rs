@@ -438,16 +438,16 @@ mod tests {
             [Vec3::new(1.0, f32::NAN, 3.0), Vec3::new(-1.0, 2.0, f32::INFINITY), Vec3::new(0.0, 5.0, 4.0)];
         let object = SourceObject::new("odd", vec![triangle]);
         let (low, high) = object.bounds().expect("each axis has finite values");
-        assert_eq!(low, Vec3::new(-1.0, 2.0, 3.0));
-        assert_eq!(high, Vec3::new(1.0, 5.0, 4.0));
+        assert_eq!(low, Vec3::new(-1.0, 2.0, 3.0), "the lower corner, by axis");
+        assert_eq!(high, Vec3::new(1.0, 5.0, 4.0), "the upper corner, by axis");
         let nothing = SourceObject::new("none", vec![[Vec3::NAN; 3]]);
-        assert_eq!(nothing.bounds(), None);
+        assert_eq!(nothing.bounds(), None, "nothing is finite");
     }
 
     #[test]
     fn hints_are_written_as_they_are_read() {
         for hint in [Hint::Occluder, Hint::Detail, Hint::Door, Hint::Mover, Hint::NeverCull] {
-            assert_eq!(hint.to_string().parse(), Ok(hint));
+            assert_eq!(hint.to_string().parse(), Ok(hint), "the hint from its text");
         }
     }
 }
