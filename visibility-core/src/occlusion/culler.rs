@@ -294,11 +294,14 @@ impl<M: OcclusionMap> Sweep<'_, M> {
     fn keep_unhidden<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, node: Option<usize>) -> bool {
         walk.visit(node, |walk, block, candidates| {
             let objects = block.objects(candidates);
+            // After many leaves in a row without a hidden object, only some leaves are tested. Objects of the
+            // others stay.
             let is_leaf = objects == candidates;
             let is_sampled = is_leaf && self.samples();
             if is_sampled && !self.sampling.tests_next() {
                 return candidates;
             }
+            // All boxes of the block in one call. A sweep that only counts asks the map for nothing.
             let answer = if self.kind != SweepKind::Count {
                 walk.stats.tests += u64::from(candidates.count_ones());
                 self.budget.spend_tests(candidates.count_ones());
@@ -309,10 +312,13 @@ impl<M: OcclusionMap> Sweep<'_, M> {
             if is_sampled {
                 self.sampling.record(answer.hidden != 0);
             }
+            // Hidden objects pay for more occluders: the budget grows by what this sweep saved.
             if self.kind == SweepKind::First {
                 let hidden = lanes(answer.hidden).map(|lane| objects_of(walk, block.child(lane)));
                 self.budget.earn(hidden.sum());
             }
+            // Below a box that the map has found visible, tests go on only for nodes: a whole node whose box
+            // is certainly visible, or any node once the limit of work is reached, is taken without tests.
             let mut mask = candidates & !answer.hidden;
             for lane in lanes(mask & !objects) {
                 let Child::Node(child) = block.child(lane) else { continue };

@@ -137,6 +137,8 @@ impl OccluderMesh {
         let bounds = Aabb::from_points(triangles.iter().flat_map(corner));
         let convex = closed && is_convex(&positions, &triangles, &bounds);
         let corners = bounds.corners();
+        // A convex mesh of twelve triangles with the eight corners of its bounds is that box. It is stored in
+        // one fixed order, so that all such meshes are drawn by the box's own code.
         let cuboid = convex
             && triangles.len() == Self::CUBOID.len()
             && positions.len() == corners.len()
@@ -144,6 +146,8 @@ impl OccluderMesh {
         if cuboid && (positions != corners || triangles != Self::CUBOID) {
             return Self::whole(&corners, Self::CUBOID.to_vec());
         }
+        // Area towards each of the six directions along the axes: an estimate of the area that the mesh shows
+        // to an eye on that side.
         let mut facing = [0.0; 6];
         for t in &triangles {
             let [a, b, c] = corner(t).map(|p| p.as_dvec3());
@@ -153,6 +157,7 @@ impl OccluderMesh {
                 facing[axis + 3] += (-area[axis]).max(0.0) as f32;
             }
         }
+        // Equal meshes have equal fingerprints, on every machine: bits of the coordinates, then indices.
         let numbers = positions.iter().flat_map(|p| p.to_array().map(f32::to_bits));
         let fingerprint = numbers
             .chain(triangles.as_flattened().iter().copied())
@@ -323,10 +328,13 @@ pub(super) fn join(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
             });
         }
     }
+    // Sides of one edge are then neighbours, whichever way each triangle runs along it.
     sides.sort_unstable_by_key(|s| (s.low, s.high, s.triangle));
     let mut edges = Vec::with_capacity(sides.len() / 2);
     let mut triangle_edges = alloc::vec![[0; 3]; triangles.len()];
     for group in sides.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
+        // Two triangles that run along the edge in opposite directions continue each other. Any other group,
+        // of one, of three or more, or of two in the same direction, is taken as separate open edges.
         let joined = group.len() == 2 && group[0].backwards != group[1].backwards;
         for (position, side) in group.iter().enumerate() {
             if position == 0 || !joined {

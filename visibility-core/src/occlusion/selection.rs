@@ -204,6 +204,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             self.flush();
         }
         walk.visit(node, |walk, block, candidates| {
+            // Children hidden by the occluders drawn so far are dropped with all below them. A map that
+            // answers frames later, as a graphics card does, cannot tell yet.
             let hidden = if self.map.answers_at_once() && !self.is_tested {
                 self.budget.spend_tests(candidates.count_ones());
                 walk.stats.tests += u64::from(candidates.count_ones());
@@ -212,6 +214,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
                 0
             };
             let (objects, found) = (block.objects(candidates), candidates & !hidden);
+            // An occluder whose object the map draws by itself, as a part of a level, is not added.
             let mut occluders = found & objects & block.occluders();
             for lane in lanes(occluders) {
                 if let Child::Object(id) = block.child(lane) {
@@ -221,6 +224,8 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
             if let Some((_, ids)) = block.leaf() {
                 walk.scene().fetch_occluders(ids, occluders);
             }
+            // The budget of work earns by the objects that are hidden; `undecided` counts those that still
+            // may be.
             self.budget.earn((hidden & objects).count_ones() as f32);
             self.undecided += (found & objects).count_ones() as f32;
             for lane in lanes(hidden & !objects) {

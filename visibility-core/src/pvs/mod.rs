@@ -137,6 +137,7 @@ impl Pvs {
         let offset = |bytes: &[u8]| u32::try_from(bytes.len()).map_err(|_| PvsError::TooLarge);
         for (viewcell, row) in rows.iter().enumerate() {
             let row = row.as_ref();
+            // The row by itself, in runs or in bits, whichever is shorter.
             best.clear();
             best.push(0);
             write_runs(row.iter().copied(), &mut best);
@@ -146,6 +147,8 @@ impl Pvs {
             if trial.len() < best.len() {
                 core::mem::swap(&mut trial, &mut best);
             }
+            // The differences from rows of neighbours, of which the shortest form is kept. The chain of
+            // differences is short, since reading a row reads all of its chain.
             for base in neighbours(ViewcellId(viewcell as u32)) {
                 if base.index() >= viewcell || depths[base.index()] >= DEPTH {
                     continue;

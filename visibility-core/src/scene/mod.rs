@@ -316,6 +316,7 @@ impl Scene {
         self.tree.slots.reserve(expected);
         let mut ids = Vec::with_capacity(expected);
         let mut entries = Vec::with_capacity(expected);
+        // Objects that are never culled are kept outside the hierarchy. The others are collected first.
         for object in objects {
             let object = object.into();
             let payload = self.register(&object);
@@ -326,6 +327,8 @@ impl Scene {
                 entries.push(Entry::new(object.bounds, payload));
             }
         }
+        // A rebuild sorts all objects once, which is cheaper than as many searches if the batch is at least
+        // half of them.
         if entries.len() >= count_before {
             self.tree.rebuild(entries, &self.generations);
             self.queue.clear();
@@ -334,6 +337,7 @@ impl Scene {
                 self.tree.insert_entry(entry, &self.generations);
             }
         }
+        // The log holds a quarter of the objects. Readers of a longer one would be as quick from the start.
         if ChangeLog::is_too_much(ids.len(), self.generations.len()) {
             self.log.invalidate();
         } else {

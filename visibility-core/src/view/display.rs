@@ -29,6 +29,8 @@ impl fmt::Display for View {
         let Some(edges) = Edges::new(self) else {
             return write!(f, "a view whose matrix cannot be inverted");
         };
+        // Directions of the picture from the middles of its edges, since the matrix need not be one that this
+        // crate made.
         let up = (edges.top - edges.bottom).normalize_or(DVec3::Z);
         let right = (edges.right - edges.left).normalize_or(DVec3::X);
         let (ahead, planes) = match self.eye(DVec3::ZERO) {

@@ -58,10 +58,13 @@ pub(crate) fn retain_on<T: NodeTest>(
         let mut scratch = core::mem::replace(&mut visible.split_scratch, SplitScratch::EMPTY);
         scratch.parts.resize_with(PARTS, Part::default);
         scratch.subtrees.clear();
+        // The upper levels on this thread. Nodes whose subtrees are small enough are put into `subtrees`.
         let mut top = Top { scene, is_current, test, subtrees: &mut scratch.subtrees, stats };
         top.visit(visible, root, known);
         stats = top.stats;
         let (subtrees, set) = (&scratch.subtrees, &*visible);
+        // Part `index` takes every `PARTS`-th subtree: neighbours in the scene are about equally costly, so
+        // parts are, too.
         if let Some(parts) = scratch.parts.first_chunk_mut::<PARTS>() {
             let mut index = 0;
             let numbered = parts.each_mut().map(|part| {
@@ -87,12 +90,15 @@ pub(crate) fn retain_on<T: NodeTest>(
                 part.stats = walk.stats;
             });
         }
+        // Masks are written after all parts have ended, in the order of parts: the answer does not depend on
+        // threads.
         for part in &scratch.parts {
             part.masks.runs().for_each(|(first, run)| visible.set_masks(first, run));
             let before = stats.visible;
             stats += part.stats;
             stats.visible += before;
         }
+        // A subtree in which no object is left makes the nodes above it lose a child.
         let mut next = 0;
         drop_empty(visible, scene, root, &scratch.parts, &mut next);
         visible.split_scratch = scratch;
