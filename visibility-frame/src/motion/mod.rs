@@ -411,6 +411,7 @@ impl MotionVolumes {
     fn take_changes(&mut self, scene: &Scene) {
         let is_placed = self.cursor.is_at_origin_of(scene);
         match self.cursor.follow(scene) {
+            // The origin has moved: all volumes begin anew from the next position of each mover.
             Changes::Everything if !is_placed => {
                 for place in 0..self.movers.len() {
                     let state = self.status[place].state;
@@ -427,6 +428,7 @@ impl MotionVolumes {
                     }
                 }
             }
+            // The log was too long to be kept: a mover is due unless the scene still has its volume.
             Changes::Everything => {
                 for place in 0..self.movers.len() {
                     let (Mover { id, volume, .. }, state) = (self.movers[place], self.status[place].state);
