@@ -424,6 +424,8 @@ impl Hzb {
         let Some((object, facing)) = project_object(&self.projection, bounds, transform) else { return };
         let (projection, coverage, convex_scratch) =
             (&self.projection, self.coverage, &mut self.convex_scratch);
+        // A convex outline is cheaper to fill than a contour. Whether a mesh looks convex takes every pair of
+        // an edge and a vertex, which pays for few triangles only.
         let convex = convex || mesh.triangles.len() == 1;
         if convex || mesh.triangles.len() <= MAX_OUTLINE_TRIANGLES {
             match self.simd.convex_shape(
@@ -444,6 +446,7 @@ impl Hzb {
                 ShapeResult::DrawAsMesh => {}
             }
         }
+        // Any other mesh: its contour, with the depths of its triangles.
         let (mesh_scratch, contour_tiles, tiles) =
             (&mut self.mesh_scratch, &mut self.contour_tiles, &mut self.tiles);
         let greatest = self.simd.draw_mesh(

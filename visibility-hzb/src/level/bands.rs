@@ -68,6 +68,8 @@ impl LevelRaster {
                 draw_candidates(simd, levels, frames, candidates, left, scratch, tiles)
             }
             Some(jobs) => {
+                // A band is a range of columns of tiles. The first band draws into `tiles` itself, each other
+                // one into tiles of its own, so that threads share no memory that they write.
                 self.tiles.resize_with(BANDS - 1, || Tiles::new_like(tiles));
                 for (i, band) in self.bands.iter_mut().enumerate() {
                     band.columns = [i, i + 1].map(|i| tiles.columns * i / BANDS);
@@ -84,6 +86,8 @@ impl LevelRaster {
                     let (own, scratch) = (&band.frames, &mut band.scratch);
                     band.drawn = draw_candidates(simd, levels, own, candidates, left, scratch, tiles);
                 });
+                // The bands are disjoint, so copying the columns of each joins them, in any order of the
+                // threads.
                 for (band, own) in self.bands[1..].iter().zip(&self.tiles) {
                     tiles.take_columns(own, band.columns);
                 }

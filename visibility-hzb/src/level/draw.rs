@@ -340,11 +340,15 @@ fn draw_polygon(
     let (mut joined, mut most_w, mut nearest_w) = (false, 0.0f32, f32::INFINITY);
     let ([x, y], [least_w, own_most_w]) = (&vertices.places, &vertices.w);
     for &PreparedEdge { ends, neighbour } in &level.edges[outline] {
+        // Neighbours inside this polygon's cluster that face the eye: pixels along the edge to such a
+        // neighbour count as covered once both polygons are drawn.
         let shared = neighbour != NO_POLYGON && !far_sides[neighbour as usize].is_nan();
         if shared && !core::mem::replace(&mut done[neighbour as usize], true) {
             waiting.push(neighbour);
         }
         let [a, b] = ends.map(|vertex| vertex as usize);
+        // Both ends were projected with the whole cluster, and are far enough before the eye to be used as
+        // they are.
         if vertices.plain[a] && vertices.plain[b] {
             joined |= shared;
             edges.push([x[a], y[a]], [x[b], y[b]], shared);
@@ -352,6 +356,8 @@ fn draw_polygon(
             (nearest_w, most_w) = (least(least_w[a], nearest_w), greatest(own_most_w[a], most_w));
             continue;
         }
+        // An edge that the near plane or the guard band may cut is cut in `f64`, from the vertices
+        // themselves.
         let flatten = *flattened.get_or_insert_with(|| !is_beyond_window(frame, polygon, far));
         clip.edges.push([0, 1].map(|end| {
             let at = [a, b][end];
@@ -370,6 +376,7 @@ fn draw_polygon(
         (error, least_w) = (error.max(own_error), least_w.min(own_w));
         most_w = most_w.max(most_own_w);
     }
+    // Cheap rejections come before the work on depth planes and tiles.
     simd.finish_edges(edges);
     if plain && !may_be_seen(simd, frame, tiles, edges.bounds, nearest_w) {
         if joined {
@@ -377,6 +384,8 @@ fn draw_polygon(
         }
         return Outcome::Nothing;
     }
+    // The polygon's vertices lie in a slab about its plane. Where its outline may deviate from that of its
+    // faces by more than the slack allows, or the projection is too inexact, it must not be drawn.
     let thickness = polygon.extent[1] - polygon.extent[0];
     let lanes = &level.polygons[level.first_polygons[index] as usize + at / WIDTH];
     let middle = DVec3::from([0, 1, 2].map(|axis| f64::from(lanes.middle[axis][at % WIDTH])));
@@ -393,6 +402,7 @@ fn draw_polygon(
     } else {
         f32::NEG_INFINITY
     };
+    // Tiles whose depth is already nearer than this polygon everywhere need no coverage.
     let Some(keys) = TileKeys::new(edges, frame, &DepthBound { plane, floor }, tiles) else {
         return Outcome::Nothing;
     };

@@ -89,6 +89,8 @@ impl LevelFrame {
         coverage: Coverage,
     ) -> Option<Self> {
         let projection = ScreenProjection::new(view, level.origin, picture, size);
+        // All errors are bounded once for the frame, for points in a box that holds every polygon and the
+        // balls around them.
         let reach = level.reach.to_array().map(up);
         let bounds = Aabb { min: -Vec3::from(reach), max: Vec3::from(reach) };
         let (object, _) = project_object(&projection, &bounds, &Affine3A::IDENTITY)?;
@@ -102,6 +104,7 @@ impl LevelFrame {
             let Eye::Direction(along) = view.eye(level.origin) else { return None };
             (along, projection.rows[2].constant * projection.rows[2].constant)
         };
+        // Upper bound on the pixels by which a point moves for a metre that it is moved, times its `w`.
         let side = projection.size[0].max(projection.size[1]);
         let pixels_per_metre = x.length().max(y.length()) + side * w.length();
         // Along the ray through a pixel, the distance beyond the near plane is linear in `w`, and has the
@@ -114,7 +117,10 @@ impl LevelFrame {
             near.length() * level.thickness.min(most_flattened) * (2.0 / LEAST_PARALLEL_COSINE)
         };
         let least_near = least_near * (1.0 + 1e-6) + 2.0 * object.near_limit();
+        // A `w` of at least 1,024 times its error: quotients by it err by a thousandth at most.
         let least_w = 1024.0 * object.error[2];
+        // A polygon's area in pixels, estimated from its area in square metres: only its order in the queue
+        // depends on it.
         let across = |row: DVec3| {
             let along = if perspective && depth > 0.0 { w * (row.dot(w) / depth) } else { DVec3::ZERO };
             (row - along).length()

@@ -79,6 +79,7 @@ impl PreparedLevel {
     pub fn new(level: Arc<LevelOccluders>, origin: DVec3) -> Self {
         let boxes: Vec<Aabb> = level.clusters().iter().map(|cluster| cluster.bounds).collect();
         let clusters = in_lanes(&boxes);
+        // The largest polygon of a cluster comes first. Its area decides how early the cluster is drawn.
         let area = |cluster: &OccluderCluster| {
             level.polygons().get(cluster.polygons[0] as usize).map_or(0.0, |largest| largest.area as f32)
         };
@@ -88,6 +89,7 @@ impl PreparedLevel {
             areas
         });
         let largest = largest.collect();
+        // Boxes around `WIDTH` times `WIDTH` clusters, so that one test rejects many of them.
         let groups: Vec<Aabb> = boxes
             .chunks(WIDTH * WIDTH)
             .map(|boxes| {
@@ -100,6 +102,8 @@ impl PreparedLevel {
         let all = Aabb::from_points(all);
         let ball = (all.center().as_dvec3(), all.half_extent().as_dvec3().length());
         let groups = in_lanes(&groups);
+        // Polygons are stored in lanes of `WIDTH`, a cluster's own from a new group of lanes on: a test of
+        // facing and size then takes `WIDTH` polygons at once.
         let (mut polygons, mut first_polygons) = (Vec::new(), Vec::new());
         let (mut reach, mut thickness) = (DVec3::ZERO, 0.0f64);
         let none = PreparedEdge { ends: [0; 2], neighbour: NO_POLYGON };
@@ -130,7 +134,10 @@ impl PreparedLevel {
             }
         }
         first_polygons.push(polygons.len() as u32);
+        // A polygon's vertices lie in its slab, which may reach beyond the ball about its middle by the
+        // slab's thickness.
         let reach = reach + thickness;
+        // The level lists its objects; the cullers look them up by index.
         let indices = level.objects().iter().map(|id| id.index() + 1).max().unwrap_or(0);
         let mut objects = alloc::vec![ObjectId::PLACEHOLDER; indices];
         level.objects().iter().for_each(|&id| objects[id.index()] = id);

@@ -138,6 +138,8 @@ pub(super) fn edges_of_row(edges: &Edges, top: f32, slack: f32, row: &mut Vec<Ro
         let (mut left, mut right) = ([0.0; WIDTH], [0.0; WIDTH]);
         let (mut crosses, mut any) = ([0; WIDTH], false);
         for i in 0..WIDTH {
+            // The part of each edge in this row of tiles, widened by the slack, and the columns that this
+            // part spans.
             let (from, to) = (greatest(first, lanes.top[i]), least(last, lanes.bottom[i]));
             let meets = from <= to;
             let (p, q) = (lanes.column(i, from), lanes.column(i, to));
