@@ -140,6 +140,7 @@ impl LevelOccluders {
             *count = usize::try_from(reader.u64()?).unwrap_or(usize::MAX);
         }
         report.area_left_out = f64::from_bits(reader.u64()?);
+        // A forged count is refused by `reader`, which has no such bytes left.
         let vertex_count = reader.u32()? as usize;
         let coordinates = reader.u32s(vertex_count.saturating_mul(3))?;
         let vertices: Vec<Vec3> = coordinates
@@ -198,6 +199,7 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
     while !numbers.is_empty() {
         let mut number = || take_number(&mut numbers).ok_or("a number ends too early or is too large");
         let (vertex_count, polygon_count) = (number()?, number()?);
+        // Clusters take the vertices in turn.
         let end_vertex = vertices.len() as u32;
         let end_vertex = if vertex_count <= end_vertex - first_vertex {
             first_vertex + vertex_count
@@ -241,6 +243,7 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
                 balance[edge[1] as usize] -= 1;
                 edges.push(edge.map(|vertex| first_vertex + vertex));
             }
+            // As many edges begin as end at every vertex: the outline consists of closed loops.
             if edges[first..].as_flattened().iter().any(|&v| balance[(v - first_vertex) as usize] != 0) {
                 return Err("an outline is not closed");
             }

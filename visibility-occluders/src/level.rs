@@ -192,6 +192,7 @@ impl LevelOccluders {
         if triangles.len() > MAX_TRIANGLES {
             return Err(LevelError::TooManyTriangles { triangles: triangles.len() });
         }
+        // Vertices are welded and T-junctions closed, so that faces beside each other share edges.
         let mut faces = Faces::weld(triangles);
         let mut report =
             LevelReport { triangles: triangles.len(), faces: faces.faces.len(), ..LevelReport::default() };
@@ -202,6 +203,8 @@ impl LevelOccluders {
         report.open_edges_left = open_sides(&sides).count();
         let magnitude = faces.vertices.iter().fold(Vec3::ZERO, |most, v| most.max(v.abs()));
         let flatness = settings.flatness * f64::from(magnitude.max_element());
+        // Nearly flat regions of faces become polygons. The smallest are left out, as they cost more than
+        // they hide.
         let mut regions = Regions::find(&faces, &sides, flatness, settings.bulge);
         divide_regions(&mut regions, &faces, settings.max_cluster_edges);
         report.polygons = regions.regions.len();
@@ -210,6 +213,7 @@ impl LevelOccluders {
         let mut outlines: Vec<_> = kept.iter().map(|region| outline(&faces, &regions, region)).collect();
         report.straightened = straighten(&faces.vertices, &mut outlines);
         let mut level = Self { report, ..Self::default() };
+        // Clusters: polygons near each other, halved by their middles until each has few enough edges.
         let middle = |outline: &Vec<OutlineEdge>| {
             let points = || outline.iter().map(|edge| faces.at(edge[0]));
             (points().fold(DVec3::INFINITY, DVec3::min) + points().fold(DVec3::NEG_INFINITY, DVec3::max))

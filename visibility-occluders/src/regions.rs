@@ -100,6 +100,7 @@ impl Regions {
             let edge = sides[first].edge;
             sides[first..].iter().take_while(move |side| side.edge == edge)
         };
+        // The largest faces begin regions: their planes are the surest.
         let mut order: Vec<u32> = (0..faces.faces.len() as u32).collect();
         order.sort_by(|&a, &b| {
             faces.faces[b as usize].area.total_cmp(&faces.faces[a as usize].area).then(a.cmp(&b))
@@ -122,6 +123,7 @@ impl Regions {
             };
             let plane = region.normal.dot(faces.at(faces.corners_of(&faces.faces[seed as usize])[0]));
             let mut next = first;
+            // Breadth first, from the seed outwards.
             while let Some(&member) = found.members.get(next) {
                 next += 1;
                 let face = &faces.faces[member.face as usize];
