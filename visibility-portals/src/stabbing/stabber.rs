@@ -122,6 +122,8 @@ impl Stabber {
         };
         let from = middle(first);
         let direction = (middle(last) - from).try_normalize().unwrap_or(self.ends[0].1);
+        // The line between the middles of the first and the last polygon often passes all others: it is tried
+        // before the linear program.
         if self.is_clear(from, direction) {
             return Stab::Line([from, direction]);
         }
