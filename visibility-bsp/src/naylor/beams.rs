@@ -307,11 +307,13 @@ impl Beams {
         if self.root == CLOSED {
             return visibility;
         }
+        // Each corner remembers the edge that leaves it: an open leaf is divided along such edges only.
         for (edge, &corner) in (0..).zip(polygon) {
             self.corners.push(ImageCorner { edge, ..corner });
         }
         self.tasks.push(Task { parent: NO_PARENT, side: 0, thin: false, begin: 0 });
         while let Some(task) = self.tasks.pop() {
+            // A closed leaf hides the part. In an open leaf the part is seen, unless it is too thin to tell.
             match *self.child_mut((task.parent, task.side)) {
                 CLOSED => self.corners.truncate(task.begin),
                 OPEN => {
@@ -353,7 +355,10 @@ impl Beams {
             sum += distance;
             self.sides.push(distance);
         }
+        // A corner within the margin of the line is on neither side.
         let (front, back) = (greatest > line.margin, least < -line.margin);
+        // The whole part goes to one child. A part within the margin altogether goes to the side where most
+        // of it lies, and is `thin` from there on: rounding may have put it there.
         if !(generous || front && back) {
             let side = u8::from(if front || back { front } else { sum > 0.0 });
             let count = self.sides.len();
@@ -371,6 +376,7 @@ impl Beams {
             self.tasks.push(Task { parent: id, side, thin, begin: task.begin });
             return;
         }
+        // The line cuts the part. Each half is clipped from a copy, since the halves go back onto the stack.
         self.part.clear();
         self.part.extend_from_slice(&self.corners[task.begin..]);
         self.corners.truncate(task.begin);

@@ -141,6 +141,8 @@ impl Selector {
         // Only a selection: rounding is harmless.
         let is_in =
             |center: DVec3, radius: f64| volume.is_none_or(|volume| volume.meets_sphere(center, radius));
+        // Blocks in descending order of a bound on their polygons' solid angles: the search ends when no
+        // later block can have a polygon among the best.
         for (block, number) in occluders.blocks.iter().zip(0..) {
             if is_in(block.center, block.radius) {
                 self.blocks.push((block.bound(eye), number));
@@ -161,6 +163,8 @@ impl Selector {
                     self.chosen.push(Chosen { polygon: number, bound });
                 }
             }
+            // Twice as many as needed are collected before the best are picked, which takes linear time in
+            // sum.
             if self.chosen.len() >= count.saturating_mul(2) {
                 self.chosen.select_nth_unstable_by(count - 1, by_angle);
                 self.chosen.truncate(count);
