@@ -139,6 +139,7 @@ impl Content {
         if content.held.words().len() != scene.index_limit().div_ceil(64) {
             return Err("the marks of objects are of another number of objects");
         }
+        // Every list is decoded once, so that later readers need no checks.
         let (mut objects, mut side_count) = (Vec::new(), 0);
         for cell in 0..cells as u32 {
             objects.clear();

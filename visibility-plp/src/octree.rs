@@ -332,6 +332,7 @@ fn assign_objects(scene: &Scene, grid: &Grid, nodes: &[Node], leaves: usize) -> 
                             pairs.push((leaf, object));
                         }
                         let cover = &mut cover[leaf as usize];
+                        // A leaf wholly inside a solid is never entered, so that its share does not matter.
                         if !cover.is_full() && !shape_contains_cube(shape, center, half) {
                             let half = DVec3::splat(half);
                             shape.for_each_triangle(|triangle| {

@@ -109,6 +109,8 @@ impl Mesh {
     fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
         let corners_of = |cell: u32| self.corners(&self.cells[cell as usize]);
         let first = find_cell(&self.neighbours, start, point, corners_of, |solid| volume(solid) < 0)?;
+        // Bowyer-Watson: the cavity is the cells whose circumscribed sphere contains the point. Its boundary
+        // faces are joined with the point to new cells.
         let mut cavity = alloc::vec![first];
         let mut cavity_faces: Vec<CavityFace> = Vec::new();
         let mut next = 0;
@@ -137,6 +139,7 @@ impl Mesh {
         if cavity_faces.iter().any(is_flat) {
             return None;
         }
+        // The new cells, with the neighbour outside and the face towards it, before any cell is overwritten.
         let vertex = self.points.len() as u32;
         self.points.push(point);
         let made: Vec<([u32; 4], u32, usize)> = cavity_faces
@@ -151,6 +154,7 @@ impl Mesh {
         // vertices and twice the new point, that cell, and its face at the edge.
         let mut open: Vec<([u32; 4], u32, usize)> = Vec::new();
         for (number, &(cell, outer, face)) in made.iter().enumerate() {
+            // Places of the cavity are used again first.
             let place = match cavity.get(number).copied().or_else(|| self.free.pop()) {
                 Some(place) => place,
                 None => {
@@ -168,6 +172,7 @@ impl Mesh {
                 self.neighbours[outer as usize][back] = place;
             }
             self.neighbours[place as usize] = around;
+            // Two new cells are neighbours where their boundary faces share an edge.
             for side in (0..4).filter(|&side| side != face) {
                 let mut edge = cell;
                 edge[side] = vertex;
