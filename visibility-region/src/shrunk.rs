@@ -103,11 +103,16 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
         let distance =
             sample_points(min, max, self.points_per_side.clamp(1, MOST_POINTS_PER_SIDE), &mut self.points);
         let magnitude = min.abs().max(max.abs()).max_element();
+        // The near plane of each point's views. Objects so close to the viewcell that it may cut them are
+        // kept below.
         let near = ((max - min).max_element() * NEAR).max(magnitude * NEAR_OF_MAGNITUDE).max(LEAST_NEAR);
         self.solids.sync(scene);
+        // A solid that the viewcell meets, or that is open towards it, hides nothing from some of its points.
         let usable = |solid: &&Solid| !solid.meets(min, max) && is_closed_from(&solid.blocker, min, max);
         let usable: Vec<&Solid> = self.solids.list.iter().filter(usable).collect();
         let (shrunk, ids) = shrunk_scene(scene, visible, &usable, distance);
+        // An object hidden from all sample points by occluders shrunk by the distance between points is
+        // hidden from all points of the viewcell.
         let mut seen = alloc::vec![false; scene.index_limit()];
         let (mut left, mut stats) = (ids.len(), CullStats::default());
         let mut set = VisibleSet::new();

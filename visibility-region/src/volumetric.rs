@@ -127,6 +127,8 @@ impl RegionCuller for VolumetricCuller {
         let usable: Vec<bool> = self.solids.list.iter().map(is_usable).collect();
         let mut space = Space::new(&self.octree, &usable);
         let mut umbrae = Vec::new();
+        // Opaque cells, those that look largest first, extended through opaque and hidden cells to a box. The
+        // umbra of each makes further cells hidden, through which later ones may extend.
         for leaf in space.largest(min, max) {
             if umbrae.len() == BLOCKERS {
                 break;
@@ -184,6 +186,8 @@ impl Octree {
         let mut listed = solids.len();
         let most = LISTED + 16 * solids.len();
         while let Some((node, [min, max], near)) = queue.pop_front() {
+            // A cell inside a solid is opaque. Any other cell that solids meet is divided while memory
+            // allows; breadth first, so that the limits cut off the smallest cells.
             let contains =
                 |&solid: &u32| behind[solid as usize].classify_box(min, max) == Containment::Inside;
             if let Some(solid) = near.iter().copied().find(contains) {

@@ -173,6 +173,7 @@ impl RegionCuller for SamplingCuller {
             lines: Vec::new(),
         };
         let mut candidates = Vec::new();
+        // The search ends early once every candidate with triangles is found.
         visible.retain(scene, |id, _| {
             if !search.tree.triangles_of(id.index()).is_empty() {
                 search.wanted.insert(id.index());
@@ -187,6 +188,7 @@ impl RegionCuller for SamplingCuller {
         let Search { found, lines, rays, .. } = search;
         self.rays_cast = self.rays - rays;
         let origin = scene.origin();
+        // Found in scene coordinates, reported in those of the world.
         self.sight_lines.extend(lines.into_iter().filter_map(|(object, eye, point)| {
             let id = scene.id_at(object as usize)?;
             Some(SightLine { id, eye: eye + origin, point: point + origin })

@@ -108,6 +108,7 @@ impl TriangleTree {
         for id in scene.ids() {
             let (Ok(object), Ok(triangles)) = (scene.object(id), scene.triangles(id)) else { continue };
             let start = self.corners.len() as u32;
+            // Rays may be blocked by occluders only; any object may be seen.
             let (blocks, one_sided) = (object.occluder, object.one_sided);
             let mut owner = Owner { blocks, one_sided, ..Owner::default() };
             if !triangles.is_empty() {
@@ -122,6 +123,8 @@ impl TriangleTree {
                 };
                 let triangles = mesh.triangles().iter().map(|t| t.map(&mut place));
                 self.corners.extend(triangles.filter(|t| t.iter().all(|p| p.is_finite())));
+                // Corners that were placed and rounded to `f32` may be off by `slack`: a ray that passes
+                // within it is not certain to meet the triangle.
                 if *transform != Affine3A::IDENTITY {
                     owner.slack = (placement.doubt + largest * ROUNDED) as f32;
                 }
@@ -207,6 +210,7 @@ impl TriangleTree {
         {
             stack.push((0, enter));
         }
+        // The nearer child is taken first, so that `limit` soon rules out the farther nodes.
         while let Some((node, enter)) = stack.pop() {
             if enter > limit {
                 continue;
@@ -234,12 +238,14 @@ impl TriangleTree {
                 if met.least > limit {
                     continue;
                 }
+                // Every hit before the limit is kept, as the order of two hits may be uncertain.
                 if blocks && met.is_certain() {
                     limit = limit.min(met.most);
                 }
                 hits.push(Hit { object, triangle, least: met.least, most: met.most, blocks });
             }
         }
+        // An object is compared with the first blocker, the first blocker itself with the next other object.
         let blockers = || hits.iter().filter(|hit| hit.blocks);
         let by_least = |a: &&Hit, b: &&Hit| a.least.total_cmp(&b.least);
         let first = blockers().min_by(by_least).copied();

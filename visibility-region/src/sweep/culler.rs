@@ -238,6 +238,7 @@ impl ExtendedProjectionCuller {
         let rims = [0, 1].map(|lat| Rim::of(list, lat, direction, &mut self.coordinates));
         self.sweep.begin();
         let (mut nearest, mut behind_left) = (Nearest::new(all, direction, &cone), BEHIND);
+        // Portions of occluders from near to far. Each serves the planes before the next portion begins.
         while let Some(range) =
             nearest.advance(all, &mut self.pieces, cell_box, direction, &cone, Some(list.as_slice()))
         {
@@ -248,6 +249,7 @@ impl ExtendedProjectionCuller {
                 }
                 job.drop_reached(d, list, stats);
                 self.projections.clear();
+                // The window of the map is as small as holds the projections of all items still asked about.
                 self.projections.extend(list.iter().map(|item| direction.occludee(d, &item.bounds)));
                 let unite = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
                     [0, 1].map(|lat| [a[lat][0].min(b[lat][0]), a[lat][1].max(b[lat][1])])
@@ -256,6 +258,8 @@ impl ExtendedProjectionCuller {
                 let window = ends.and_then(|ends| Window::fit(direction, d, ends, rims));
                 let Some(window) = window else { return };
                 let place = |source| all.place(&self.pieces, direction, source);
+                // The map is reprojected to this plane, the occluders between the planes are drawn, and the
+                // items behind it tested.
                 stats.occluders += self.sweep.advance(direction, window, occluders, &cone, place);
                 self.test(job, &window, list, stats);
             }

@@ -103,9 +103,12 @@ impl Nearest {
         if before == f64::INFINITY {
             return None;
         }
+        // With few items left, occluders beside all of their lines of sight are skipped. With many, the test
+        // would cost more than drawing.
         let asked = asked.filter(|items| before > 0.0 && items.len() <= FEW);
         let (mut count, mut end) = (0, f64::INFINITY);
         while let Some(entry) = self.queue.pop() {
+            // The portion is full: the planes that it serves end where the next occluder begins.
             if count >= self.portion && entry.bounds.lo.z > before.max(cone.near) {
                 end = entry.bounds.lo.z;
                 self.queue.push(entry);
@@ -124,6 +127,8 @@ impl Nearest {
                 }
             }
         }
+        // Occluders that begin before the end are settled, in the order in which they begin. Portions double,
+        // so that their number is logarithmic.
         let open = &mut self.occluders[self.settled..];
         open.sort_by(|a, b| a.begins.total_cmp(&b.begins));
         self.settled += open.partition_point(|occluder| occluder.begins < end);

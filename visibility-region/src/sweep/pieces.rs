@@ -145,6 +145,8 @@ impl Pieces {
         for &segment in surfaces.segments_of(cluster) {
             self.plus.clear();
             self.minus.clear();
+            // Sides of drawn triangles on this segment, by the direction in which the triangle's outline runs
+            // along it as seen from the cell.
             for &side in surfaces.sides(segment as usize) {
                 let (triangle, forward) = (side / 2, side % 2 == 1);
                 match self.facing[triangle as usize] {
@@ -153,6 +155,7 @@ impl Pieces {
                     _ => self.minus.push(triangle),
                 }
             }
+            // Too many triangles on one segment to pair: each of them ends there.
             if self.plus.len().max(self.minus.len()) > MOST_ON_SEGMENT {
                 let all = self.plus.iter().chain(&self.minus);
                 self.bounding.extend(all.map(|&triangle| (triangle, segment)));
@@ -161,6 +164,7 @@ impl Pieces {
             while let Some(first) = self.plus.pop() {
                 let fits = |&(_, &other): &(usize, &u32)| joins || part(first) == part(other);
                 let partners = self.minus.iter().enumerate().filter(fits);
+                // Of several partners the flattest continuation, so that pieces stay as flat as possible.
                 let partner = if self.minus.len() == 1 {
                     partners.map(|(at, _)| at).next()
                 } else {
@@ -177,6 +181,7 @@ impl Pieces {
                     None => self.bounding.push((first, segment)),
                 }
             }
+            // A side without a partner is on the contour of its piece.
             self.bounding.extend(self.minus.iter().map(|&triangle| (triangle, segment)));
         }
     }
@@ -235,6 +240,8 @@ impl Pieces {
                 }
             }
         }
+        // Counting sort: counts of triangles and contour segments by piece, then starts, then the items in
+        // place.
         for &(triangle, _) in &self.bounding {
             if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
                 piece.contour[1] += 1;

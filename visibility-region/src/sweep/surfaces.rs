@@ -215,6 +215,8 @@ impl Surfaces {
     fn find_segments(&mut self) {
         let mut sides = self.line_sides();
         sides.sort_unstable_by(|a, b| a.key.cmp(&b.key).then(a.side.cmp(&b.side)));
+        // Sides along an axis that lie on one line may overlap in part, as at T-junctions: the line is cut at
+        // all ends, so that each segment has the same sides everywhere.
         let mut cuts: Vec<f32> = Vec::new();
         for line in sides.chunk_by(|a, b| a.key == b.key) {
             if line[0].key[0] == 3 {
@@ -230,6 +232,8 @@ impl Surfaces {
             let mut pieces: Vec<([u32; 2], u32)> = Vec::new();
             for side in line {
                 let [low, high] = side.ends.map(|x| at(x) as u32);
+                // Too many cuts for too few sides: each side stays one segment. Then fewer triangles join,
+                // which loses nothing but occlusion.
                 if count > MOST_SEGMENTS * line.len() {
                     pieces.push(([low, high], side.side));
                 } else {
@@ -278,6 +282,8 @@ impl Surfaces {
             for corner in 0..3 {
                 let (a, b) = (surface.corners[corner], surface.corners[(corner + 1) % 3]);
                 let same = [a.x == b.x, a.y == b.y, a.z == b.z];
+                // A side along an axis is keyed by the axis and its two other coordinates, so that all sides
+                // on the line have one key. Any other side is keyed by its end points.
                 if same.iter().filter(|&&same| same).count() == 2 {
                     let axis = same.iter().position(|same| !same).unwrap_or(0);
                     let forward = a[axis] < b[axis];

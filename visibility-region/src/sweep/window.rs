@@ -83,6 +83,7 @@ impl Rim {
         scratch: &mut Vec<f64>,
     ) -> Option<Self> {
         let (mut best, mut most) = (None, 1);
+        // Lower coordinates first, then upper ones: the longest run of equal coordinates wins.
         for inwards in [1.0, -1.0] {
             scratch.clear();
             scratch.extend(items.iter().map(
@@ -99,6 +100,8 @@ impl Rim {
             }
         }
         let (range, inwards) = best?;
+        // Where the lateral axis is an axis of the world, the coordinate is known to the last bit, and can be
+        // compared with the cell's face without error.
         let exact = direction.exact[lat].and_then(|(axis, cell)| {
             let outermost = items
                 .iter()

@@ -56,11 +56,13 @@ impl ExtendedProjectionCuller {
     /// to the number of objects.
     pub fn virtual_occluders(&mut self, scene: &Scene, cell: &Viewcell) -> VirtualOccluders {
         let mut candidates: Vec<Candidate> = Vec::new();
+        // Candidates: the largest covered rectangles of the map on each plane of the sweep.
         self.sweep_open(scene, cell, |direction, window, map| {
             let rects = largest(map, A_PLANE).into_iter();
             candidates.extend(rects.map(|rect| Candidate::new(direction, window, window.inside(rect))));
         });
         let mut chosen = Vec::new();
+        // At most `SAMPLE` objects, evenly chosen by index, stand for all.
         let step = scene.len() / SAMPLE + 1;
         let objects: Vec<Aabb> = scene.ids().step_by(step).filter_map(|id| scene.bounds(id).ok()).collect();
         candidates.iter_mut().for_each(|candidate| candidate.test(&objects));
