@@ -415,6 +415,7 @@ impl<'a> CellQuery<'a> {
             if self.search.must_stop() {
                 break;
             }
+            // Objects that an earlier search found seen or hidden leave the group.
             let group = &mut list[start..end];
             group.sort_by_key(|&o| !self.is_open(o));
             let count = group.partition_point(|&o| self.is_open(o));
@@ -431,6 +432,7 @@ impl<'a> CellQuery<'a> {
                 left.extend(self.is_open(single).then_some(single));
                 continue;
             }
+            // Halved at the median of the middles along the longest axis of the group's box.
             let extent = max - min;
             let axis = extent.max_position();
             let objects = &self.search.triangles.objects;
@@ -579,6 +581,8 @@ impl<'a> CellQuery<'a> {
                 let target = Target::Box { min, max };
                 let (answer, used) = self.solve(target, PART);
                 spent += used;
+                // A part that is proven hidden earns nodes for further parts: without success the search soon
+                // ends.
                 match answer {
                     Answer::Hidden => {
                         if self.settings.keep_proofs {
@@ -593,6 +597,7 @@ impl<'a> CellQuery<'a> {
                     Answer::Undecided => {}
                 }
             }
+            // Small parts are left to the search triangle by triangle.
             if part.len() < 2 * PART_TRIANGLES || spent > most {
                 left.extend_from_slice(part);
                 continue;

@@ -57,6 +57,8 @@ impl Search<'_> {
             let t = all.corners(start);
             return Err([t[0], t[1]]);
         }
+        // The surface grows from `start` across every edge that lines of sight may meet, until its boundary
+        // is missed by all of them.
         scratch.begin();
         scratch.push(start, all.edges(start));
         let mut at = 0;
@@ -70,6 +72,7 @@ impl Search<'_> {
                 }
                 continue;
             }
+            // A triangle that may touch P or Q does not separate them.
             let tags = self.tags(t);
             if !self.apart(&corners, tags, sight) {
                 return Err([corners[0], corners[1]]);
@@ -82,6 +85,8 @@ impl Search<'_> {
                 {
                     continue;
                 }
+                // An edge without a next triangle stays open for now: it may be moved outwards by the
+                // clearance below.
                 if let Some(next) = self.next_across(scratch, sight, t, k, line) {
                     scratch.push(next, all.edges(next));
                     if scratch.chain.len() > MOST {
@@ -96,6 +101,8 @@ impl Search<'_> {
         if !scratch.open.is_empty() {
             self.move_boundary(scratch, sight, shaft)?;
         }
+        // A boundary that no line meets leaves either all lines blocked or none. One line decides: it must
+        // cross the surface an odd number of times.
         if !self.crosses_oddly(scratch, line) {
             let t = all.corners(start);
             return Err([t[0], t[1]]);
@@ -238,6 +245,7 @@ impl Search<'_> {
         vertices.dedup();
         // By vertex: its position, and the sum and the product's parts of the directions of its edges.
         let mut sums: Vec<(DVec3, DVec3, u32)> = alloc::vec![(DVec3::ZERO, DVec3::ZERO, 0); vertices.len()];
+        // First the direction outwards at each corner of open edges, a mitre of those of its boundary edges.
         let boundary = |scratch: &ChainScratch, t: u32, k: usize| scratch.state(all.edges(t)[k]) & ODD != 0;
         for &t in &scratch.chain {
             for k in (0..3).filter(|&k| boundary(scratch, t, k)) {
@@ -253,6 +261,8 @@ impl Search<'_> {
         }
         for (&vertex, &(position, sum, count)) in vertices.iter().zip(&sums) {
             let shift = mitre(sum, count, self.clearance);
+            // Without a clearance no corner may move, and a corner of the target triangle never may. The
+            // first open edge is then the obstacle.
             if self.clearance == 0.0 || self.tag(vertex) < 3 {
                 let (t, k) = scratch.open[0];
                 let corners = all.corners(t);
@@ -260,6 +270,8 @@ impl Search<'_> {
             }
             scratch.moved.push((vertex, position + shift));
         }
+        // Then the boundary with its corners moved. The strip between the old and the new edge counts as a
+        // part of the surface, so it must be apart from P and Q as well.
         let pad = self.pad();
         for &t in &scratch.chain {
             for k in (0..3).filter(|&k| boundary(scratch, t, k)) {

@@ -45,6 +45,7 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     let t = rows.map(|row| (row.edge.ends[1] - row.edge.ends[0]).normalize_or_zero() * row.side);
     let cross = [t[1].cross(t[2]), t[2].cross(t[0]), t[0].cross(t[1])];
     let determinant = t[0].dot(cross[0]);
+    // Three edges nearly in one plane have no inverse worth its rounding.
     if determinant.abs() < 1e-6 {
         return false;
     }
@@ -61,6 +62,7 @@ fn excludes(sight: &Sight, rows: [&Row; 3], delta: f64) -> bool {
     if !positive(middle) {
         return false;
     }
+    // The form is bilinear in the points of P and Q, so its sign is decided at pairs of corners.
     let mut directions = [DVec3::ZERO; 64];
     let mut count = 0;
     for &p in sight.p.corners() {

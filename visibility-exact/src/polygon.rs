@@ -117,18 +117,21 @@ impl Polygon {
             polygon
         };
         match self.n {
+            // A triangle is cut from the middle of its longest side to the corner opposite.
             3 => {
                 let longest = (0..3).fold(0, |best, i| if length(i) > length(best) { i } else { best });
                 let [i, j, k] = [longest, longest + 1, longest + 2];
                 let m = middle(i);
                 [make(&[corner(i), m, corner(k)]), make(&[m, corner(j), corner(k)])]
             }
+            // A quadrilateral is cut between the middles of two opposite sides.
             4 => {
                 let first = length(0) + length(2) >= length(1) + length(3);
                 let i = usize::from(first == across);
                 let (m, n) = (middle(i), middle(i + 2));
                 [make(&[corner(i), m, n, corner(i + 3)]), make(&[m, corner(i + 1), corner(i + 2), n])]
             }
+            // Any other polygon is cut along a diagonal.
             n => {
                 let half = n / 2;
                 let first: [_; MOST] = core::array::from_fn(|i| corner(i.min(half)));

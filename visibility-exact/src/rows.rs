@@ -146,6 +146,8 @@ impl Search<'_> {
         let mut edges = Vec::with_capacity(by.ring.len());
         for (k, &divides) in by.divides.iter().enumerate() {
             let mut found = if divides { LoopEdge::Divides } else { LoopEdge::Inside };
+            // An edge that no line of the node passes on the outer side, given the rows so far, needs no part
+            // of its own.
             if divides && base > 0 {
                 node.push(by.row(k, -by.side));
                 if let (Value::Negative, weights) = self.solve(&node.matrix) {
@@ -164,6 +166,7 @@ impl Search<'_> {
             edges: edges.into_boxed_slice(),
         });
         let mut answer = Answer::Hidden;
+        // Part k: inside the edges before k, outside edge k. The checker makes the same parts.
         for (count, &k) in dividing.iter().enumerate() {
             node.truncate(base + count.saturating_sub(1));
             if count > 0 {
@@ -195,6 +198,7 @@ impl Search<'_> {
             if across && !polygon.has_two_ways() {
                 continue;
             }
+            // A half whose rows exclude all lines is worth most. Otherwise the larger polygon is halved.
             let mut score = u32::from(of_p == p_is_larger);
             let halves = sight.halves(of_p, across).map(|half| {
                 let mut half = RowNode::new(half, half.side_error(self.delta), &node.rows);
@@ -249,6 +253,7 @@ impl Search<'_> {
         if total.is_nan() || total <= 0.5 {
             return None;
         }
+        // The weights are of pairs of corners. Their means in P and in Q are a first segment.
         let mut line = self.segment(from / total, to / total);
         let satisfies = |line: Segment| {
             rows.iter().all(|row| {
@@ -265,6 +270,8 @@ impl Search<'_> {
                 let inner = [0.5, 0.2, 0.05, 0.01, 0.001].into_iter().map(towards).find(|&l| satisfies(l));
                 return Some(inner.unwrap_or(line));
             }
+            // With one end held, the rows are linear in the other end: a small matrix game finds the best
+            // one.
             let of_q = round % 2 == 0;
             let corners = if of_q { q } else { p };
             self.matrix.start(corners.len());

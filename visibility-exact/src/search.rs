@@ -184,6 +184,8 @@ impl<'a> Search<'a> {
         self.used += 1;
         self.stats.nodes += 1;
         let mut hits = core::mem::take(&mut self.hits);
+        // A sample line that misses everything is a line of sight. Otherwise each triangle that it crosses
+        // may begin a surface that blocks the node.
         let line = self.crossed_line(sight, &mut hits);
         let mut obstacle = None;
         let mut answer = None;
@@ -212,6 +214,8 @@ impl<'a> Search<'a> {
         if let Some(answer) = answer {
             return answer;
         }
+        // A one-sided triangle hides from its front alone. Where P is on both sides of its plane, P is cut
+        // along the plane.
         let triangle = self.across;
         if splits < SPLITS
             && triangle != NONE
@@ -221,6 +225,8 @@ impl<'a> Search<'a> {
             let step = Step::Split { triangle };
             return self.parts(step, parts, |search, part| search.node(part, depth, splits + 1));
         }
+        // At some depths, a search that divides the lines by loops of edges, which can prove what surfaces
+        // alone cannot.
         if self.budget.divided > 0 && depth >= DIVIDE_FROM && (depth - DIVIDE_FROM).is_multiple_of(3) {
             let mut left = self.budget.divided;
             match self.divide(sight, &mut left) {

@@ -88,6 +88,7 @@ impl TriangleTree {
         }
         let extent = greatest - least;
         let axis = extent.max_position();
+        // Binned surface-area heuristic along the longest axis of the middles.
         let bin = |leaf: &LeafBox| {
             let place = (leaf.middle()[axis] - least[axis]) / extent[axis];
             ((place * BINS as f32) as usize).min(BINS - 1)
@@ -102,6 +103,7 @@ impl TriangleTree {
                 }
             }
         }
+        // Equal middles, or a tree that has become too deep: halves by count.
         if split == 0 || split == boxes.len() {
             split = boxes.len() / 2;
             let key = |leaf: &LeafBox| leaf.middle()[axis];
@@ -218,6 +220,7 @@ impl TriangleTree {
                 }
                 continue;
             }
+            // The nearer child goes on top of the stack.
             let (first, second) = (at + 1, node.link);
             let (x, y) = (enter(&self.nodes[first as usize]), enter(&self.nodes[second as usize]));
             let pair = if x <= y { [(second, y), (first, x)] } else { [(first, x), (second, y)] };
