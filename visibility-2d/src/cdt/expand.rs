@@ -179,6 +179,8 @@ impl Expansion<'_> {
         let plan = self.plan;
         while let Some(mut cone) = stack.pop() {
             loop {
+                // A cone that `enters` begins inside the triangle of its edge. Any other one crosses the edge
+                // to the triangle beyond it, if nothing there ends it.
                 let twin = if cone.enters {
                     cone.edge
                 } else {
@@ -188,6 +190,8 @@ impl Expansion<'_> {
                         break;
                     }
                     if twin & (WALL | BLOCKS) != 0 {
+                        // The outer boundary (no twin) ends every cone. A wall ends it only after `through`
+                        // other walls.
                         let blocks = twin & BLOCKS != 0 && (twin & TWIN == TWIN || stops(cone.edge));
                         let ends = blocks && (cone.through == 0 || twin & TWIN == TWIN);
                         if ends {
@@ -200,6 +204,9 @@ impl Expansion<'_> {
                     twin & TWIN
                 };
                 enter(twin / 3, cone.right, cone.left);
+                // In the triangle entered, the cone is divided by the ray through the apex, the corner
+                // opposite the edge it came by. Parts right of the ray go on through one edge, parts left of
+                // it through the other.
                 let (to_right, to_left) = (next(twin), previous(twin));
                 let apex = plan.edges[to_left as usize].origin;
                 let [x, y] = plan.points[apex as usize];

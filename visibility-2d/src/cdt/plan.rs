@@ -154,6 +154,7 @@ impl Plan {
         curve: Curve,
         bounds: [Point; 2],
     ) -> Result<Self, PlanError> {
+        // Neighbours on the curve are neighbours in memory: a query then touches few cache lines.
         let order = |points: &mut dyn Iterator<Item = Point>| {
             let mut order: Vec<_> =
                 points.zip(0u32..).map(|(point, i)| ((curve.place::<16>(point) >> 32) as u32, i)).collect();
@@ -191,6 +192,8 @@ impl Plan {
             bounds,
             outer: [0; 4],
         };
+        // Half-edges in the new order. Both halves of a wall's piece have the same piece number: the half
+        // that comes later takes that of its twin.
         for &(_, old) in &triangles {
             for h in 3 * old..3 * old + 3 {
                 let edge = from.edges[h as usize];

@@ -344,6 +344,8 @@ impl Walk<'_> {
             let axis = usize::from(self.a[0] == self.b[0]);
             (self.b[axis] > self.a[axis]) == (point[axis] > from[axis])
         };
+        // Of the triangles around the vertex, the segment passes either along an edge that leads ahead, or
+        // between the other two corners of exactly one triangle.
         plan.fan(h)
             .find_map(|h| {
                 let side = self.side(plan.start(next(h)));
@@ -354,9 +356,12 @@ impl Walk<'_> {
                 is_through.then_some((h, false))
             })
             .and_then(|(h, along)| {
+                // Through the triangle's far edge.
                 if !along {
                     return Some(At::Edge(next(h)));
                 }
+                // Along an edge. If the edge is a wall that blocks, the segment goes on only on the sides of
+                // it that were open.
                 let edge = plan.edges[h as usize];
                 let back = edge.twin().map_or(0, |twin| plan.edges[twin as usize].twin);
                 let is_wall = edge.twin().is_some_and(|twin| {

@@ -165,6 +165,7 @@ impl Plan {
         let Visibility {
             polygon, walls, objects: seen, twice_area, cones, marks, object_marks, query, ..
         } = answer;
+        // The walls that the eye stands on are seen.
         match place {
             Place::Edge(h) if self.piece[h as usize] != NONE => {
                 add_walls(walls, marks, *query, self.walls_of(self.piece[h as usize]));
@@ -176,12 +177,15 @@ impl Plan {
             }
             _ => {}
         }
+        // Cones around the eye, from right to left. They are taken from the end of the stack, so the order is
+        // reversed.
         from.start(place, view.through, cones);
         if limited {
             from.limit(cones);
         }
         cones.reverse();
         let disc = (view.range < f64::INFINITY).then(|| Disc::new(eye, view.range));
+        // Objects of each triangle that a cone enters are seen if they meet this cone, and are within range.
         let mut enter = |triangle: u32, right: Ray, left: Ray| {
             let Some(objects) = objects else { return };
             let cone = [from.point(right.point), from.point(left.point)];
@@ -196,6 +200,7 @@ impl Plan {
                 }
             });
         };
+        // The triangles around the eye are entered by no edge.
         for cone in cones.iter() {
             if let Some((triangle, right, left)) = cone.inside() {
                 enter(triangle, right, left);
@@ -203,6 +208,8 @@ impl Plan {
         }
         let heights = view.heights.map(|[a, b]| [a.min(b), a.max(b)]);
         let stops = |edge: u32| heights.is_none_or(|heights| self.stops_between(edge, heights));
+        // The polygon closes around the eye unless the view is limited or the eye is on the boundary of the
+        // plan: then the eye is a vertex of it.
         let around = !limited && !self.is_on_boundary(place);
         let mut last = [f64::NAN; 2];
         let mut push = |point: Point| {
@@ -217,6 +224,8 @@ impl Plan {
                 add_walls(walls, marks, *query, self.walls_of(piece));
             }
         };
+        // Within a range the polygon's boundary has arcs, and its area is that of the finished polygon.
+        // Without one it consists of parts of walls, whose triangles with the eye add up.
         if let Some(disc) = disc {
             from.run(
                 cones,

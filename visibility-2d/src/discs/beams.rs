@@ -153,6 +153,7 @@ impl DiscBeams {
                 continue;
             };
             edges.push(edge);
+            // Several discs may have the same centre. The largest is the disc of the vertex.
             let vertex = self.plan.edges[edge as usize].origin as usize;
             if self.disc_of[vertex] == NONE || self.radius_of[vertex] < disc.radius {
                 (self.disc_of[vertex], self.radius_of[vertex]) = (index, disc.radius);
@@ -165,6 +166,9 @@ impl DiscBeams {
                 continue;
             }
             let vertex = self.plan.edges[edge as usize].origin;
+            // Each disc is listed by the triangles that it touches, found from the centre outward through the
+            // edges that the disc reaches. Triangles with the centre as a corner know the vertex's own disc
+            // already.
             let is_first = self.disc_of[vertex as usize] == index;
             found.clear();
             found.extend(self.plan.fan(edge).map(|h| h / 3));
@@ -186,10 +190,12 @@ impl DiscBeams {
                 }
                 at += 1;
             }
+            // Too large for lists: such a disc is reported by every query.
             if found.len() > MOST_TRIANGLES {
                 self.large.push(index);
             }
         }
+        // Counts by triangle, then their sums: the start of each triangle's list.
         touched.sort_unstable();
         for &(triangle, _) in &touched {
             self.first_other[triangle as usize + 1] += 1;
@@ -248,6 +254,8 @@ impl DiscBeams {
     fn expand(&self, eye: [f64; 2], scratch: &mut BeamScratch, seen: &mut Vec<u32>) -> Option<()> {
         let plan = &self.plan;
         self.large.iter().for_each(|&disc| scratch.report(disc, seen));
+        // The edges opposite the eye in the triangles around it: each begins a beam. An edge so close that it
+        // spans nearly half a turn is replaced by the two edges beyond it, since a beam must be narrower.
         let mut around: SmallVec<[u32; 16]> = SmallVec::new();
         match plan.locate(eye, plan.near(eye)) {
             Place::Triangle(t) => around.extend(3 * t..3 * t + 3),
@@ -270,6 +278,8 @@ impl DiscBeams {
             }
         }
         let mut steps = 0;
+        // A beam that crosses an edge is divided among the two far edges of the triangle beyond; `push`
+        // narrows each part by the discs at its ends, or drops it.
         while let Some(beam) = scratch.beams.pop() {
             let Some(twin) = plan.edges[beam.edge as usize].twin() else { continue };
             steps += 1;

@@ -169,6 +169,7 @@ impl Discs {
             return Err(DiscError::Disc { index });
         }
         let mut order: Vec<([f64; 2], u32)> = (0..).zip(discs).map(|(i, disc)| (disc.center, i)).collect();
+        // In the order of a space-filling curve, neighbours of the plan share leaves and nodes.
         put_in_order(&mut order);
         let indices: Vec<u32> = order.iter().map(|&(_, index)| index).collect();
         let discs: Vec<Disc> = indices.iter().map(|&index| discs[index as usize]).collect();
@@ -182,6 +183,7 @@ impl Discs {
             }
         }
         let mut made = Self { discs, indices, solid_radii: Vec::new(), are_disjoint: false, levels };
+        // The part of each disc that no other disc reaches into: only that part hides.
         made.solid_radii = (0..made.len()).map(|index| made.solid_radius(index)).collect();
         made.are_disjoint = made
             .discs

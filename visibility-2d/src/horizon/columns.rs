@@ -226,10 +226,14 @@ impl Columns {
             return;
         }
         let sides = &mut self.sides;
+        // Upper height, lower height (negated) and inverse depth at each boundary between columns, each
+        // bounded so that the face hides no more than it does.
         sides.iter_mut().for_each(|entries| entries[begin..=end].fill(f64::INFINITY));
         let [highs, lows, inverse_depths] = sides;
         sample(&mut highs[begin..=end], &mut inverse_depths[begin..=end], begin, upper, error, 1.0);
         sample(&mut lows[begin..=end], &mut inverse_depths[begin..=end], begin, lower, error, -1.0);
+        // Between two boundaries an outline of a wall may dip at a corner: the corner's height counts for its
+        // column.
         if bends {
             let corners = |outline: &[Corner]| 1..outline.len() - 1;
             for corner in &upper[corners(upper)] {
@@ -255,6 +259,7 @@ impl Columns {
         }
         let count = self.per_face.div_ceil(BLOCK);
         let blocks = &mut self.blocks[face * count..][..count];
+        // A column takes the lesser of the values at its two boundaries, rounded inwards.
         for column in begin..end {
             let least =
                 |of: &[f64]| (if of[column] < of[column + 1] { of[column] } else { of[column + 1] }) as f32;

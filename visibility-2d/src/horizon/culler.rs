@@ -241,15 +241,19 @@ impl Culler for HorizonCuller {
             crowns.begin(self.horizon.columns.per_face());
         }
         let (mut drawn, mut kept) = (0, 0);
+        // From near to far: each object is tested against all that is drawn before it, and then drawn itself
+        // if it stays.
         self.queue.clear();
         self.open(&mut walk, None, drawn);
         while let Some(next) = self.queue.pop() {
             let (rows, columns, eye) = (self.horizon.up().rows(), &self.horizon.columns, &self.horizon.eye);
+            // A node was tested when it was queued. The test is repeated only if more has been drawn since.
             let mut is_hidden = false;
             if next.drawn != drawn {
                 walk.stats.tests += 1;
                 is_hidden = columns.hides_box(eye, rows, &next.bounds);
             }
+            // Crowns of trees hide as far as their leaves do. They are drawn after their own test.
             if let Some(crowns) = &mut self.crowns
                 && !is_hidden
             {

@@ -182,6 +182,8 @@ impl Sheet {
             }
             size = corner.iter().fold(size, |size, x| size.max(x.abs()));
         }
+        // The side of a square is a power of two, so that indices of squares are exact: about as many squares
+        // as triangles ask for.
         let wanted = (members.len() * SQUARES_PER_TRIANGLE).clamp(SQUARES[0], SQUARES[1]) as f64;
         let [width, depth] = [max[0] - min[0], max[1] - min[1]];
         let mut side = 1.0f64;
@@ -191,6 +193,8 @@ impl Sheet {
         while width * depth <= wanted * side * side * 0.25 && side > 1e-30 {
             side *= 0.5;
         }
+        // Squares must be much larger than the error of coordinates, or a triangle could be put into the
+        // wrong one.
         let error = error + 16.0 * f64::EPSILON * size;
         // NaN and infinite extents are refused, too.
         let fits = error < 0.01 * PAD * side && width < side * 1e7 && depth < side * 1e7;
@@ -207,6 +211,9 @@ impl Sheet {
         let mut squares = vec![Square::EMPTY; columns * rows];
         let mut is_border = vec![false; columns * rows];
         let mut owned: Vec<(u32, u32)> = Vec::new();
+        // Each square takes the heights of all triangles that meet it, rounded outwards, and the objects that
+        // own them. A square that a border of the sheet meets hides nothing: sight could pass beside the
+        // sheet.
         for &t in members {
             let triangle = &triangles[t as usize];
             let range = HeightRange::new(triangle, error);
@@ -222,6 +229,7 @@ impl Sheet {
                 grid.for_each_met(&[a, b, b], 8.0 * PAD, |index, _, _| is_border[index] = true);
             }
         }
+        // Equal lists of owners are stored once.
         owned.sort_unstable();
         owned.dedup();
         let mut lists = Lists::default();
@@ -235,11 +243,12 @@ impl Sheet {
         let unbroken = || squares.iter().filter(|square| square.owners != BROKEN);
         let bottom = unbroken().map(|square| square.low).fold(f32::INFINITY, f32::min);
         let top = unbroken().map(|square| square.high).fold(f32::NEG_INFINITY, f32::max);
-        // False where no square is unbroken, too.
+        // A flat sheet hides nothing from above it. False where no square is unbroken, too.
         let is_hilly = f64::from(top) - f64::from(bottom) > LEAST_HEIGHT * width.min(depth);
         if !is_hilly {
             return None;
         }
+        // Coarser levels, each of 2 by 2 squares of the level below, for rings far from the eye.
         let mut levels = vec![Level { columns, squares }];
         for _ in 1..LEVELS {
             let last = &levels[levels.len() - 1];
@@ -474,6 +483,8 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
         if !(keeps_fronts || mesh.is_two_sided()) {
             continue;
         }
+        // Vertices join triangles if their world coordinates are equal to the last bit. A key is the
+        // coordinates where the transform is exact, or else the vertex of this object alone.
         let object = objects.len() as u32;
         let mut bounds = Aabb::EMPTY;
         let points: Vec<([f64; 3], VertexKey, f64)> = (0u32..)
@@ -495,6 +506,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
                 continue;
             }
             let [a, b, c] = t.map(|(p, ..)| [p[0], p[1]]);
+            // Turned up means counter-clockwise on the plan.
             let area = orient(a, b, c);
             if area < 0.0 && mesh.is_two_sided() {
                 t.swap(1, 2);
@@ -516,6 +528,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
             objects.push(GroundObject { id, bounds });
         }
     }
+    // Corners with equal keys get the same vertex number.
     keys.sort_unstable();
     for (vertex, group) in (0u32..).zip(keys.chunk_by(|a, b| a.0 == b.0)) {
         for &(_, corner) in group {
@@ -568,12 +581,14 @@ fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
         }
         i
     }
+    // Union-find: triangles with a common edge are of one sheet, named by its least triangle.
     for &[a, b] in &borders.pairs {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
         parent[a.max(b) as usize] = a.min(b);
     }
     let mut order: Vec<(u32, u32)> = (0..triangles.len() as u32).map(|i| (root(&mut parent, i), i)).collect();
     order.sort_unstable();
+    // Twice the area on the plan. All triangles face up, so that no parts cancel.
     let area = |group: &[(u32, u32)]| -> f64 {
         let of = |&(_, i): &(u32, u32)| {
             let [a, b, c] = triangles[i as usize].corners;
@@ -590,6 +605,7 @@ fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
             (min[axis], max[axis]) = (min[axis].min(p[axis]), max[axis].max(p[axis]));
         }
     }
+    // Sheets below this share of the scene's extent cost more than they hide.
     let least = LEAST_AREA * (max[0] - min[0]) * (max[1] - min[1]);
     let is_large = |sheet: &&(f64, &[(u32, u32)])| sheet.0 >= least;
     sheets

@@ -242,6 +242,8 @@ impl<'a> Wedge<'a> {
         let e = self.error;
         let ring = [from - e, to + e, right - e, left + e];
         let [near, far, right, left] = ring;
+        // The ring's part in this column as a rectangle on the plan: `from` to `to` along the axis of the
+        // face, the column's sides across it.
         let ([x0, x1], [y0, y1]) = match self.face {
             0 => ([near, far], [right, left]),
             1 => ([-left, -right], [near, far]),
@@ -255,6 +257,7 @@ impl<'a> Wedge<'a> {
         };
         let first = [index(min, 0, -PAD), index(min, 1, -PAD)];
         let last = [index(max, 0, PAD), index(max, 1, PAD)];
+        // The finest level on which the rectangle meets few squares.
         let mut level = 0;
         while (0..2).any(|axis| (last[axis] >> level) - (first[axis] >> level) >= MOST_SQUARES) {
             level += 1;
@@ -283,6 +286,7 @@ impl<'a> Wedge<'a> {
         if !self.frame.is_box_beyond_near([min[0], min[1], low], [max[0], max[1], high]) {
             return None;
         }
+        // Relative to the eye, outward by the roundings of both heights.
         let outward = |height: f64| (height - eye[2], e + 4.0 * U * (height.abs() + eye[2].abs()));
         let ((low, a), (high, b)) = (outward(low), outward(high));
         // Quotients by depths round once: 4u of themselves.

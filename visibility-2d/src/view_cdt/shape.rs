@@ -310,6 +310,7 @@ impl Shapes {
         let begin = self.outlines.len();
         let (low, high) = (-0.5 * super::screen::RIM, REACH - 0.5 * super::screen::RIM);
         self.outlines.extend([[low, low], [high, low], [high, high], [low, high]]);
+        // Sutherland-Hodgman: the square that holds the whole grid, clipped by each line in turn.
         for &line in &self.lines[first..] {
             let inset = INSET * (line[0].abs() + line[1].abs());
             let height = |p| at(line, p) - inset;
@@ -329,6 +330,7 @@ impl Shapes {
             self.outlines.truncate(begin);
             self.outlines.append(&mut self.clipped);
         }
+        // Rounding may make neighbours equal. Such vertices are dropped.
         for p in &mut self.outlines[begin..] {
             *p = p.map(round);
         }

@@ -148,6 +148,8 @@ impl CellSolids {
     pub(crate) fn fill(&mut self, all: &PlanSolids, cell: &CellBox, is_candidate: impl Fn(u32) -> bool) {
         let middle = [0, 1].map(|axis| 0.5 * cell.min[axis] + 0.5 * cell.max[axis]);
         self.ranked.clear();
+        // Size in the view of the nearest eye of the cell, about a solid angle: an estimate, which only
+        // orders the solids.
         for (index, solid) in (0..).zip(&all.solids) {
             let height = solid.high - cell.max[2];
             if height > 0.0 && is_candidate(solid.object) {
@@ -159,6 +161,8 @@ impl CellSolids {
                 }
             }
         }
+        // At most `MOST` solids, the largest; equal sizes are ordered by index, so that the choice is the
+        // same every time.
         if self.ranked.len() > MOST {
             self.ranked.select_nth_unstable_by(MOST, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             self.ranked.truncate(MOST);
@@ -168,6 +172,7 @@ impl CellSolids {
             let solid = &all.solids[index as usize];
             ([0, 1].map(|axis| 0.5 * solid.min[axis] + 0.5 * solid.max[axis]), i)
         }));
+        // In the order of a curve, for the tree that `build` makes.
         put_in_order(&mut self.order);
         self.solids.clear();
         self.posts.clear();
@@ -180,6 +185,7 @@ impl CellSolids {
             // The height above the eyes is rounded once, the distance is an upper bound, the sum and the
             // quotient are rounded once each.
             self.posts.extend(ring.iter().map(|post| {
+                // The least tangent, over all eyes of the cell, of the elevation of the post's top.
                 let slope = ((post.high - cell.max[2]) * (1.0 - 4.0 * U) - 2.0 * solid.error)
                     / (cell.reach(post.x, post.y) + 2.0 * solid.error);
                 let at = Point { x: post.x, y: post.y, error: solid.error };
@@ -188,6 +194,7 @@ impl CellSolids {
                 Post { at, low: post.low + solid.error * (1.0 + 4.0 * U), slope }
             }));
             let ring = &self.posts[first..];
+            // A solid that may touch the cell, or that no eye looks up to, hides nothing.
             if !is_apart(ring, &corners) || ring.iter().all(|post| post.slope < 0.0) {
                 self.posts.truncate(first);
                 continue;
