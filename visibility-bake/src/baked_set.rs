@@ -382,6 +382,7 @@ impl BakedSet {
         let floats = |from: &mut Reader<'_>, count| -> Result<Vec<f64>, FormatError> {
             Ok(from.u64s(count)?.into_iter().map(f64::from_bits).collect())
         };
+        // Coordinates are stored by axis and corner, which compresses better than viewcell by viewcell.
         let corners = floats(&mut from, count.saturating_mul(6))?;
         let mut cells = Vec::new();
         for number in 0..count {
@@ -401,6 +402,7 @@ impl BakedSet {
         let length = from.u32()? as usize;
         let pvs = Pvs::from_bytes(from.bytes(length)?.to_vec())?;
         from.end()?;
+        // The parts must agree, or a query would read beyond one of them.
         if pvs.viewcell_count() != cells.len() {
             return Err(BakedSetError::Rows { viewcells: cells.len(), rows: pvs.viewcell_count() });
         }

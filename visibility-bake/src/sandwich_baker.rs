@@ -436,6 +436,8 @@ impl<'a> SandwichBaker<'a> {
         };
         let (place, stage) = self.place_and_stage(item);
         let before = self.done[place].as_ref();
+        // With the time of this stage over, a viewcell that was not swept goes on unswept. Any other item is
+        // left, unless nothing else is left to do.
         if self.time.is_past(stage, begun) {
             if let Some(before) = before
                 && stage == SWEEP
@@ -457,10 +459,12 @@ impl<'a> SandwichBaker<'a> {
         let mut is_skipped = before.is_some_and(|before| before.is_skipped);
         let mut is_cut = before.is_some_and(|before| before.is_cut);
         let (record, times, next) = match (&group.content, before) {
+            // An earlier bake found this group, with the same content.
             (Content::Cached(records), _) => {
                 let member = self.groups.cells[of as usize].binary_search(&(number as u32));
                 (records[member.unwrap_or_default()].clone(), MethodTimes::default(), done)
             }
+            // The group is small enough to be a scene: the viewcell is swept in it.
             (Content::Scene(scene), before) => {
                 let _memory = self.level.reserve_cell(objects, false)?;
                 let (record, is_known, cut) = self.sweep(number, objects, scene, scratch);
@@ -469,6 +473,7 @@ impl<'a> SandwichBaker<'a> {
                 let times = MethodTimes { sweep: group + lap(), ..MethodTimes::default() };
                 (record, times, if is_known { done } else { LOOK })
             }
+            // The scene of the group does not fit into memory: all objects stay open for the search.
             (Content::Objects, None) => {
                 let left: Vec<u32> = (0..objects.len() as u32).collect();
                 let hash = self.content_hash(objects.iter().copied());
@@ -481,6 +486,8 @@ impl<'a> SandwichBaker<'a> {
             }
             // Saved bytes may be forged.
             (Content::Objects, Some(before)) if before.record.is_of(objects) => {
+                // A search needs its triangles sorted first. If the share of the time is too short for that,
+                // parts of the viewcell are swept.
                 let share = self.time.share_of_search(self.waiting(stage));
                 let seconds = self.triangles_left(&before.record, objects) as f64 / SEARCHED_A_SECOND;
                 let found = if share.is_some_and(|share| share.as_secs_f64() < seconds) {
@@ -595,6 +602,7 @@ impl<'a> SandwichBaker<'a> {
         let end = share.map(|share| self.time.now() + share);
         let is_over = || stop() || self.time.is_over(end);
         let left: Vec<u32> = record.left.iter().map(|&at| objects[at as usize]).collect();
+        // Only triangles of objects that the sweep has left, and their occluders, are read.
         let _memory = self.level.reserve_cell(&left, true)?;
         let scene = self.level.scene_with_triangles(&left)?;
         let triangles = SceneTriangles::new(&scene);
@@ -614,6 +622,7 @@ impl<'a> SandwichBaker<'a> {
             }
         }
         times.proofs += lap();
+        // A search that the time ends keeps what it has found. One that `stop` ends is done again later.
         let is_cut = search.is_stopped();
         if is_cut && !self.time.is_over(end) {
             return Ok(None);

@@ -370,6 +370,7 @@ fn parse(bytes: &[u8]) -> Option<Content> {
     let mut next = || words.next();
     let [triangles, positions, faces, two_sided] = [next()?, next()?, next()?, next()?].map(|n| n as usize);
     let head = HEAD_WORDS + if faces > 0 { TRANSFORM_WORDS } else { 0 };
+    // The counts are checked against the length before anything is allocated by them.
     let sizes = [(triangles, 9), (positions, 3), (faces, 3)];
     let expected = sizes.iter().try_fold(head, |sum, (n, each)| n.checked_mul(*each)?.checked_add(sum))?;
     if expected.checked_mul(4)? != bytes.len() {

@@ -72,6 +72,8 @@ impl TileTree {
             (bounds.max.as_dvec3() - bounds.min.as_dvec3()).max_element()
         };
         let weight = |some: &[u32]| some.iter().map(|&at| objects[at as usize].weight()).sum::<u64>();
+        // Cells are cubes with a power of two as their edge, aligned to the origin: an edit elsewhere does
+        // not move them.
         let reach = |some: &[u32]| {
             exponent_above(some.iter().map(|&at| center(at).abs().max_element()).fold(0.0, f64::max))
         };
@@ -92,6 +94,8 @@ impl TileTree {
                     own.append(&mut members);
                     break;
                 }
+                // Cells are halved until they separate members. Objects larger than a cell stay with the
+                // tile.
                 edge -= 1;
                 let size = 2f64.powi(edge);
                 let count = own.len();

@@ -103,6 +103,7 @@ impl<'a> Flood<'a> {
         // By side of the box, lower and upper x, y and z, the voxels entered beyond it.
         let mut beyond: [Vec<u32>; 6] = Default::default();
         let entered = std::mem::take(&mut voxels.entered);
+        // Connected voxels come in runs along x, from `at` to `last`.
         voxels.open.take_connected(entered, |at, last| {
             let run = voxel_number(at, counts)..=voxel_number([last, at[1], at[2]], counts);
             run.for_each(|voxel| voxels.reached.insert(voxel));
@@ -127,6 +128,7 @@ impl<'a> Flood<'a> {
                 }
             }
         });
+        // Boxes beyond the grid's limits are not flooded.
         let [first, last] = self.solids.limits;
         for (side, entered) in beyond.into_iter().enumerate() {
             let (axis, mut other) = (side / 2, place);

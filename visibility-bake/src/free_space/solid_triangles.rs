@@ -69,6 +69,8 @@ impl<'a> SolidTriangles<'a> {
         let [first, last] = grid.places(bounds)?;
         let (up, offsets) = (camera.up_axis(), camera.offsets());
         let columns = Columns::new(up, grid.size);
+        // Triangles are listed by column of boxes, since a camera above a floor depends on all triangles
+        // below and above it.
         let mut triangles: Vec<SolidTriangle> = Vec::new();
         let mut by_column: HashMap<[i64; 2], Vec<u32>> = HashMap::new();
         let mut entries = 0;
