@@ -95,6 +95,7 @@ impl SampledVisibility {
             }
         });
         let mut answers: Vec<Answer> = judged.collect();
+        // Pixels at which several objects are equally near: the culler may report any one of them.
         for mut tie in self.ties() {
             let reported = tie.clone().any(|object| answers[object] == Answer::Reported);
             let Some(shown) = tie.next() else { continue };
