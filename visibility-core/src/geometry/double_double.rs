@@ -28,7 +28,7 @@ pub struct DoubleDouble {
 }
 
 impl DoubleDouble {
-    /// The number 0.
+    /// Zero.
     pub const ZERO: Self = Self { hi: 0.0, lo: 0.0 };
 
     /// Upper bound on the relative error of [`plus`](Self::plus) and [`times`](Self::times): 16 u^2 = 2^-102,
@@ -69,7 +69,7 @@ impl DoubleDouble {
         Self::sum_ordered(v.hi, t.lo + v.lo)
     }
 
-    /// Returns `-self`, exactly.
+    /// Returns the number with the opposite sign, exactly.
     #[must_use]
     pub fn negated(self) -> Self {
         Self { hi: -self.hi, lo: -self.lo }

@@ -14,16 +14,16 @@ const INITIAL_CREDIT: f32 = 2048.0;
 /// takes what six triangles take; with three times as much, frames of real levels end their search early).
 const TEST_WORK: f32 = 0.1;
 
-/// Greatest cost of an occluder that is paid from the credit, beyond what objects found hidden have paid so
-/// far, if it is more than half of what all objects behind are worth. So a frame of few objects draws no mesh
-/// that costs as much as all of them.
+/// Greatest cost of an occluder, in triangles, that is paid from the credit and the earnings so far although
+/// it exceeds half the worth of all objects behind. So a frame of few objects draws no mesh that costs as
+/// much as all of them.
 const UNPROVEN_COST: f32 = 512.0;
 
 /// Expected gain of an occluder, as a multiple of its cost and of all loans that are open, from which it is
 /// drawn on a loan.
 const LOAN_SAFETY: f32 = 4.0;
 
-/// Greatest share of a frame's work on occluders that a map may spend on those of its own.
+/// Greatest share of a frame's work on occluders that a map may spend on occluders that it draws by itself.
 const OWN_SHARE: f32 = 0.75;
 
 /// Greatest share of the initial credit that hidden objects may have paid in a frame in which nearly nothing
@@ -46,13 +46,13 @@ pub(super) struct Budget {
     limit: f32,
     /// Part of the limit that the search leaves for the tests after it.
     reserve: f32,
-    /// Work spent so far.
+    /// Work of this frame so far, in triangles.
     spent: f32,
 }
 
 impl Budget {
-    /// Creates the budget of a frame from the price of an object and the most work that the frame may spend.
-    /// With a price of 0 there is no credit.
+    /// Creates the budget of a frame. `price` is the work in triangles that a hidden object is worth, `limit`
+    /// the most work of the frame. With a price of 0 there is no credit.
     pub(super) fn new(price: u32, limit: u32) -> Self {
         let credit = if price > 0 { INITIAL_CREDIT + price as f32 } else { 0.0 };
         let limit = limit as f32;
@@ -79,7 +79,7 @@ impl Budget {
         self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
     }
 
-    /// Spends work.
+    /// Adds `work`, in triangles, to the work of this frame.
     pub(super) fn spend(&mut self, work: f32) {
         self.credit -= work;
         self.limit -= work;
@@ -114,7 +114,7 @@ impl Budget {
         self.spend(TEST_WORK * boxes as f32);
     }
 
-    /// Returns whether the frame may test the boxes of so many objects, and of the nodes above them.
+    /// Returns whether the frame may test the boxes of `objects` objects, and of the nodes above them.
     pub(super) fn can_test(&self, objects: usize) -> bool {
         2.0 * TEST_WORK * objects as f32 <= self.limit
     }
@@ -165,7 +165,7 @@ const MORE_IN_VIEW: usize = 2;
 /// Cosine of the angle by which the camera must have turned for a frame to try again: 30 degrees.
 const OTHER_DIRECTION: f64 = 0.866;
 
-/// What the frames of a culler so far have shown: whether finding hidden objects pays.
+/// Balance of the past frames of a culler: whether the search for hidden objects pays.
 ///
 /// Where it does not for [`MOST_LOSSES`] frames in a row, as in the view of a bird, frames are left out until
 /// they have saved what the last one spent in vain, or the camera sees something else: it has turned, or many
@@ -186,8 +186,8 @@ pub(super) struct Experience {
 }
 
 impl Experience {
-    /// Returns whether a frame with so many objects in view, of a camera that looks along `forward` (any
-    /// length, zero in parallel views), is left out. Otherwise [`record`](Self::record) is to be told of it.
+    /// Returns whether a frame is left out. `objects` are in view; the camera looks along `forward`, of any
+    /// length, zero in parallel views. After false, the caller must [`record`](Self::record) the frame.
     pub(super) fn leaves_out(&mut self, objects: usize, forward: DVec3) -> bool {
         let forward = forward.normalize_or_zero();
         let is_alike = objects < MORE_IN_VIEW * self.objects
@@ -203,7 +203,7 @@ impl Experience {
         is_left_out
     }
 
-    /// Enters a frame that found so many objects hidden.
+    /// Records a frame that found `hidden` objects hidden.
     pub(super) fn record(&mut self, budget: &Budget, hidden: usize) {
         self.debt = budget.spent() - budget.worth(hidden as f32);
         self.losses = if self.debt > 0.0 { self.losses.saturating_add(1) } else { 0 };

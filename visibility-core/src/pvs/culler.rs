@@ -106,7 +106,7 @@ impl ScenePvs {
         self.is_checked
     }
 
-    /// Returns the PVS.
+    /// Returns the PVS that was passed to the constructor.
     pub fn pvs(&self) -> &Pvs {
         &self.pvs
     }
@@ -129,9 +129,9 @@ impl ScenePvs {
         })
     }
 
-    /// Calls `each` with every object that has a target in `seen`, once for each such target; bit `t % 64` of
-    /// word `t / 64` stands for target `t`. Time is linear in the number of words and of calls, and
-    /// logarithmic in the number of pairs that are skipped from one target in `seen` to the next.
+    /// Calls `each` with every object that has a target in `seen`, once for each such target. Bit `t % 64` of
+    /// word `t / 64` stands for target `t`. Time is linear in the number of words and of calls, plus a binary
+    /// search in the pairs for each target in `seen`.
     fn for_each_seen(&self, seen: &[u64], mut each: impl FnMut(ObjectId)) {
         let mut rest = &self.by_target[..];
         for (number, &word) in seen.iter().enumerate() {

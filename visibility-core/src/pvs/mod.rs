@@ -81,9 +81,10 @@ impl Eq for Pvs {}
 
 const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 3 };
 
-/// In the form of a row: the row is the difference from another.
+/// Flag in the first byte of a stored row: the list has the targets in which the row differs from an earlier
+/// row.
 const DIFFERS: u8 = 1;
-/// In the form of a row: targets are bits instead of runs.
+/// Flag in the first byte of a stored row: the list is one bit per target, not runs.
 const BITS: u8 = 2;
 /// Number of viewcells whose rows share an offset.
 const BLOCK: usize = 16;
@@ -183,8 +184,8 @@ impl Pvs {
         Ok(Self { bytes: writer.finish(), stamp: Stamp::new() })
     }
 
-    /// Returns the PVS with a hash of what it was made from, in place of the one that it had. The hash is
-    /// stored with it. For a PVS whose targets are cells it is the
+    /// Returns the PVS with `source`, a hash of the data that it was made from, in place of its former one.
+    /// The hash is stored with it. For a PVS whose targets are cells it is the
     /// [`CellGraph::version`](crate::cells::CellGraph::version).
     #[must_use]
     pub fn with_source(self, source: u64) -> Self {

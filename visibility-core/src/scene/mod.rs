@@ -80,7 +80,7 @@ pub struct Scene {
     costs: Vec<u32>,
     /// Objects that were flagged as never to be culled, by index.
     never_cull: Bits,
-    /// Objects that what is behind is drawn through, by index.
+    /// Objects through which the objects behind them are drawn, by index.
     see_through: Bits,
     /// Objects whose triangles are drawn from their front alone, by index.
     one_sided: Bits,
@@ -551,7 +551,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets whether what is behind an object is drawn through it: see [`Object::see_through`].
+    /// Sets whether objects behind an object are drawn through it: see [`Object::see_through`].
     ///
     /// # Errors
     /// [`SceneError::UnknownObject`] if `id` is not in the scene.

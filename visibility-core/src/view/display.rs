@@ -126,7 +126,7 @@ fn short(x: f64) -> String {
     }
 }
 
-/// Returns three numbers in parentheses, in which what is left of rounding counts as zero.
+/// Returns a point as three numbers in parentheses. Numbers as small as rounding leaves are written as zero.
 fn point(p: DVec3) -> String {
     let size = p.abs().max_element();
     let number = |x: f64| short(if x.abs() <= size * 1e-6 { 0.0 } else { x });

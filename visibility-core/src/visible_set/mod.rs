@@ -85,7 +85,7 @@ pub struct VisibleSet {
     changes: Option<Changes>,
 }
 
-/// What a set's list of ids says of its content.
+/// State of a set's list of ids relative to its masks.
 #[derive(Clone, Debug)]
 enum Listing {
     /// Nothing: the masks alone define the set.
@@ -204,8 +204,8 @@ impl VisibleSet {
         self.listing = Listing::Masks;
     }
 
-    /// Unites the masks of this set, which must be of the scene's present layout, with those of another set,
-    /// which `other` gives for each node.
+    /// Adds the objects of another set, which `other` gives as a mask for each node. The masks of this set
+    /// must be of the scene's present layout.
     fn add(&mut self, scene: &Scene, other: &impl Fn(usize) -> u64) {
         if scene.tree().root != NONE {
             self.union_below(scene, other, scene.tree().root as usize, true, true);

@@ -27,8 +27,9 @@ pub(crate) trait NodeTest: Sync {
     /// What a test finds of the children, beyond which of them are kept.
     type Found;
 
-    /// Tests the `candidates` among the children of a node of which `known` is known. Returns the mask of the
-    /// children to keep, and what [`below`](Self::below) needs. Adds to the `tests` of `stats`.
+    /// Tests the `candidates` among the children of a node. `known` is the knowledge about the node from the
+    /// tests above. Returns the mask of the children to keep, and data for [`below`](Self::below). Adds to
+    /// the `tests` of `stats`.
     fn test(
         &self,
         block: &Block<'_>,
@@ -37,12 +38,13 @@ pub(crate) trait NodeTest: Sync {
         stats: &mut CullStats,
     ) -> (u64, Self::Found);
 
-    /// Returns what is known of the child in a lane that the test has kept.
+    /// Returns the knowledge about the child in a lane that the test has kept, 0 if nothing below it needs a
+    /// test.
     fn below(&self, found: &Self::Found, known: u32, lane: usize) -> u32;
 }
 
 /// Removes from `visible` the objects that `test` does not keep, on the threads of a job system. `known` is
-/// what is known of the root. Returns the work counters; their `visible` counts objects that are never
+/// the knowledge about the root. Returns the work counters; their `visible` counts objects that are never
 /// culled, too. The answer is that of a [`Walk`](super::Walk) with the same test.
 pub(crate) fn retain_on<T: NodeTest>(
     jobs: &dyn Jobs,
@@ -120,13 +122,14 @@ struct Top<'a, T> {
     scene: &'a Scene,
     is_current: bool,
     test: &'a T,
-    /// See [`SplitScratch::subtrees`].
+    /// Nodes whose subtrees are dealt out, and the knowledge about each: see [`SplitScratch::subtrees`].
     subtrees: &'a mut Vec<(u32, u32)>,
     stats: CullStats,
 }
 
 impl<T: NodeTest> Top<'_, T> {
-    /// Tests the children of a node of which `known` is known, and notes the subtrees below that are kept.
+    /// Tests the children of a node, and lists the subtrees below that are kept. `known` is the knowledge
+    /// about the node from the tests above.
     fn visit(&mut self, visible: &mut VisibleSet, node: usize, known: u32) {
         let tree = self.scene.tree();
         if tree.levels[node] <= subtree_level(self.scene) {
@@ -200,7 +203,8 @@ struct PartWalk<'a, T> {
 }
 
 impl<T: NodeTest> PartWalk<'_, T> {
-    /// Tests everything below a node of which `known` is known. Returns whether any object is left.
+    /// Tests everything below a node. `known` is the knowledge about the node from the tests above. Returns
+    /// whether any object is left.
     fn visit(&mut self, node: usize, known: u32) -> bool {
         let candidates = self.set.mask_if(self.is_current, self.scene, node);
         let block = block(self.scene, node);

@@ -38,7 +38,7 @@ pub(crate) struct History {
     newest: Vec<u64>,
 }
 
-/// What a node held at a state.
+/// Content of a node at an earlier state of the scene.
 #[derive(Debug)]
 struct Copied {
     /// Number of the state: the newest one with a token when the copy was made.
