@@ -22,7 +22,7 @@ use visibility_core::{CullStats, ObjectId, OcclusionMap, Scene, View, VisibleSet
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ClusterInstance<'m> {
-    /// Clusters of the mesh.
+    /// Clusters of the instance's mesh.
     pub mesh: &'m ClusterMesh,
     /// Maps mesh coordinates to coordinates relative to the scene's origin. May mirror, shear and scale. All
     /// clusters are listed if the transform is flat or not finite.
@@ -55,7 +55,7 @@ impl<'m> ClusterInstance<'m> {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Hash)]
 pub struct VisibleCluster {
-    /// The object.
+    /// Object that has the cluster.
     pub instance: ObjectId,
     /// Number of the cluster, in the order in which [`ClusterMesh::new`] was given the clusters.
     pub cluster: u32,

@@ -8,7 +8,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::scene::{DrawRange, SceneCursor};
 use visibility_core::{ObjectId, Scene, View, VisibleSet};
 
-/// What to draw of a visible object.
+/// Level of detail to draw for a visible object.
 ///
 /// ```
 /// use visibility_frame::lod::Lod;
@@ -75,7 +75,7 @@ pub struct LodSelector {
     scene: SceneCursor,
     /// Number of the last frame, by which `states` are dated; 1 before the first.
     frame: u64,
-    /// Indexed by object index.
+    /// State of each object, by object index.
     states: Vec<State>,
     selected: Vec<(ObjectId, Lod)>,
 }

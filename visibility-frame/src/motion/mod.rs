@@ -14,7 +14,7 @@ use visibility_core::glam::Vec3;
 use visibility_core::scene::{Changes, SceneCursor, SceneError};
 use visibility_core::{Aabb, ObjectId, Scene, VisibleSet};
 
-/// What is known of the motion of an object.
+/// Bounds on the motion of an object.
 ///
 /// ```
 /// use visibility_core::Aabb;
@@ -83,7 +83,7 @@ impl Motion {
     }
 }
 
-/// How the scene's bounds of a mover are to be read.
+/// Meaning of the bounds that the scene has for a mover.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
     /// The place in the list is free.
@@ -116,7 +116,7 @@ struct Mover {
     volume: Aabb,
 }
 
-/// What is read of a mover in every frame: 2 bytes, so that the status of all movers stays in the cache.
+/// Data of a mover that every frame reads: 2 bytes, so that the status of all movers stays in the cache.
 #[derive(Clone, Copy, Debug)]
 struct Status {
     state: State,
@@ -184,7 +184,7 @@ fn is_volume(movers: &[Mover], status: &[Status]) -> impl Fn(f64, u32) -> bool {
 #[derive(Clone, Debug)]
 pub struct MotionVolumes {
     movers: Vec<Mover>,
-    /// Indexed like `movers`.
+    /// Status of each mover, indexed like `movers`.
     status: Vec<Status>,
     /// Indexed by object index: the place in `movers`, or `NONE`.
     places: Vec<u32>,
@@ -192,7 +192,7 @@ pub struct MotionVolumes {
     /// Places of all movers without a volume, each once, and maybe of free ones.
     active: Vec<u32>,
     deadlines: Deadlines,
-    /// Volumes that `begin_frame` sets.
+    /// Scratch: movers whose bounds in the scene `begin_frame` replaces, with their new volumes.
     moved: Vec<(ObjectId, Aabb)>,
     cursor: SceneCursor,
     time: f64,
