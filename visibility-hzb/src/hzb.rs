@@ -120,7 +120,7 @@ pub struct Hzb {
     levels: Vec<Arc<PreparedLevel>>,
     /// The current view for each of `levels`; `None` for a level that it cannot draw.
     level_frames: Vec<Option<LevelFrame>>,
-    /// Raster of `levels`.
+    /// Scratch memory and bands for drawing `levels`.
     level_raster: LevelRaster,
 }
 
@@ -578,8 +578,8 @@ impl OcclusionMap for Hzb {
         Some(self)
     }
 
-    /// Reports besides the occluders that go on in the next one with a seam in between. With a
-    /// [level](Hzb::with_level) that has polygons, neither these nor a scene without occluders.
+    /// Reports the lacks of the seams between boxes, besides those of occluders. With a
+    /// [level](Hzb::with_level) that has polygons, reports neither these nor a scene without occluders.
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         Lack::of_occluders(scene, each);
         if self.levels.iter().all(|prepared| prepared.level.polygons().is_empty()) {

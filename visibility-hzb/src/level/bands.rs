@@ -42,15 +42,15 @@ struct Band {
     /// The view of each level, for the columns of the band.
     frames: Vec<Option<LevelFrame>>,
     scratch: LevelScratch,
-    /// Upper bound on the depth keys of what was drawn, and the work spent.
+    /// Upper bound on the depth keys of the clusters drawn, and the work spent in triangles.
     drawn: (f32, f32),
 }
 
 impl LevelRaster {
-    /// Draws levels into `tiles`, which are empty, the nearest clusters of all of them first, until about
-    /// `work` is spent, in triangles: in bands, each of which may spend it, on the threads of a job system,
-    /// if there is one. `frames` has the view for each level, `None` for a level that is not drawn. Returns
-    /// an upper bound on the depth keys of what was drawn, and the work spent.
+    /// Draws levels into `tiles`, which must be empty: the nearest clusters of all levels first, until about
+    /// `work`, in triangles, is spent. With a job system, bands of columns are drawn on its threads, and each
+    /// band may spend `work`. `frames` has the view for each level, `None` for a level that is not drawn.
+    /// Returns an upper bound on the depth keys drawn, and the work spent.
     pub(crate) fn draw(
         &mut self,
         simd: Simd,

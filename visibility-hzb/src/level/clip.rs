@@ -31,9 +31,9 @@ impl End {
 /// Scratch for edges that are cut.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ClipScratch {
-    /// Edges before a cut.
+    /// Edges before the cut by a plane.
     pub(super) edges: Vec<[End; 2]>,
-    /// Edges after the cut.
+    /// Edges after the cut by a plane.
     cut: Vec<[End; 2]>,
 }
 
@@ -63,9 +63,9 @@ impl ClipScratch {
         core::mem::swap(&mut self.edges, &mut self.cut);
     }
 
-    /// Cuts the outline of the flat polygon in `edges` and pushes what is left of it to `out`. Returns upper
-    /// bounds on the error of its points in pixels, and the least and the greatest `w`: infinity and 0
-    /// if nothing is left.
+    /// Cuts the outline of the flat polygon in `edges` by the near plane and the guard band, and pushes the
+    /// rest to `out`. Returns an upper bound on the error of its points in pixels, and the least and the
+    /// greatest `w`: infinity and 0 if nothing is left.
     #[inline(always)]
     pub(super) fn clip(&mut self, frame: &LevelFrame, out: &mut Edges) -> [f64; 3] {
         self.cut(4, frame.least_near);

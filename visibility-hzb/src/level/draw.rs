@@ -82,8 +82,8 @@ pub(crate) struct LevelScratch {
 }
 
 /// Draws clusters of levels into the frames' columns of `tiles`, in the order of `candidates`, until about
-/// `work` is spent, in triangles. `frames` has the view for each level. Returns an upper bound on the depth
-/// keys of what was drawn, and the work spent.
+/// `work`, in triangles, is spent. `frames` has the view for each level. Returns an upper bound on the depth
+/// keys drawn, and the work spent.
 pub(crate) fn draw_candidates(
     simd: Simd,
     levels: &[Arc<PreparedLevel>],
@@ -220,8 +220,8 @@ fn draw_cluster(
     drawn
 }
 
-/// Chooses the polygons of a cluster that are worth drawing, and projects its vertices. Returns whether there
-/// is any such polygon.
+/// Chooses the polygons of a cluster that are worth drawing, and projects the cluster's vertices. Returns
+/// whether any polygon is worth it.
 #[inline(always)]
 pub(crate) fn begin_cluster(
     level: &PreparedLevel,
@@ -301,18 +301,19 @@ fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     bits(&chosen)
 }
 
-/// What came of drawing a polygon.
+/// Outcome of drawing a polygon.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Outcome {
-    /// It may have covered a pixel.
+    /// The polygon may have covered a pixel.
     Covered,
-    /// It is not in the picture, or all that it covers is hidden.
+    /// The polygon is not in the picture, or all pixels that it covers are hidden.
     Nothing,
-    /// Its outline is not known well enough. No union may have it.
+    /// The polygon's outline is not known well enough. It must not count as a part of a union of polygons.
     LeftOut,
 }
 
-/// Draws polygon `at` of the cluster with index `index`, and adds its neighbours to those that wait.
+/// Draws a polygon: number `at` of the cluster with index `index`. Adds its neighbours to the polygons that
+/// wait.
 fn draw_polygon(
     simd: Simd,
     level: &PreparedLevel,
@@ -416,8 +417,9 @@ fn draw_polygon(
     }
 }
 
-/// Returns whether a polygon may cover pixels that hold nothing as near: one within `bounds` (least column,
-/// least row, greatest column, greatest row), at least `w` away. An estimate: it decides what is drawn only.
+/// Returns whether a polygon may cover pixels that are still empty or farther. `bounds` (least column, least
+/// row, greatest column, greatest row) hold the polygon, and `w` is its least distance. An estimate: it
+/// decides only what is drawn.
 fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], w: f32) -> bool {
     let size = [(tiles.columns * SIDE) as f32, (tiles.rows * SIDE) as f32];
     let range = |axis: usize| {

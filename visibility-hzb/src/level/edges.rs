@@ -18,9 +18,9 @@ pub(super) struct Edges16 {
     pub(super) bottom: [f32; WIDTH],
     /// Change of the column from one row to the next; 0 for an edge that counts as level.
     pub(super) slope: [f32; WIDTH],
-    /// Least column.
+    /// Least column of each edge, in pixels.
     pub(super) low: [f32; WIDTH],
-    /// Greatest column.
+    /// Greatest column of each edge, in pixels.
     pub(super) high: [f32; WIDTH],
     /// Width of an edge that counts as level, else 0.
     pub(super) level: [f32; WIDTH],
@@ -29,7 +29,7 @@ pub(super) struct Edges16 {
 }
 
 impl Edges16 {
-    /// No edges.
+    /// Lanes without an edge.
     const NONE: Self = {
         let none = [0.0; WIDTH];
         Self { x: none, top: none, bottom: none, slope: none, low: none, high: none, level: none, shared: 0 }
@@ -57,7 +57,8 @@ pub(crate) struct Edges {
     /// Least column, least row, greatest column, greatest row of all edges, in pixels. Valid after
     /// [`finish`](Self::finish).
     pub(super) bounds: [f32; 4],
-    /// As `bounds`, of the edges at which the union of the cluster's polygons does not end.
+    /// Bounds of the edges at which the union of the cluster's polygons does not end, in the form of
+    /// `bounds`.
     pub(super) shared_bounds: [f32; 4],
 }
 
@@ -122,7 +123,7 @@ impl Edges {
 struct Bounds([[f32; WIDTH]; 4]);
 
 impl Bounds {
-    /// No edges.
+    /// Bounds of an outline without edges.
     const EMPTY: Self = Self([
         [f32::INFINITY; WIDTH],
         [f32::INFINITY; WIDTH],

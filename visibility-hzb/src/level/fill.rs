@@ -11,7 +11,7 @@ use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
 use alloc::vec::Vec;
 
-/// Scratch of [`fill`].
+/// Scratch memory of [`fill`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FillScratch {
     /// Open tiles: for each row of tiles a mask for each [`WIDTH`] columns.

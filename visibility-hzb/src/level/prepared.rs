@@ -1,4 +1,4 @@
-//! What the raster keeps of a level, computed once: boxes of clusters and sizes of polygons, in lanes.
+//! A level prepared for the raster, once: boxes of clusters and sizes of polygons, in lanes.
 
 use crate::lanes::WIDTH;
 use alloc::sync::Arc;
@@ -14,7 +14,7 @@ pub(crate) type BoxLanes = [[f32; WIDTH]; 6];
 /// Up to [`WIDTH`] polygons of one cluster, by coordinate. Lanes without a polygon have no area.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Polygons {
-    /// Unit normals.
+    /// Unit normals, by axis and lane.
     pub(crate) normal: [[f32; WIDTH]; 3],
     /// Middles of the boxes around the polygons in metres.
     pub(crate) middle: [[f32; WIDTH]; 3],
@@ -31,7 +31,7 @@ pub(crate) struct Polygons {
 /// not drawn. It takes about as much memory as the occluders themselves.
 #[derive(Clone, Debug)]
 pub struct PreparedLevel {
-    /// The occluders.
+    /// Occluders of the level.
     pub(crate) level: Arc<LevelOccluders>,
     /// Origin in world space that all positions are relative to.
     pub(crate) origin: DVec3,
@@ -49,7 +49,7 @@ pub struct PreparedLevel {
     pub(crate) largest: Vec<[f32; WIDTH]>,
     /// Boxes around the clusters of [`WIDTH`] elements of `clusters`, [`WIDTH`] at a time.
     pub(crate) groups: Vec<BoxLanes>,
-    /// Polygons of all clusters.
+    /// Polygons of all clusters, in lanes. Each cluster begins a new element.
     pub(crate) polygons: Vec<Polygons>,
     /// For each cluster, the index of its first element of `polygons`; one more at the end.
     pub(crate) first_polygons: Vec<u32>,
@@ -191,7 +191,7 @@ fn prepare_edges(level: &LevelOccluders, cluster: &OccluderCluster, edges: &mut 
     }
 }
 
-/// Returns boxes in lanes.
+/// Returns boxes in lanes of [`WIDTH`]. Lanes beyond the last box are empty.
 fn in_lanes(boxes: &[Aabb]) -> Vec<BoxLanes> {
     let lanes = |boxes: &[Aabb]| {
         let mut lanes = [[0.0; WIDTH]; 6];

@@ -5,7 +5,7 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, least};
 use alloc::vec::Vec;
 
-/// What the polygons of one cluster contribute to each tile. Empty between clusters.
+/// Part of each tile that the polygons of one cluster cover together. Empty between clusters.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UnionTiles {
     /// Least depth key of the polygons with a shared edge near the row of each tile, row by row. Infinity

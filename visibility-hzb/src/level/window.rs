@@ -107,7 +107,7 @@ pub(super) struct RowEdges {
     /// Greatest column that each edge comes near in the row. Negative infinity for an edge that does not meet
     /// it.
     right: [f32; WIDTH],
-    /// For each edge, the rows of pixels whose centres it crosses: bit i for row i of the tiles.
+    /// Rows of pixels whose centres each edge crosses: bit i for row i of the tiles.
     crosses: [u32; WIDTH],
 }
 

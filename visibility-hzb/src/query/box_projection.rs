@@ -115,7 +115,7 @@ impl ScreenProjection32 {
 pub(crate) struct ScreenPoints {
     /// Columns in pixels. Meaningless where `error` is infinite, as are all other values.
     pub(crate) x: [f32; WIDTH],
-    /// Rows in pixels.
+    /// Rows of the points in pixels.
     pub(crate) y: [f32; WIDTH],
     /// Lower bounds on `w`.
     pub(crate) w: [f32; WIDTH],

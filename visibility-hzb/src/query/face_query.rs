@@ -57,8 +57,8 @@ impl<'a> FaceTest<'a> {
         if tiles > most { None } else { Self::anywhere(query, rectangle, sides, nearest) }
     }
 
-    /// As [`new`](Self::new), of a box that may meet any pixel, as near as its faces are: it may reach the
-    /// plane of the eye. `None` also if the eye may be in the box.
+    /// Prepares the test of a box that may meet any pixel and may reach the plane of the eye. Its faces tell
+    /// how near it is. `None` if the eye may be in the box, and otherwise as for [`new`](Self::new).
     #[inline(always)]
     pub(crate) fn at_eye(query: &BoxQuery<'a>, sides: [f32; 6]) -> Option<Self> {
         let [width, height] = query.projection.picture_size();
