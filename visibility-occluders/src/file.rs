@@ -26,7 +26,7 @@ pub enum LevelFileError {
     OtherVersion {
         /// Version from which the occluders were made. `None` if the file does not say.
         made_from: Option<u64>,
-        /// Version of the level.
+        /// Version of the level that the file was asked for.
         level: u64,
     },
 }

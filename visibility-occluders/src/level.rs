@@ -324,7 +324,7 @@ impl LevelOccluders {
         &self.polygons
     }
 
-    /// Returns the clusters.
+    /// Returns the clusters: groups of polygons that are drawn together.
     pub fn clusters(&self) -> &[OccluderCluster] {
         &self.clusters
     }

@@ -39,14 +39,15 @@ pub(crate) struct Member {
 /// A partition of all faces into regions.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Regions {
-    /// All regions.
+    /// All regions. Each face is in exactly one.
     pub(crate) regions: Vec<Region>,
-    /// Faces of all regions.
+    /// Faces of all regions, region by region.
     pub(crate) members: Vec<Member>,
 }
 
 impl Region {
-    /// Sets all that follows from the `normal`, the faces and which of them are turned: `members`.
+    /// Computes the fields that follow from the `normal`, the faces and their turns: extent, area, least
+    /// cosine.
     pub(crate) fn measure(&mut self, faces: &Faces, members: &[Member]) {
         (self.extent, self.area) = ([f64::INFINITY, f64::NEG_INFINITY], 0.0);
         self.min_cosine = 1.0;

@@ -25,7 +25,7 @@ pub(crate) fn is_between(a: Vec3, b: Vec3, p: Vec3) -> bool {
 
 /// Points in a tree of boxes, to be found along a segment.
 struct PointTree {
-    /// Indices of the points, those of a node next to each other.
+    /// Indices of the points. Those of a node are adjacent.
     points: Vec<u32>,
     /// Box around the points of each node: least and greatest coordinates. The children of node `i` are
     /// `2 i + 1` and `2 i + 2`, each with half of its points.
