@@ -39,7 +39,7 @@ pub(super) struct Node {
 /// An opaque polygon in the plane of a node.
 #[derive(Clone, Debug)]
 pub(super) struct NodeCover {
-    /// Vertices in world space.
+    /// Vertices of the polygon in world space.
     pub(super) vertices: Vec<DVec3>,
     /// True if the polygon faces the front of the plane, false if it faces the back.
     pub(super) faces_front: bool,

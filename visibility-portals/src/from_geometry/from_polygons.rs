@@ -89,7 +89,7 @@ struct Fragment {
     /// Index of the fragment's plane in the list of distinct planes that [`fragments`] returns.
     plane: u32,
     area: f64,
-    /// Whether lines from behind pass the polygon.
+    /// Whether the polygon blocks lines from its front alone, so that lines from behind pass it.
     one_sided: bool,
 }
 
