@@ -27,7 +27,7 @@ enum Region {
     Leaf { first: u32, count: u32 },
 }
 
-/// For each region of space, the occluder polygons that hide most objects from eyes in the region.
+/// The occluder polygons that hide most objects from eyes in each region of space.
 ///
 /// Made when a scene is loaded, and shared by the cullers of all views. An eye outside the scene's bounds
 /// uses the nearest region. Polygons of objects that have changed since are not used until the frusta are
