@@ -29,8 +29,8 @@ pub(crate) struct Blocker {
     pub(crate) corners: Vec<u32>,
     /// Doubt about each coordinate of the vertices, in metres.
     pub(crate) slack: f64,
-    /// Triangles that close a hole and are not there: nothing is hidden from what is not strictly behind
-    /// them. They are among the faces too.
+    /// Triangles that close a hole of the mesh although nothing is there. Nothing is hidden from viewpoints
+    /// that are not strictly behind them. They are among `faces` too.
     pub(crate) caps: Vec<[DVec3; 3]>,
 }
 

@@ -51,7 +51,7 @@ pub struct ConvexBlockersCuller {
     blockers: Vec<[DVec3; 2]>,
 }
 
-/// What may become a blocker.
+/// A solid that may become a blocker.
 struct Candidate<'a> {
     shape: Shape<'a>,
     /// Approximate solid angle from the viewcell.
@@ -72,7 +72,7 @@ impl Default for ConvexBlockersCuller {
 }
 
 impl ConvexBlockersCuller {
-    /// Makes a culler.
+    /// Makes a culler without blockers. The first call finds them.
     pub const fn new() -> Self {
         Self { solids: Solids::new(), umbrae: Vec::new(), blockers: Vec::new() }
     }

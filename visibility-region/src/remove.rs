@@ -1,4 +1,5 @@
-//! What cullers of viewcells share: the box of a viewcell, and the removal of the objects in umbrae.
+//! Functions that cullers of viewcells share: the box of a viewcell, and the removal of the objects in
+//! umbrae.
 
 use crate::umbra::Umbra;
 use alloc::vec::Vec;

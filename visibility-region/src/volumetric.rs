@@ -88,7 +88,7 @@ impl Default for VolumetricCuller {
 }
 
 impl VolumetricCuller {
-    /// Makes a culler.
+    /// Makes a culler without an octree. The first call builds it.
     pub const fn new() -> Self {
         let octree = Octree { min: DVec3::ZERO, max: DVec3::ZERO, nodes: Vec::new() };
         Self { solids: Solids::new(), octree, blockers: Vec::new() }
@@ -221,7 +221,7 @@ struct Leaf {
     rank: f64,
 }
 
-/// What is known of space from one viewcell.
+/// State of the octree's cells as seen from one viewcell.
 struct Space<'a> {
     octree: &'a Octree,
     /// Whether each solid may occlude.

@@ -54,11 +54,11 @@ const DETOURS: usize = 4;
 /// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct SightLine {
-    /// Object that is seen.
+    /// Object that the line reaches.
     pub id: ObjectId,
-    /// Viewpoint in the viewcell.
+    /// Viewpoint in the viewcell, in world space.
     pub eye: DVec3,
-    /// Point of the object.
+    /// Point of the object's surface, in world space.
     pub point: DVec3,
 }
 
@@ -204,17 +204,17 @@ struct Search<'a> {
     tree: &'a TriangleTree,
     cast: &'a mut Cast,
     random: Random,
-    /// Number of rays left.
+    /// Number of rays that may still be cast.
     rays: usize,
-    /// Objects found, by index.
+    /// Indices of the objects that rays have met.
     found: Bits,
-    /// Candidates, by index.
+    /// Indices of the candidates that have triangles.
     wanted: Bits,
     /// Number of candidates not found.
     missing: usize,
-    /// Triangles seen so far.
+    /// Triangles that rays have met.
     explored: Bits,
-    /// The same, in the order of finding.
+    /// The triangles of `explored`, in the order in which rays met them.
     found_triangles: Vec<TriangleIndex>,
     /// Triangles whose borders are to be sampled, each with the viewpoint that it was found from.
     queue: VecDeque<(DVec3, TriangleIndex)>,
@@ -222,7 +222,7 @@ struct Search<'a> {
     lines: Vec<(u32, DVec3, DVec3)>,
 }
 
-/// What a ray ended at: a triangle that blocks it, and whether that is nearer than the ray's target.
+/// End of a ray: the triangle that blocks it, and whether that is nearer than the ray's target.
 struct End {
     triangle: TriangleIndex,
     point: DVec3,
@@ -359,8 +359,8 @@ impl Search<'_> {
         a + edge * part + outwards * random::small(&mut self.random)
     }
 
-    /// Sends a ray through `target` and notes what it sees. `None` if the ray cannot be sent, or ends
-    /// nowhere for certain.
+    /// Casts a ray through `target` and notes the objects seen. `None` if the ray cannot be cast, or has no
+    /// certain end.
     fn send(&mut self, eye: DVec3, target: DVec3) -> Option<End> {
         self.rays = self.rays.checked_sub(1)?;
         let ray = Ray::through(eye, target)?;

@@ -21,7 +21,7 @@ pub(super) struct Ray {
     length_squared: f64,
 }
 
-/// Where a ray meets a triangle, as parameters of the ray.
+/// Range of the ray's parameter in which the ray meets a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Meeting {
     /// Lower bound of the parameter, possibly negative.

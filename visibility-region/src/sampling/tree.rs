@@ -27,7 +27,7 @@ struct Node {
     count: u32,
 }
 
-/// What the tree knows of an object of the scene.
+/// Properties of an object that rays need, and the range of its triangles.
 #[derive(Clone, Copy, Debug, Default)]
 struct Owner {
     /// First triangle of the object.
@@ -49,14 +49,14 @@ pub(super) struct TriangleTree {
     corners: Vec<[Vec3; 3]>,
     /// Object index of each triangle.
     owners: Vec<u32>,
-    /// By object index.
+    /// Properties of each object, by object index.
     objects: Vec<Owner>,
     /// Triangles in the order of the leaves.
     order: Vec<TriangleIndex>,
     nodes: Vec<Node>,
 }
 
-/// The result of a ray: nothing that may block it is nearer than what it shows.
+/// Result of a ray: the triangles that it certainly meets before anything may block it.
 #[derive(Clone, Debug)]
 pub(super) struct Cast {
     /// Object index, triangle and parameter of everything that the ray certainly sees.

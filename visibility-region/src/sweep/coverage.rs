@@ -28,13 +28,13 @@ pub(super) struct PieceMaps {
     sides: Sides,
 }
 
-/// What the drawing of one occluder needs in every step.
+/// Data for drawing one occluder, the same in every step.
 pub(super) struct Target<'a> {
     pub(super) direction: &'a Direction,
     pub(super) window: &'a Window,
     /// Depth at which the chain is cut, on the side of the viewcell.
     pub(super) near: f64,
-    /// Pixels that the occluder may cover. Nothing is drawn outside of them.
+    /// Pixels that the occluder may cover. No other pixel is drawn.
     pub(super) rect: PixelRect,
 }
 

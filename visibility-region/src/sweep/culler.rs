@@ -57,9 +57,9 @@ pub struct ExtendedProjectionCuller {
     cursor: SceneCursor,
     pieces: Pieces,
     sweep: Sweep,
-    /// Occludees of each direction.
+    /// Occludees of each direction: objects and nodes.
     lists: [Vec<Item>; 6],
-    /// Those of the present direction that are still asked, with the children of nodes.
+    /// Occludees of the present direction that are still tested, with the children of opened nodes.
     asked: Vec<Item>,
     /// Projections of the occludees onto the present plane: ends along x and y.
     projections: Vec<[[f64; 2]; 2]>,
@@ -269,8 +269,8 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Removes from `list` what is hidden behind the present plane, and marks its objects. Nodes of which
-    /// part may be hidden are replaced by their children.
+    /// Removes from `list` the items that are hidden behind the present plane, and marks their objects. A
+    /// node that may be hidden in part is replaced by its children.
     fn test(&mut self, job: &Job<'_>, window: &Window, list: &mut Vec<Item>, stats: &mut CullStats) {
         let (mut at, mut kept) = (0, 0);
         while let Some(&item) = list.get(at) {

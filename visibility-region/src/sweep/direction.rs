@@ -130,8 +130,8 @@ impl Direction {
         (0..3).any(|axis| b.lo[axis] > ends[axis] + error || b.hi[axis] < begins[axis] - error)
     }
 
-    /// Returns the distance between a plane and what is certainly behind it, or what certainly ends before
-    /// it, in metres. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
+    /// Returns the distance in metres that an object must keep from a plane to be certainly behind or before
+    /// it. Occluders end and occludees begin where their local coordinates say, up to 4 and 1
     /// [`error`](Self::error); a plane's own distance is exact.
     pub(crate) fn guard(&self) -> f64 {
         8.0 * self.error
@@ -190,8 +190,9 @@ impl Direction {
         2.0 * self.half[lat] * (1.0 - d / z)
     }
 
-    /// Returns, along the lateral axis `lat`, a range on the plane at `d` outside of which no point is in all
-    /// views of a box between the depths `near > 0` and `far <= d`. Empty ranges have their ends swapped.
+    /// Returns a range along lateral axis `lat` (0 or 1) on the plane at depth `d` that holds all points
+    /// inside every view of a box, between the depths `near > 0` and `far <= d`. The ends of an empty range
+    /// are swapped.
     pub(crate) fn common_view(&self, d: f64, b: &LocalBox, [near, far]: [f64; 2], lat: usize) -> [f64; 2] {
         let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
         for w in [0.0, self.depth] {

@@ -39,7 +39,7 @@ struct Side {
 }
 
 impl Side {
-    /// From two segments as x, least y and greatest y.
+    /// Makes the common side of two vertical segments, each given as x, least y and greatest y.
     fn new(p: [f64; 3], q: [f64; 3]) -> Self {
         let ([x, low, high], [other, other_low, other_high]) = if p[0] <= q[0] { (p, q) } else { (q, p) };
         let slope = |from: f64, to: f64| if from == to { 0.0 } else { (other - x) / (to - from) };

@@ -24,11 +24,11 @@ const FIRST_PORTION: usize = 4096;
 /// Greatest number of occludees that occluders are compared with, one by one, before they are collected.
 const FEW: usize = 128;
 
-/// What may occlude in one call.
+/// Occluders that one call may use.
 #[derive(Clone, Copy)]
 pub(crate) struct Occluders<'a> {
     pub(crate) scene: &'a Scene,
-    /// Objects that may occlude.
+    /// Indices of the objects that may occlude.
     pub(crate) occluding: &'a Bits,
     pub(crate) surfaces: &'a Surfaces,
 }
@@ -60,7 +60,8 @@ impl PartialEq for Entry {
 
 impl Eq for Entry {}
 
-/// The occluders of one direction that have been collected, and what is left of the hierarchy.
+/// The occluders of one direction that have been collected, and the queue of nodes and objects still to be
+/// visited.
 #[derive(Debug)]
 pub(crate) struct Nearest {
     queue: BinaryHeap<Entry>,

@@ -77,8 +77,8 @@ impl Pieces {
         self.count.resize(count, 0);
     }
 
-    /// Finds the pieces of a cluster's occluding objects, unless they are found already. First come those of
-    /// single parts of meshes, then those that join several. Returns their indices.
+    /// Finds the pieces of a cluster's occluding objects, unless they are found already. Pieces of single
+    /// parts of meshes come first, then those that join several parts. Returns their indices.
     pub(crate) fn find(
         &mut self,
         surfaces: &Surfaces,
@@ -197,7 +197,7 @@ impl Pieces {
         dot * dot.abs() / (m.length_squared() * n.length_squared())
     }
 
-    /// Lists the pieces that [`pair`](Self::pair) found; only those of several parts if `joins`.
+    /// Lists the pieces that [`pair`](Self::pair) found. With `joins`, only pieces of several parts.
     fn collect(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         let (facing, parent, number) = (&self.facing, &mut self.parent, &mut self.count);
         let triangles = surfaces.triangles_of(cluster);

@@ -126,8 +126,8 @@ impl Cone {
     }
 }
 
-/// An occluder, by its depths and by the share of the cone that it covers. There are many of these, so they
-/// are small: the occluder itself is placed again whenever it is drawn.
+/// Depths of an occluder, and the share of the cone that it covers. There are many of these, so that they are
+/// small: the occluder itself is placed again whenever it is drawn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     /// Depths of its nearest and farthest point.

@@ -65,14 +65,14 @@ impl Groups {
     }
 }
 
-/// What the back of a triangle does.
+/// Effect of the back of a triangle on rays.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Back {
-    /// It is seen through.
+    /// Rays pass the back.
     Transparent,
-    /// It occludes.
+    /// The back occludes as the front does.
     Opaque,
-    /// It occludes from outside of the convex solid that the triangle bounds: a ray that reaches it has
+    /// The back occludes rays from outside of the convex solid that the triangle bounds: such a ray has
     /// passed the front of another triangle of the solid.
     OfSolid,
 }
@@ -90,7 +90,7 @@ pub(crate) struct Surface {
 /// A part of a mesh, or a mesh without parts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Part {
-    /// Index of the object.
+    /// Index of the object that has the part.
     pub(crate) owner: u32,
     pub(crate) bounds: Aabb,
 }
@@ -101,14 +101,15 @@ struct LineSide {
     key: [u32; 3],
     /// Ends along the axis, ascending; for lines of other directions both 0.
     ends: [f32; 2],
-    /// As in [`Surfaces::sides`].
+    /// Twice the index of the triangle, plus 1 if the side runs in the direction of its line: as in
+    /// [`Surfaces::sides`].
     side: u32,
     /// Number of the triangle's corner at which the side begins.
     corner: u32,
 }
 
-/// A line with so many segments for each of its sides is not divided: its sides join where they have equal
-/// ends. This bounds memory where many long sides and many short ones lie on one line.
+/// Greatest number of segments per side of a line. A line with more is not divided: its sides join where they
+/// have equal ends. This bounds memory where many long sides and many short ones lie on one line.
 const MOST_SEGMENTS: usize = 16;
 
 /// Returns the representative of the set that `at` is in.

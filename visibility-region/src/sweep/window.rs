@@ -224,8 +224,8 @@ impl Window {
         self.rims[lat].map_or(range, |rim| rim.clip_outwards(range))
     }
 
-    /// Returns the pixels that the projection of an occludee on the plane meets, or `None` unless it is
-    /// within the window. `bounds` are those of the occludee in the scene.
+    /// Returns the pixels that the projection of an occludee on the plane meets. `None` unless the projection
+    /// is within the window. `bounds` are those of the occludee in the scene.
     pub(crate) fn pixels(&self, [x, y]: [[f64; 2]; 2], bounds: &Aabb) -> Option<PixelRect> {
         let along = |range: [f64; 2], lat| {
             let [mut low, mut high] = self.widened(range, lat);

@@ -15,7 +15,7 @@ use visibility_core::{Aabb, Scene, VisibleSet};
 /// Rectangles of each map that are candidates. More take more time to find: with twice as many, ten virtual
 /// occluders hide 1 % more in a city (measured).
 const A_PLANE: usize = 8;
-/// Candidates are compared by what they hide of about so many objects, evenly spread over all.
+/// Approximate number of objects, evenly chosen by index, by which candidates are compared.
 const SAMPLE: usize = 4096;
 
 /// A rectangle on a plane of a sweep.
@@ -47,10 +47,10 @@ impl Candidate {
 }
 
 impl ExtendedProjectionCuller {
-    /// Makes the virtual occluders of a viewcell: at most [`VirtualOccluders::MAX`], chosen one by one so
-    /// that each hides the most objects that those before do not. All occluders of the scene count that are
-    /// on a layer, so a view must draw all of them. None if the viewcell is empty or not
-    /// finite, or if nothing is hidden.
+    /// Makes the virtual occluders of a viewcell, at most [`VirtualOccluders::MAX`]. They are chosen one by
+    /// one: each hides the most objects that those before do not hide. All occluders of the scene that are on
+    /// a layer count, so that a view must draw all of them. Empty if the viewcell is empty or not finite, or
+    /// if nothing is hidden.
     ///
     /// Takes a few times as long as [culling](visibility_core::RegionCuller::cull), plus time in proportion
     /// to the number of objects.

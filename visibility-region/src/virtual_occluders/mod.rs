@@ -116,7 +116,7 @@ impl VirtualOccluders {
     /// Greatest number of virtual occluders of a viewcell.
     pub const MAX: usize = 16;
 
-    /// Returns the virtual occluders, those that hide most first.
+    /// Returns the virtual occluders. The one that hides most comes first.
     pub fn occluders(&self) -> &[VirtualOccluder] {
         &self.occluders
     }
@@ -143,8 +143,8 @@ impl VirtualOccluders {
         self.confirmed
     }
 
-    /// Returns a box in world space, minimum and maximum corner, that lines of sight of a view begin in.
-    /// `None` if there is none within the viewcell.
+    /// Returns a box in world space, minimum and maximum corner, that contains the starts of all lines of
+    /// sight of a view. `None` if they are not all within the viewcell.
     fn sight_start(&self, view: &View) -> Option<(DVec3, DVec3)> {
         let anchor = self.cell.min * 0.5 + self.cell.max * 0.5;
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);

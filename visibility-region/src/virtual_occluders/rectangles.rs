@@ -8,8 +8,8 @@ use alloc::vec::Vec;
 const BLOCK: usize = 2;
 const COUNT: usize = SIDE / BLOCK;
 
-/// Returns up to `most` rectangles of pixels that are all set, the largest first, none of which meet. They
-/// consist of blocks of `BLOCK` by `BLOCK` pixels.
+/// Returns up to `most` disjoint rectangles of set pixels, the largest first. They consist of blocks of
+/// `BLOCK` by `BLOCK` pixels.
 pub(super) fn largest(map: &RayMap, most: usize) -> Vec<PixelRect> {
     let block = |x: usize, y: usize| PixelRect {
         x: [x * BLOCK, x * BLOCK + BLOCK - 1],
