@@ -38,9 +38,8 @@ const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
 const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
 const QUICK_PARTS: u32 = 1000;
 const ALL_PARTS: u32 = 4000;
-/// Nodes for the boxes of an object before the first of them is hidden, and for each triangle that they have
-/// hidden: its own search would take more. Of the objects that no ray finds, most are seen through a gap, and
-/// no part of them is hidden.
+/// Greatest number of nodes for boxes around parts of an object before the first part is hidden. Of the
+/// objects that no ray finds, most are seen through a gap, and no part of them is hidden.
 const FIRST_PARTS: u32 = 400;
 const PART_TRIANGLE: u32 = 16;
 /// Least number of triangles in a part.
@@ -54,7 +53,7 @@ const PAST: u32 = 32;
 /// Nodes for the visible share of an object.
 const SHARE: u32 = 2000;
 
-/// What objects and groups have cost so far, in nodes: whether to search a group as thoroughly as an object.
+/// Costs of past searches in nodes, by which a group is searched as thoroughly as an object or not.
 ///
 /// Among houses along streets most groups are hidden as a whole, at the price of few objects; in a building
 /// of many rooms a group seldom is, and the nodes for it are lost. So a group may cost a part of what its
@@ -63,12 +62,13 @@ const SHARE: u32 = 2000;
 struct Prices {
     /// Nodes and number of the single objects.
     single: (u64, u64),
-    /// By the binary logarithm of the size: nodes spent on thorough searches, and objects that these hid.
+    /// Nodes spent on thorough searches of groups, and number of objects that these hid, by the binary
+    /// logarithm of the group's size.
     groups: [(u64, u64); 32],
 }
 
 impl Prices {
-    /// Returns the nodes that single objects have cost, for so many objects.
+    /// Returns the number of nodes that `objects` single objects cost, by the mean so far.
     fn singles(&self, objects: u64) -> u64 {
         objects * self.single.0 / self.single.1.max(1)
     }
@@ -170,8 +170,8 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Returns the query with a function that it calls many times a second while it works. Once that has
-    /// returned true, the query gives up: what is not decided by then stays open.
+    /// Returns the query with a function that it calls many times a second while it works. Once `stop` has
+    /// returned true, the query ends, and objects that are undecided stay open.
     #[must_use]
     pub fn with_stop(mut self, stop: &'a dyn Fn() -> bool) -> Self {
         self.search.stop = stop;
@@ -195,9 +195,9 @@ impl<'a> CellQuery<'a> {
         self.groups(open);
     }
 
-    /// Decides objects by their triangles: those of objects with many by boxes around parts first, then each
-    /// by itself, largest first. Some hundred times the work of a proof for a box, which should have failed
-    /// before.
+    /// Decides objects by their triangles, the largest first. Parts of objects with many triangles are first
+    /// tried by boxes around the parts. Takes some hundred times the work of a proof for a box, which should
+    /// have failed before.
     pub fn prove_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.triangles(&open, false);
@@ -210,7 +210,7 @@ impl<'a> CellQuery<'a> {
         self.triangles(&open, true);
     }
 
-    /// Returns the objects and what is known of each, in ascending order of index.
+    /// Returns the objects and the verdict on each, in ascending order of index.
     pub fn verdicts(&self) -> impl Iterator<Item = (ObjectId, Verdict)> {
         let objects = &self.search.triangles.objects;
         objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
@@ -292,8 +292,8 @@ impl<'a> CellQuery<'a> {
         false
     }
 
-    /// Looks along uniform rays, and from where one has found an object past that object's box: what is next
-    /// to be seen is often beside it.
+    /// Casts uniform rays. From where one has found a new object, casts further rays past that object's box,
+    /// since the next object to be seen is often beside it.
     fn uniform_rays(&mut self) {
         let mut left = self.settings.rays;
         let mut found = Vec::new();
@@ -321,7 +321,8 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Looks along a ray and records what it meets first. Returns the object if it was not seen before.
+    /// Casts a ray from p along d and marks the object that it meets first as seen. Returns the object's
+    /// number if it was not seen before.
     fn see_first(&mut self, p: DVec3, d: DVec3) -> Option<usize> {
         let (distance, t) = self.search.triangles.tree.nearest(p, d)?;
         self.see(p, p + d * distance, t).then(|| self.search.triangles.object_of(t))
@@ -407,7 +408,8 @@ impl<'a> CellQuery<'a> {
         self.search.cell.meets(min - pad, max + pad)
     }
 
-    /// Proves groups of objects hidden, halving those that it cannot prove. Returns the single objects left.
+    /// Proves groups of objects hidden. A group that is not proven is halved. Returns the single objects
+    /// left.
     fn groups(&mut self, mut list: Vec<u32>) -> Vec<u32> {
         let mut left = Vec::new();
         let mut stack = vec![(0, list.len())];
@@ -560,9 +562,9 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Proves parts of an object with many triangles hidden by boxes around them, halving those that it
-    /// cannot prove, with at most about `most` nodes. Removes their triangles from `order`, and adds the
-    /// proofs.
+    /// Proves parts of an object hidden, by boxes around its triangles. A part that is not proven is halved.
+    /// Takes about `most` nodes at most. Removes the triangles of hidden parts from `order`, and adds the
+    /// proofs to `proofs`.
     fn hide_parts(&mut self, order: &mut Vec<u32>, proofs: &mut Vec<Proof>, most: u32) {
         let triangles = self.search.triangles;
         let count = order.len();

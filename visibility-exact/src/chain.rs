@@ -158,8 +158,8 @@ impl Search<'_> {
         matches!(signs(sight, edge, sight.side_error(self.delta)), POSITIVE | NEGATIVE)
     }
 
-    /// Returns whether a triangle certainly touches neither P nor Q, but for the boundary of Q at corners of
-    /// the target triangle.
+    /// Returns whether a triangle certainly touches neither P nor Q. At corners of the target triangle it may
+    /// touch the boundary of Q.
     pub(crate) fn apart(&self, corners: &[DVec3; 3], tags: [u8; 3], sight: &Sight) -> bool {
         let pad = self.pad();
         apart(corners, &sight.p, &sight.before_p, pad)
@@ -167,8 +167,8 @@ impl Search<'_> {
                 || apart(corners, &sight.q, &sight.before_q, pad))
     }
 
-    /// Returns the triangle at the other side of an edge of the chain that folds back least: of those that
-    /// continue the surface as seen along the line, and occlude for all points of P.
+    /// Returns the triangle beyond an edge of the chain that folds back least. It must continue the surface
+    /// as seen along the line, and occlude for all points of P. `None` without such a triangle.
     fn next_across(
         &mut self,
         scratch: &ChainScratch,

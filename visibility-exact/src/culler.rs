@@ -1,4 +1,4 @@
-//! The region culler.
+//! `ExactCuller`: the region culler that decides each object by lines of sight and proofs.
 
 use crate::cell_query::CellQuery;
 use crate::chain_scratch::ChainScratch;
@@ -70,7 +70,7 @@ impl ExactCuller {
         self.stop = stop;
     }
 
-    /// Returns the settings.
+    /// Returns the settings that the culler was made with.
     pub fn settings(&self) -> &ExactSettings {
         &self.settings
     }
@@ -104,7 +104,7 @@ impl ExactCuller {
     }
 }
 
-/// Prepares a query in the memory of the one before. `None` if the viewcell cannot be used.
+/// Prepares a query in the memory of the query before. `None` for a viewcell that is inverted or not finite.
 pub(crate) fn query<'a>(
     triangles: &'a SceneTriangles,
     settings: &ExactSettings,
@@ -116,7 +116,7 @@ pub(crate) fn query<'a>(
 }
 
 impl CellVerdicts {
-    /// All objects are open.
+    /// Makes verdicts in which every object is open.
     pub(crate) fn undecided(triangles: &SceneTriangles) -> Self {
         let verdicts = vec![Verdict::Open; triangles.objects.len()];
         Self { verdicts, proofs: Vec::new(), rays: 0, nodes: 0, refused: 0, is_decided: false }

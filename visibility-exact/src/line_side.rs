@@ -88,7 +88,7 @@ pub(crate) fn sign((value, error): (f64, f64)) -> i32 {
     i32::from(value > error) - i32::from(value < -error)
 }
 
-/// How a segment and a triangle lie.
+/// Relation of a segment and a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Crossing {
     /// The segment certainly crosses the inside of the triangle.

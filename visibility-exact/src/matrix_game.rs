@@ -8,19 +8,19 @@
 
 use alloc::vec::Vec;
 
-/// Answer of a [`MatrixGame`].
+/// Sign of the value of a [`MatrixGame`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Value {
     /// Certainly no weights of columns are positive in all rows; `row_weights` prove that.
     Negative,
     /// `column_weights` are positive in all rows, up to rounding.
     Positive,
-    /// Neither, within rounding.
+    /// The sign is uncertain within rounding.
     Open,
 }
 
-/// Most steps of the simplex method. From half of them on, the first improving column is taken instead of the
-/// steepest, against cycles.
+/// Greatest number of steps of the simplex method. From half of them on, the first improving column is taken
+/// in place of the steepest, which prevents cycles.
 const STEPS: usize = 120;
 
 /// Rows of entries, kept as a stack.
@@ -29,7 +29,7 @@ pub(crate) struct Matrix {
     columns: usize,
     /// Entries divided by the scale of their row.
     entries: Vec<f64>,
-    /// For each row its scale and the greatest error of a scaled entry.
+    /// Scale of each row, and the greatest error of its scaled entries.
     rows: Vec<(f64, f64)>,
 }
 

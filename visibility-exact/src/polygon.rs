@@ -4,15 +4,15 @@
 use crate::half::Half;
 use visibility_core::glam::DVec3;
 
-/// Greatest number of corners.
+/// Greatest number of corners of a polygon.
 pub(crate) const MOST: usize = 8;
 
 /// A convex polygon with at most [`MOST`] corners.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Polygon {
     v: [DVec3; MOST],
-    /// For each corner the barycentric coordinates in the target triangle that are exactly 0, as bits. 0 for
-    /// polygons that are no part of a target triangle, or of one that was moved.
+    /// Barycentric coordinates in the target triangle that are exactly 0, for each corner: bit i for
+    /// coordinate i. 0 for polygons that are not a part of a target triangle, or of one that was moved.
     pub(crate) zero: [u8; MOST],
     n: usize,
 }

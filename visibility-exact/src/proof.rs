@@ -23,7 +23,7 @@ pub struct Proof {
     pub(crate) cell: CellBox,
     pub(crate) target: Target,
     pub(crate) clearance: f64,
-    /// Nodes in depth-first order, those of one pair of polygons after those of another.
+    /// Nodes in depth-first order, pair of polygons by pair of polygons.
     pub(crate) steps: Vec<Step>,
 }
 
@@ -69,12 +69,12 @@ pub(crate) enum Step {
         ring: Box<[(DVec3, u8)]>,
         /// Side on which blocked segments have all edges, 1 or -1.
         side: f64,
-        /// By edge, from each corner to the next.
+        /// Outcome of each edge of the ring, from each corner to the next.
         edges: Box<[LoopEdge]>,
     },
 }
 
-/// What becomes of the segments that pass outside of an edge of a loop.
+/// Outcome of the segments that pass outside an edge of a loop.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum LoopEdge {
     /// All segments between the polygons pass inside.

@@ -185,7 +185,7 @@ impl Search<'_> {
         answer
     }
 
-    /// Halves P or Q of a node with rows: the way that leaves a half without lines, if there is one.
+    /// Halves P or Q of a node with rows. A way that leaves a half without lines is preferred.
     fn halve_divided(&mut self, node: &RowNode, left: &mut u32, halvings: u32) -> Answer {
         if halvings >= self.budget.halvings {
             return Answer::Undecided;
@@ -300,7 +300,8 @@ impl Search<'_> {
         satisfies(line).then_some(line)
     }
 
-    /// Of the occluders that a line crosses, returns the loop with the fewest dividing edges.
+    /// Returns the loop with the fewest dividing edges, of loops on the occluders that a line crosses. `hits`
+    /// are these occluders' indices.
     fn best_loop(&mut self, sight: &Sight, depth: usize, line: Segment, hits: &[u32]) -> Option<Loop> {
         // The growth shrinks with every row, so that a line outside of one edge is surely not inside of
         // another edge on the same line.
@@ -406,8 +407,8 @@ fn cut(ring: Vec<RingCorner>, half: &Half, height: impl Fn(&Half, &RingCorner) -
     out
 }
 
-/// Removes corners between two sides on one line, which would give two rows for one line, and corners that
-/// coincide with the one before.
+/// Removes corners between two sides on one line, which would give two rows for one line, and corners equal
+/// to the corner before.
 fn drop_straight(ring: &mut Vec<RingCorner>) {
     let mut k = 0;
     while ring.len() >= 3 && k < ring.len() {

@@ -24,7 +24,7 @@ pub(crate) enum Answer {
     Hidden,
     /// A segment that certainly misses all occluders.
     Visible(Segment),
-    /// Neither within the budget.
+    /// Neither a line of sight nor a proof was found within the budget.
     Undecided,
 }
 
@@ -40,11 +40,11 @@ pub(crate) struct SearchStats {
 /// Bounds on the work for one target.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
-    /// Most nodes by halving.
+    /// Greatest number of nodes of the search by halving.
     pub(crate) nodes: u32,
-    /// Most nodes of each attempt to divide a node by occluder edges.
+    /// Greatest number of nodes of each attempt to divide a node by occluder edges.
     pub(crate) divided: u32,
-    /// Most halvings on the way to one of these.
+    /// Greatest number of halvings in such an attempt, on the way to one of its nodes.
     pub(crate) halvings: u32,
 }
 
@@ -78,7 +78,7 @@ pub(crate) struct Search<'a> {
     used: u32,
     pub(crate) chain: ChainScratch,
     pub(crate) game: MatrixGame,
-    /// Scratch of programs.
+    /// Scratch matrix of the linear programs.
     pub(crate) matrix: Matrix,
     pub(crate) hits: Vec<u32>,
     pub(crate) steps: Vec<Step>,
@@ -88,7 +88,7 @@ pub(crate) struct Search<'a> {
     /// A one-sided triangle that could not be used for the node at work because P is on both sides of its
     /// plane, or [`NONE`].
     pub(crate) across: u32,
-    /// Asked at each node.
+    /// Called at each node. The search ends once it returns true.
     pub(crate) stop: &'a dyn Fn() -> bool,
     /// Whether `stop` has returned true: every answer is then undecided.
     pub(crate) is_stopped: bool,
@@ -240,7 +240,7 @@ impl<'a> Search<'a> {
         self.halve(sight, depth, splits, obstacle)
     }
 
-    /// Orders triangles that a line crosses: the one that blocked the last node first, then the largest.
+    /// Orders the triangles that a line crosses: first the one that blocked the last node, then the largest.
     pub(crate) fn sort_starts(&self, hits: &mut [u32]) {
         hits.sort_unstable_by(|&a, &b| {
             self.triangles.area(b).total_cmp(&self.triangles.area(a)).then(a.cmp(&b))

@@ -1,6 +1,6 @@
-//! How much work the culler does, for which guarantee.
+//! Settings of the exact culler: how much work it does, and what that guarantees.
 
-/// How much an [`ExactCuller`](crate::ExactCuller) finds out.
+/// Kind of answer that an [`ExactCuller`](crate::ExactCuller) looks for.
 ///
 /// ```
 /// use visibility_exact::{Effort, ExactSettings};

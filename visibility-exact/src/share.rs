@@ -1,4 +1,4 @@
-//! Certified bounds on the visible share of a target: how many of the segments to it may be unblocked.
+//! Certified bounds on the visible share of a target: the share of the segments to it that may be unblocked.
 //!
 //! The segments from P to Q are measured by area of P times area of Q. Nodes that a surface blocks are taken
 //! off, largest nodes first, until what is left is below a bound. What is not blocked counts as unblocked.

@@ -6,7 +6,7 @@ use visibility_core::glam::DVec3;
 
 /// Signs that occur at pairs of corners, as bits of a set.
 pub(crate) const POSITIVE: u8 = 1;
-/// See [`POSITIVE`].
+/// Bit of a side that is certainly negative: see [`POSITIVE`].
 pub(crate) const NEGATIVE: u8 = 2;
 /// A value that rounding leaves undecided. See [`POSITIVE`].
 pub(crate) const UNSURE: u8 = 4;

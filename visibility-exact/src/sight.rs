@@ -57,7 +57,7 @@ impl CellBox {
     }
 }
 
-/// What may be seen.
+/// Part of an object that may be seen: the end of the segments asked about.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Target {
     /// Anything inside a box, in scene coordinates. The box does not meet the viewcell.
@@ -66,10 +66,10 @@ pub(crate) enum Target {
     Triangle(u32),
 }
 
-/// Returns the bound on the errors of positions in all that is asked about a target: its polygons are cut
-/// from faces of the viewcell and of the target, so that coordinates are at most those of triangles, viewcell
-/// and target box, and the clearance more. `None` if the clearance is within this error, so that it would not
-/// part touching surfaces.
+/// Returns the bound on the errors of positions in a search for a target. Its polygons are cut from faces of
+/// the viewcell and of the target, so that coordinates are at most those of triangles, viewcell and target
+/// box, plus the clearance. `None` if the clearance is within this error, so that it would not part touching
+/// surfaces.
 pub(crate) fn position_error(
     triangles: &SceneTriangles,
     cell: &CellBox,
@@ -84,12 +84,12 @@ pub(crate) fn position_error(
     (c == 0.0 || c >= 64.0 * delta).then_some(delta)
 }
 
-/// How P lies to the front of a one-sided triangle.
+/// Place of P relative to the front of a one-sided triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Facing {
-    /// Before it: the triangle occludes for all points of P.
+    /// P is before the front: the triangle occludes for all points of P.
     Before,
-    /// On both sides.
+    /// P is on both sides of the triangle's plane.
     Across,
     /// Behind it, up to rounding.
     Behind,
@@ -111,8 +111,8 @@ pub(crate) struct Sight {
 }
 
 impl Sight {
-    /// Returns the bound on the errors of positions that count for the sides of edges, of the bound `delta`
-    /// on all errors.
+    /// Returns the bound on the errors of positions that counts for the sides of edges. `delta` bounds all
+    /// errors.
     ///
     /// Without clearance an answer holds for all segments, so that positions stand for all that their errors
     /// allow. With a clearance, which is at least 64 errors, positions are what they are, but that those near
@@ -130,8 +130,8 @@ impl Sight {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
     }
 
-    /// Returns how P lies to the front of a one-sided triangle, for a clearance `c`. Heights are known to
-    /// `pad`.
+    /// Returns the place of P relative to the front of a one-sided triangle, for a clearance `c`. Heights
+    /// have errors up to `pad`.
     ///
     /// Without clearance an answer holds for all segments, so that P must be before the triangle for certain.
     /// With a clearance positions are what they are, and over a plane that is perpendicular to an axis their

@@ -31,7 +31,7 @@ struct Node {
 struct LeafBox {
     min: Vec3,
     max: Vec3,
-    /// Number of the triangle.
+    /// Index of the triangle.
     number: u32,
 }
 
@@ -118,9 +118,9 @@ impl TriangleTree {
         self.build(other, first + split, depth + 1);
     }
 
-    /// Collects up to `most` triangles that the segment from p to q certainly crosses, but for one-sided ones
-    /// that p is certainly behind. Returns whether there may be others that it touches; true if the search
-    /// ended at `most`, or because it touched too many.
+    /// Collects up to `most` triangles that the segment from p to q certainly crosses. One-sided triangles
+    /// that p is certainly behind, and `skip`, are left out. Returns whether the segment may touch others:
+    /// true if the search ended at `most`, or after too many uncertain ones.
     pub(crate) fn crossed(&self, p: DVec3, q: DVec3, skip: u32, most: usize, hits: &mut Vec<u32>) -> bool {
         hits.clear();
         let (mut unsure, mut touched) = (false, 0);
@@ -191,8 +191,8 @@ impl TriangleTree {
         }
     }
 
-    /// Returns the triangle that the ray from p towards d meets first, and the distance in lengths of d. By
-    /// ordinary floating point: what it returns must be checked.
+    /// Returns the triangle that the ray from p along d meets first, and its distance in lengths of d.
+    /// Computed in ordinary floating point, so that the caller must check the answer.
     pub(crate) fn nearest(&self, p: DVec3, d: DVec3) -> Option<(f64, u32)> {
         let inverse = d.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });
         let enter = |node: &Node| {

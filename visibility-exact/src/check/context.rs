@@ -1,4 +1,4 @@
-//! What is known of a proof while its nodes are checked.
+//! State of a proof's check: the scene, the proof's steps and the errors of positions.
 
 use crate::proof::Step;
 use crate::triangles::SceneTriangles;
@@ -11,7 +11,7 @@ pub(super) type Corner = (DVec3, Option<usize>);
 /// An edge and the sign of the side on which lines pass it.
 pub(super) type Divider = ([Corner; 2], f64);
 
-/// A proof being checked.
+/// A proof while it is checked.
 pub(super) struct Check<'a> {
     pub(super) triangles: &'a SceneTriangles,
     pub(super) clearance: f64,

@@ -83,7 +83,7 @@ impl Proof {
     }
 }
 
-/// Greatest depth of nodes.
+/// Greatest depth of nested nodes. A deeper proof is refused.
 const DEPTH: usize = 400;
 
 impl Check<'_> {

@@ -102,7 +102,8 @@ impl World {
         Proof { cell: self.cell, target: Target::Triangle(0), clearance: self.clearance, steps }
     }
 
-    /// Returns what is wrong with a proof, in a world in which a segment sees the target.
+    /// Returns the error of a proof, in a world in which a segment sees the target. `None` if the check
+    /// accepts it.
     fn error(&self, seen: [[f64; 3]; 2], steps: Vec<Step>) -> Option<ProofError> {
         assert!(self.sees(seen.map(DVec3::from_array)), "no segment of this world sees the target");
         self.proof(steps).check(&self.triangles).err()
