@@ -1,6 +1,6 @@
 //! Order of points on the plan in which successive points are near one another, for trees over them.
 
-/// Points of a leaf.
+/// Greatest number of points of a leaf.
 pub(crate) const LEAF: usize = 16;
 
 /// Puts centres, with their indices, in the order of the leaves: halves a range at the median of the longer

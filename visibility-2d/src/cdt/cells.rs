@@ -180,7 +180,8 @@ impl Plan {
     }
 }
 
-/// Returns the upright rectangle over a segment, made larger until it is a polygon. `None` if there is none.
+/// Returns the upright rectangle over a segment between two heights, enlarged by roundings until it is a
+/// valid polygon. `None` if no enlargement is one.
 fn portal(segment: [Point; 2], heights: [f64; 2]) -> Option<ConvexPolygon> {
     let [mut a, mut b] = segment.map(|[x, y]| DVec3::new(x, y, 0.0));
     let [mut low, mut high] = heights;

@@ -133,9 +133,9 @@ impl Constrainer {
         self.tasks.push(Task { from: rest, to, walls, is_part });
     }
 
-    /// Walks from the vertex of `h` through the triangle of `h` until the next vertex on the way to `to`, and
-    /// collects what is crossed. Returns that vertex. `None` if a wall is in the way: then the two walls are
-    /// split, and their pieces are tasks.
+    /// Walks from the vertex of `h` through the triangle of `h` to the next vertex on the way to `to`, and
+    /// collects the edges crossed. Returns that vertex. `None` if a wall is in the way: both walls are then
+    /// split where they cross, and their pieces become tasks.
     fn cross(&mut self, of: &mut Triangulation, h: u32, task: &Task) -> Option<u32> {
         let (from, to) = (task.from, task.to);
         let [a, b] = [from, to].map(|v| of.points[v as usize]);

@@ -1,4 +1,4 @@
-//! What can be wrong with the walls of a plan, or with a query.
+//! Errors of plans: walls that cannot be triangulated, and queries with unusable numbers.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ pub enum PlanError {
     Coordinate {
         /// Index of the wall with the faulty point, or of the point among the points of a query, from 0.
         index: usize,
-        /// The faulty point.
+        /// The first point with a coordinate that cannot be used.
         point: [f64; 2],
     },
     /// There are too many walls, or walls that cross or overlap too often.
@@ -20,7 +20,7 @@ pub enum PlanError {
     },
     /// A wall has a number that the plan does not have.
     UnknownWall {
-        /// Number of the wall.
+        /// Index of the wall that was asked for.
         wall: u32,
         /// Number of walls of the plan.
         walls: usize,

@@ -43,10 +43,11 @@ impl Cone {
     }
 }
 
-/// What happens to a cone at an edge.
+/// What happens to a cone of sight at an edge of a triangle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Met {
-    /// The cone passes a wall: it is clear, or one of those that the view sees through.
+    /// The cone goes on beyond a wall that does not block, or that counts as one of those the view sees
+    /// through.
     Passed,
     /// The cone ends at a wall or at the outer rectangle.
     Ended,

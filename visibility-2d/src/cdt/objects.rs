@@ -94,7 +94,7 @@ impl PlanObjects {
         Ok(object)
     }
 
-    /// Moves an object: it is the convex hull of other points from now on.
+    /// Replaces an object's outline: the object becomes the convex hull of `outline`.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] if a point is not finite or above 1e60, [`PlanError::Region`] if there is no
@@ -110,8 +110,8 @@ impl PlanObjects {
         Ok(())
     }
 
-    /// Removes an object, which is then never seen, until it is [set](Self::set) again. Its number is not
-    /// given to another one. Nothing happens if there is none of that number.
+    /// Removes an object. It is not seen until it is [set](Self::set) again, and its number is not given to
+    /// another object. Nothing happens for an unknown number.
     pub fn remove(&mut self, object: u32) {
         let Some(first) = self.of_object.get_mut(object as usize) else { return };
         let mut item = core::mem::replace(first, NONE);

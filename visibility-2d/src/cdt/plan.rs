@@ -12,7 +12,7 @@ use visibility_core::stamp::Stamp;
 /// Greatest number of walls of all pieces: one for each edge of a triangulation, and some that overlap.
 const MOST_WALLS: usize = 4 * MOST_VERTICES;
 
-/// A half-edge of a plan: 8 bytes, of which one query reads some dozens.
+/// A half-edge of a plan. 8 bytes, since queries read these in random order.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HalfEdge {
     /// Vertex at which the half-edge begins.
@@ -76,12 +76,12 @@ pub struct Plan {
     places: Vec<u32>,
     /// Piece of a wall along each half-edge, [`NONE`] without a wall. Both halves have the same piece.
     pub(crate) piece: Vec<u32>,
-    /// CSR offsets into `walls_of_pieces`.
+    /// First wall of each piece in `walls_of_pieces`, by piece; then the end of the last.
     first_wall: Vec<u32>,
     walls_of_pieces: Vec<u32>,
-    /// A half-edge of each piece.
+    /// One of the half-edges of each piece, by piece.
     piece_edge: Vec<u32>,
-    /// CSR offsets into `pieces_of_walls`.
+    /// First piece of each wall in `pieces_of_walls`, by wall; then the end of the last.
     first_piece: Vec<u32>,
     pieces_of_walls: Vec<u32>,
     walls: Vec<Wall>,

@@ -14,8 +14,9 @@ pub(crate) type Point = [f64; 2];
 /// 1e242, far from overflow.
 pub(crate) const GREATEST: f64 = 1e60;
 
-/// Least magnitude of a coordinate; what is smaller becomes 0. The last bit of a coordinate is then at least
-/// 1e-56, and the product of four such bits at least 1e-224: no product of the predicates underflows.
+/// Least magnitude of a nonzero coordinate: smaller ones are set to 0. The last bit of a coordinate is then
+/// at least 1e-56, and the product of four such bits at least 1e-224, so that no product of the predicates
+/// underflows.
 pub(crate) const LEAST: f64 = 1e-40;
 
 /// Shewchuk's bound `(3 + 16 u) u` on the error of the orientation, relative to the sum of the magnitudes of

@@ -58,7 +58,7 @@ pub struct RegionVisibility {
 }
 
 impl RegionVisibility {
-    /// Makes an empty answer.
+    /// Makes an empty answer, with no triangles and no walls.
     pub fn new() -> Self {
         Self::default()
     }
@@ -68,7 +68,7 @@ impl RegionVisibility {
         &self.walls
     }
 
-    /// Returns the numbers of the triangles seen, each once, those that the region overlaps first. See
+    /// Returns the numbers of the triangles seen, each once. Those that the region overlaps come first. See
     /// [`Plan::triangle`].
     pub fn triangles(&self) -> &[u32] {
         &self.triangles
@@ -209,8 +209,8 @@ impl Plan {
         Ok(())
     }
 
-    /// Returns whether a triangle and a convex polygon overlap: the two are apart only if a side of either
-    /// separates them. A polygon without area overlaps what it touches.
+    /// Returns whether a triangle and a convex polygon overlap. False only if a side of either separates
+    /// them. A polygon without area overlaps every triangle that it touches.
     fn overlaps(&self, triangle: u32, hull: &[Point]) -> bool {
         let corners = [0, 1, 2].map(|k| self.start(3 * triangle + k));
         let has_area = hull.len() > 2;

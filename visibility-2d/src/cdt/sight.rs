@@ -25,16 +25,17 @@ pub struct WallHit {
 const LEFT: u8 = 1;
 const RIGHT: u8 = 2;
 
-/// Where a walk along a segment is.
+/// Position of a walk from triangle to triangle along a segment.
 #[derive(Clone, Copy, Debug)]
 enum At {
-    /// Before a half-edge, in its triangle.
+    /// In the triangle of a half-edge, about to cross it. Index of the half-edge.
     Edge(u32),
-    /// At the vertex of a half-edge, come on some of the two sides.
+    /// At the origin of a half-edge. Index of the half-edge, and the sides of walls ([`LEFT`], [`RIGHT`]) on
+    /// which the segment came.
     Vertex(u32, u8),
 }
 
-/// How a walk along a segment ends.
+/// End of a walk along a segment.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Stop {
     /// The second point is reached, or nothing more is in the way.
@@ -312,7 +313,8 @@ impl Walk<'_> {
         corner.map(|h| At::Vertex(h, LEFT | RIGHT))
     }
 
-    /// Returns the sides on which a segment may pass a vertex, of which no wall keeps it.
+    /// Returns the sides ([`LEFT`], [`RIGHT`]) on which the segment may pass a vertex: those on which no wall
+    /// at the vertex stops it.
     fn open_sides(&self, h: u32) -> u8 {
         let is_closed = |side: u8| self.plan.fan(h).any(|h| self.stop_at(h, side).is_some());
         [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()

@@ -33,7 +33,7 @@ pub(crate) fn previous(h: u32) -> u32 {
     if h.is_multiple_of(3) { h + 2 } else { h - 1 }
 }
 
-/// Where a point lies in a triangulation.
+/// Place of a point in a triangulation.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Place {
     /// Strictly inside the triangle with this number.
@@ -77,7 +77,7 @@ pub(crate) struct Triangulation {
     stack: Vec<u32>,
 }
 
-/// Bounds of no point.
+/// Bounds of an empty set of points: least and greatest coordinates.
 pub(crate) const NOWHERE: [Point; 2] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
 
 impl Triangulation {
@@ -162,8 +162,8 @@ impl Triangulation {
         vertices
     }
 
-    /// Inserts a point strictly inside the outer rectangle, and returns its vertex: an existing one if a
-    /// vertex is there already. A wall through the point is split there.
+    /// Inserts a point strictly inside the outer rectangle and returns its vertex. A point at an existing
+    /// vertex returns that vertex. A wall through the point is split there.
     pub(crate) fn insert(&mut self, point: Point) -> u32 {
         let place = self.locate(point);
         if let Place::Vertex(h) = place {
@@ -271,8 +271,8 @@ impl Triangulation {
         self.stack.extend([hp, e + 1, gp, f + 1]);
     }
 
-    /// Flips the edges on the stack, and those that they make suspect, until all are Delaunay or walls, or
-    /// until `limit` edges have been looked at. The rest stay as they are, which costs only speed.
+    /// Flips the edges on the stack, and the edges around each flip, until all are Delaunay or walls, or
+    /// until `limit` edges have been tested. Edges left over cost speed, not correctness.
     pub(crate) fn restore_delaunay(&mut self, limit: usize) {
         for _ in 0..limit {
             let Some(h) = self.stack.pop() else { return };

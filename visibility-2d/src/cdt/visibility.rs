@@ -1,4 +1,4 @@
-//! What an eye on a plan sees: the visibility polygon and the walls.
+//! Visibility from an eye on a plan: the visibility polygon, and the walls and objects seen.
 
 use super::error::PlanError;
 use super::expand::{Cone, Expansion, Met, Ray};
@@ -22,9 +22,9 @@ pub struct Visibility {
     twice_area: f64,
     cones: Vec<Cone>,
     sector: Vec<Point>,
-    /// For each wall the number of the query that has seen it last.
+    /// Number of the last query that saw each wall, by wall.
     marks: Vec<u32>,
-    /// For each object the number of the query that has seen it last.
+    /// Number of the last query that saw each object, by object.
     object_marks: Vec<u32>,
     query: u32,
     /// Half-edge at the eye of the last query, and the triangles that it is of.
@@ -108,8 +108,9 @@ impl Plan {
         self.look_for(view, None, answer)
     }
 
-    /// Finds what a view sees, objects too: those that a line of sight meets, within the view's limits, on
-    /// its way or where it ends. Time is in proportion to the triangles seen and to the objects in these.
+    /// Finds the walls and the objects that a view sees. An object is seen if a line of sight within the
+    /// view's limits meets it, up to and including the line's end. Time is in proportion to the triangles
+    /// seen and to the objects in them.
     ///
     /// Exact for objects that are points, up to rounding of the range. Conservative for others: an object
     /// counts if it overlaps a triangle of which a part is seen, and the directions of that part.

@@ -76,7 +76,7 @@ impl From<[DVec2; 2]> for Wall {
 }
 
 /// Returns whether a piece of a wall runs from the wall's first end towards its second. Both coordinates are
-/// monotonic along the pieces of a wall, so one of them decides.
+/// monotonic along a wall's pieces, so that one coordinate decides.
 pub(crate) fn is_along(wall: [Point; 2], piece: [Point; 2]) -> bool {
     let axis = usize::from(piece[0][0] == piece[1][0]);
     (wall[0][axis] < wall[1][axis]) == (piece[0][axis] < piece[1][axis])

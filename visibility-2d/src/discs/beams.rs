@@ -86,7 +86,7 @@ struct Beam {
 }
 
 impl BeamScratch {
-    /// Makes empty working memory.
+    /// Makes empty working memory. It grows with the first queries.
     pub fn new() -> Self {
         Self::default()
     }
@@ -141,7 +141,7 @@ impl DiscBeams {
         Ok(made)
     }
 
-    /// Lists the discs of vertices and the discs that touch triangles besides.
+    /// Lists for each vertex its disc, and for each triangle the other discs that touch it.
     fn list(&mut self) {
         let mut edges = Vec::with_capacity(self.discs.len());
         for (index, disc) in (0u32..).zip(&self.discs) {
@@ -330,7 +330,8 @@ impl DiscBeams {
         self.report_others(twin / 3, scratch, seen);
     }
 
-    /// Pushes what is left of a beam, or of all directions, beyond an edge.
+    /// Narrows a beam (`None`: all directions) by the discs at the ends of an edge, and pushes the rest as a
+    /// beam beyond the edge. Pushes nothing if no direction is left.
     fn push(&self, h: u32, eye: [f64; 2], beam: Option<Beam>, scratch: &mut BeamScratch) {
         let [a, b] = self.plan.ends(h);
         let [to_a, to_b] = [a, b].map(|end| minus(end, eye));

@@ -5,7 +5,7 @@
 
 use alloc::vec::Vec;
 
-/// Number of sectors.
+/// Number of equal sectors into which the full turn around the eye is divided.
 const SECTORS: usize = 256;
 
 /// Sectors for each unit of direction numbers.
@@ -124,7 +124,7 @@ fn sector_of(number: f64) -> usize {
     ((number.max(0.0) * PER_UNIT) as usize).min(SECTORS - 1)
 }
 
-/// Removes what is between `first` and `last` from an ascending list of disjoint intervals.
+/// Removes the directions from `first` to `last` from an ascending list of disjoint intervals.
 pub(super) fn cut_list(gaps: &mut Vec<(f64, f64)>, first: f64, last: f64) {
     let begin = gaps.partition_point(|gap| gap.1 <= first);
     let end = begin + gaps[begin..].partition_point(|gap| gap.0 < last);

@@ -29,7 +29,7 @@ use alloc::vec::Vec;
 use smallvec::SmallVec;
 use visibility_core::geometry::sqrt;
 
-/// Index of no disc.
+/// Index that no disc has.
 const NONE: u32 = u32::MAX;
 
 /// Relative distance of the eye to a bitangent within which the class counts as ended. Greater than the
@@ -39,7 +39,7 @@ const MARGIN: f64 = 1e-9;
 /// Sine of the angle between a bitangent and the line of centres below which rounding of it is too great.
 const LEAST_SINE: f64 = 1e-4;
 
-/// What the last move of a [`KineticZone`] did.
+/// Counts of the work of a [`KineticZone`]'s last move.
 ///
 /// ```
 /// assert_eq!(visibility_2d::discs::ZoneWork::default().steps, 0);
@@ -91,7 +91,7 @@ impl Class {
 /// Directions in which the same disc is seen, and the tangent segment at their clockwise end.
 #[derive(Clone, Copy, Debug)]
 struct Arc {
-    /// Disc seen, or [`NONE`].
+    /// Index of the disc that is seen in the arc, or [`NONE`].
     disc: u32,
     pivot: u32,
     front: u32,
@@ -140,7 +140,7 @@ pub struct KineticZone<'a> {
 /// Orders discs that come front to back by direction.
 #[derive(Clone, Debug, Default)]
 struct Painter {
-    /// Open directions, ascending.
+    /// Ranges of directions that no disc drawn so far covers, ascending, in radians.
     open: Vec<(f64, f64)>,
     /// Begin of the directions in which each disc is seen, and the disc.
     runs: Vec<(f64, u32)>,
@@ -171,7 +171,7 @@ impl Painter {
         self.runs.len() > before
     }
 
-    /// Gives what is still open to no disc, and orders all by direction.
+    /// Assigns the directions that are still open to [`NONE`], and orders all arcs by direction.
     fn finish(&mut self) {
         self.runs.extend(self.open.iter().map(|gap| (gap.0, NONE)));
         self.runs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
@@ -344,7 +344,8 @@ impl<'a> KineticZone<'a> {
         Some(if arc.is_first { first } else { last })
     }
 
-    /// Makes the arc in which `disc` is seen, next to the one of `before`. Either may be [`NONE`], not both.
+    /// Makes the arc of directions in which `disc` is seen, next to the arc of `before`. Either may be
+    /// [`NONE`], not both.
     fn arc(&self, eye: [f64; 2], before: u32, disc: u32) -> Arc {
         let power = |index: u32| {
             let Some(disc) = self.discs.discs.get(index as usize) else { return f64::INFINITY };
@@ -520,7 +521,7 @@ impl<'a> Search<'a> {
         Some(())
     }
 
-    /// Returns the class between the bounds. `None` if the eye is at one of them.
+    /// Returns the class between the bounds. `None` if the eye lies on one of them.
     fn finish(&self) -> Option<Class> {
         let from_pivot = minus(self.eye, self.pivot.center);
         let size = from_pivot[0].abs() + from_pivot[1].abs() + self.reach;

@@ -140,11 +140,12 @@ fn up(x: f64) -> f32 {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Discs {
-    /// Discs along the curve.
+    /// All discs, in the order of a space-filling curve.
     pub(crate) discs: Vec<Disc>,
-    /// For each of `discs`, its index in the order that they were given in.
+    /// Index that the caller gave each of `discs`.
     pub(crate) indices: Vec<u32>,
-    /// For each of `discs`, the radius within which it is disjoint from all others: what it hides with.
+    /// Radius in metres within which each of `discs` is disjoint from all others. Only this part of the disc
+    /// hides.
     pub(crate) solid_radii: Vec<f64>,
     /// Whether no disc touches another or has radius 0.
     pub(crate) are_disjoint: bool,

@@ -141,8 +141,9 @@ impl<const N: usize> Relative<N> {
 }
 
 impl Columns {
-    /// Tests the lanes of `state.0`, candidates that are hidden in the faces so far, in the face `FACE`.
-    /// Removes those that are not hidden there, and adds those that meet the face to `state.1`.
+    /// Tests the lanes of `state.0` in the face `FACE`. Removes those that are not hidden there, and adds
+    /// those that meet the face to `state.1`. `state.0` are the candidates that are hidden in all faces so
+    /// far.
     #[inline(always)]
     fn hidden_in_face<const FACE: usize, const N: usize>(
         &self,
@@ -209,8 +210,8 @@ impl Columns {
         state.0 & state.1
     }
 
-    /// Returns whether each column from `first` to `last` of a face has a step that hides what is at inverse
-    /// depth `inverse_depth` or less, between the heights `low` and `high`.
+    /// Returns whether each column from `first` to `last` of a face has a step that hides a surface from
+    /// `low` to `high` at inverse depth `inverse_depth` or less.
     #[inline(always)]
     fn is_behind(
         &self,

@@ -20,7 +20,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// Hides nothing.
+    /// A step that hides nothing.
     const OPEN: Self = Self { inverse_depth: 0.0, low: f32::INFINITY, high: f32::NEG_INFINITY };
 
     /// Returns whether whatever `other` hides is hidden by this step.
@@ -34,13 +34,13 @@ impl Step {
     }
 }
 
-/// Columns of a [`Block`].
+/// Number of columns of a [`Block`].
 pub(crate) const BLOCK: usize = 8;
 
 /// The steps of eight neighbouring columns, by step and column: tested together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
-    /// What all columns hide, each with the step of the highest top.
+    /// Step that every column of the block hides at least, made from the step with the highest top in each.
     common: Step,
     inverse_depth: [[f32; BLOCK]; STEPS],
     low: [[f32; BLOCK]; STEPS],
@@ -69,7 +69,7 @@ impl Block {
         self.high[step][column] = value.high;
     }
 
-    /// Computes `common` anew.
+    /// Computes `common` from the steps of the columns.
     fn summarize(&mut self) {
         let mut all = Step { inverse_depth: f32::INFINITY, low: f32::NEG_INFINITY, high: f32::INFINITY };
         for column in 0..BLOCK {
@@ -87,16 +87,16 @@ impl Block {
         self.common = all;
     }
 
-    /// Returns whether all columns hide what is at inverse depth `inverse_depth` or less, between the
-    /// heights `low` and `high`, each with the step of the highest top.
+    /// Returns whether all columns hide a surface from height `low` to `high` at inverse depth
+    /// `inverse_depth` or less, by the step that they have in common.
     #[inline(always)]
     pub(crate) fn is_hidden_throughout(&self, inverse_depth: f32, low: f32, high: f32) -> bool {
         let Step { inverse_depth: w, low: from, high: to } = self.common;
         (w > inverse_depth) & (from < low) & (to > high)
     }
 
-    /// Returns a mask of the columns with a step that hides what is at inverse depth `inverse_depth` or
-    /// less, between the heights `low` and `high`.
+    /// Returns a mask of the columns with a step that hides a surface from height `low` to `high` at inverse
+    /// depth `inverse_depth` or less.
     // Not inlined, since it compiles to vector instructions only by itself.
     #[inline(never)]
     pub(crate) fn hides(&self, inverse_depth: f32, low: f32, high: f32) -> u32 {
@@ -211,8 +211,9 @@ impl Columns {
         block.summarize();
     }
 
-    /// Adds what is between two outlines, each from its first to its last column, to the columns of a face
-    /// that both span. `bends` is whether the outlines may bend inwards, as those of walls do.
+    /// Adds the area between two outlines to the columns of a face that both outlines span. Each outline runs
+    /// from its first to its last column. `bends` is true if the outlines may bend inwards, as those of walls
+    /// do.
     fn draw(&mut self, face: usize, outline: &Outline, bends: bool) {
         let Outline { upper, lower, error, .. } = outline;
         let ([first, .., last], [low_first, .., low_last]) = (&upper[..], &lower[..]) else { return };

@@ -20,7 +20,7 @@ const CORE: f32 = 0.5;
 pub(crate) struct CrownColumns {
     /// Objects that are crowns, ascending.
     crowns: Vec<ObjectId>,
-    /// Number of crowns that hide what is behind them, at least 1.
+    /// Number of crowns in a row that count as opaque, at least 1.
     crossings: u8,
     /// Crowns met, and the sum of the heights of their tops in the picture, by column of all faces.
     met: Vec<(u8, f32)>,
@@ -33,7 +33,7 @@ impl CrownColumns {
         Self { crowns, crossings: crossings.max(1), met: Vec::new() }
     }
 
-    /// Empties the columns for a new frame with so many columns a face.
+    /// Empties the columns for a new frame, with `per_face` columns in each face.
     pub(crate) fn begin(&mut self, per_face: usize) {
         if self.met.len() != per_face * FACES {
             self.met = vec![(0, 0.0); per_face * FACES];

@@ -123,10 +123,9 @@ impl HorizonCuller {
         Self { horizon: self.horizon.with_columns(per_face), ..self }
     }
 
-    /// Counts crowns of trees as well: what `crossings` crowns hide between them, in each direction, counts
-    /// as hidden, though something may show through leaves. The culler is then approximate. `crowns` are
-    /// objects whose bounds are those of a tree; those that are not in the scene are ignored. 0 counts as
-    /// 1.
+    /// Counts crowns of trees as occluders: an object behind `crossings` crowns in a direction is hidden there,
+    /// though it may show through leaves. The culler is then approximate. `crowns` are objects whose bounds are
+    /// those of a tree. Objects that are not in the scene are ignored. Zero `crossings` count as one.
     ///
     /// ```
     /// use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
@@ -142,7 +141,7 @@ impl HorizonCuller {
         Self { crowns: Some(CrownColumns::new(crowns.into_iter().collect(), crossings)), ..self }
     }
 
-    /// Replaces the occluders, by those of another scene or by an updated copy.
+    /// Replaces the occluders, for another scene or by an updated copy.
     pub fn set_occluders(&mut self, occluders: Arc<HorizonOccluders>) {
         self.horizon.set_up(occluders.up());
         self.occluders = occluders;
@@ -167,7 +166,8 @@ impl HorizonCuller {
         }
     }
 
-    /// Tests the children of a node and queues those that are not hidden.
+    /// Tests the children of a node and queues the ones that are not hidden. `drawn` is the number of solids
+    /// drawn so far.
     fn open(&mut self, walk: &mut Walk<SceneHierarchy>, node: Option<usize>, drawn: u32) {
         let (horizon, queue) = (&self.horizon, &mut self.queue);
         let (up, eye) = (horizon.up(), horizon.frame.eye.map(|x| x as f32));
@@ -296,7 +296,7 @@ impl Culler for HorizonCuller {
     }
 }
 
-/// Keeps all candidates.
+/// Keeps all candidates of a walk: nothing hides.
 fn keep_all(walk: &mut Walk<SceneHierarchy>) {
     walk.visit(None, |walk, block, candidates| {
         let mut nodes = candidates & !block.objects(candidates);

@@ -17,7 +17,7 @@ const MAX_POSTS: usize = 32;
 /// left out: posts and rails of a house hide next to nothing beside its walls.
 const LEAST_FACE: f64 = 1.0 / 16.0;
 
-/// What the posts of a [`Solid`] stand for.
+/// Shape that the posts of a [`Solid`] span.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Shape {
     /// The hull of all posts.
@@ -135,7 +135,7 @@ impl Solids {
         self.solids.push(Solid { shape, first, count, error, dent, open_below, face });
     }
 
-    /// Drops the solids from `begin` on that are small beside the largest of these or beside
+    /// Removes solids, from index `begin` on, that are small beside the largest of these or beside
     /// [`least_face`](Self::least_face).
     fn drop_small(&mut self, begin: usize) {
         let largest = self.solids[begin..].iter().map(|solid| solid.face).fold(0.0, f64::max);

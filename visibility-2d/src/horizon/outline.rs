@@ -30,14 +30,14 @@ use alloc::vec::Vec;
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Bound on the units of round-off of a sum along an edge: one for each of the at most 2^14 columns of a
-/// face, and those of its first term.
+/// Bound on the rounding of a sum along an edge, in units of round-off: one for each of the at most 2^14
+/// columns of a face, and as many for its first term.
 const STEPS: f64 = 32768.0;
 
 /// An upright segment inside of an occluder, in metres relative to the scene's origin.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Post {
-    /// Position on the plan.
+    /// First coordinate on the plan, in metres from the scene's origin.
     pub(crate) x: f64,
     pub(crate) y: f64,
     /// Height of the lower end.

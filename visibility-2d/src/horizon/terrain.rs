@@ -50,7 +50,7 @@ pub(crate) const PAD: f64 = 1e-4;
 #[derive(Clone, Copy, Debug)]
 struct Triangle {
     corners: [[f64; 3]; 3],
-    /// Vertices; those of one point are equal.
+    /// Numbers of the vertices. Corners at one point have the same number.
     vertices: [u32; 3],
     /// Bound on the distance of a corner from the exact one, in metres.
     error: f64,
@@ -113,7 +113,7 @@ pub(crate) struct Sheet {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Terrain {
     pub(crate) sheets: Vec<Sheet>,
-    /// In the order of their indices.
+    /// Objects whose triangles are in the sheet, ascending by their indices.
     pub(crate) objects: Vec<GroundObject>,
     /// Bit for each object that has changed since the sheets were made.
     lost: Vec<bool>,
@@ -143,7 +143,7 @@ impl Terrain {
         Self { sheets, objects: kept, lost }
     }
 
-    /// Notes that an object has changed: what it hid is open from now on.
+    /// Notes that an object has changed: from now on its triangles hide nothing.
     pub(crate) fn lose(&mut self, index: usize) {
         for (object, lost) in self.objects.iter().zip(&mut self.lost) {
             *lost |= object.id.index() == index;
@@ -381,7 +381,7 @@ impl Grid {
 struct HeightRange {
     low: f64,
     high: f64,
-    /// Bounds on the plan.
+    /// Least coordinates of the triangle on the plan.
     min: [f64; 2],
     max: [f64; 2],
     /// First corner, and the growth of the height from there, in metres per metre; `None` for a triangle
@@ -463,7 +463,8 @@ fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
     Some(out)
 }
 
-/// What makes two corners one vertex: a position in bits, or the number of an object and of its vertex.
+/// Key of a corner. Corners with equal keys are one vertex. Either the bits of an exact position, or the
+/// number of an object and of its vertex.
 type VertexKey = [u64; 4];
 
 /// Returns the objects and the triangles that face up. Triangles
@@ -538,7 +539,7 @@ fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundObject>, Vec<
     (objects, triangles)
 }
 
-/// How triangles join.
+/// Result of joining triangles at their sides.
 struct Borders {
     /// Sides of each triangle, from corner to next corner, that are borders: joined to no other triangle, or
     /// to several.

@@ -33,11 +33,12 @@ const BEHIND_CREST: u32 = 2;
 /// Which of the objects of the ground are drawn in a frame, found out when it is asked first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Presence {
-    /// By list of owners of a sheet: whether all are drawn or surely outside of the view.
+    /// Whether all owners in a list are drawn or certainly outside the view, by number of the list. `None` if
+    /// not asked yet.
     lists: Vec<Option<bool>>,
 }
 
-/// Whether an object hides what is behind its triangles in the view.
+/// Test whether the triangles of an object of the ground may hide in the view.
 struct Drawn<'a> {
     scene: &'a Scene,
     visible: &'a VisibleSet,
@@ -120,7 +121,7 @@ struct Wedge<'a> {
     per_side: f64,
     /// Depth at which the next ring begins, in metres.
     depth: f64,
-    /// Depth behind which there is no square.
+    /// Depth in metres beyond which the sheet has no square.
     end: f64,
     /// Bound on the error of coordinates and heights, in metres.
     error: f64,
@@ -130,7 +131,7 @@ struct Wedge<'a> {
     top: f64,
 }
 
-/// Unbroken rings so far.
+/// Consecutive rings of a column in which no square is broken.
 #[derive(Clone, Copy)]
 struct Run {
     /// Least of the greatest heights in the picture.
@@ -234,8 +235,8 @@ impl<'a> Wedge<'a> {
     }
 
     /// Returns the least and the greatest height of the sheet above the eye, in metres, in the ring between
-    /// two depths. `None` if a square there is broken, its objects are not drawn, or it is not surely beyond
-    /// the near plane.
+    /// two depths. `None` if a square in the ring is broken, one of its objects is not drawn, or the ring is
+    /// not certainly beyond the near plane.
     fn heights(&self, from: f64, to: f64, is_present: &mut impl FnMut(u32) -> bool) -> Option<[f64; 2]> {
         let [right, left] = self.sides;
         let (right, left) = ((right * from).min(right * to), (left * from).max(left * to));

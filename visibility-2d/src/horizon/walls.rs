@@ -39,7 +39,7 @@ struct Panel {
 /// An upright side of a panel.
 #[derive(Clone, Copy, Debug)]
 struct Side {
-    /// Position on the plan.
+    /// Position on the plan, in metres from the scene's origin.
     at: [f32; 2],
     low: f32,
     high: f32,
@@ -150,8 +150,8 @@ fn panels(mesh: &OccluderMesh, triangles: &[u32], up: UpAxis) -> Vec<Panel> {
     panels
 }
 
-/// Returns chains of panels, each beginning where the one before ends, at a common height. Each panel is in
-/// one chain.
+/// Returns chains of panels at a common height. Each panel of a chain begins where the one before ends. Each
+/// panel is in one chain.
 fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
     let sorted = |side: usize| {
         let mut order: Vec<usize> = (0..panels.len()).collect();

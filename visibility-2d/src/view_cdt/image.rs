@@ -17,7 +17,7 @@ pub(crate) const MOST_TRIANGLES: usize = 1 << 13;
 /// Number of the list that marks every edge of an outline. What is in the list is of no use here.
 const OUTLINE: u32 = 0;
 
-/// Bounds of the plane.
+/// Least and greatest coordinates of a region that is all of the image plane.
 const EVERYWHERE: [[f64; 2]; 2] = [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]];
 
 /// Triangles of a search, in memory of fixed size, so that a test of a borrowed image needs no other.
@@ -130,7 +130,7 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// Empties the image.
+    /// Empties the image: no cell hides.
     pub(crate) fn clear(&mut self) {
         self.triangulation.restart([-RIM; 2], [REACH; 2]);
         self.is_filled = false;
@@ -239,8 +239,8 @@ impl Image {
         })
     }
 
-    /// Calls `each` for the triangles that meet a region, until it returns false. Triangles that meet the
-    /// rectangle hang together, so all are found from the one in its middle. Returns whether all were
+    /// Calls `each` for the triangles that meet a region, until it returns false. These triangles are
+    /// connected, so that all are found from the one in the region's middle. Returns whether all were
     /// visited.
     fn visit(&self, region: Region<'_>, mut each: impl FnMut(u32, &[[f64; 2]; 3]) -> bool) -> bool {
         let middle = [0, 1].map(|axis| 0.5 * (region.low[axis] + region.high[axis]));

@@ -80,7 +80,7 @@ impl ViewCdt {
         Self { most: most.min(MOST_VERTICES), ..self }
     }
 
-    /// Returns the number of vertices of the image, four of which bound it.
+    /// Returns the number of vertices of the image. Four of them are its corners.
     pub fn vertices(&self) -> usize {
         self.image.len()
     }

@@ -57,7 +57,7 @@ pub(crate) struct ProjectedBox {
     pub(crate) nearest: f64,
 }
 
-/// Where a box is.
+/// Place of a box relative to the view.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "matched at once, never stored")]
 pub(crate) enum BoxPlace {

@@ -34,7 +34,7 @@ pub(crate) fn at([a, b, c]: Line, [x, y]: [f64; 2]) -> f64 {
 pub(crate) struct Shape {
     /// Half-planes of the shape: a point of the grid at which all are positive is covered.
     pub(crate) lines: Range<usize>,
-    /// Lower bounds on the depth key of the occluder, the least of which holds.
+    /// Planes of lower bounds on the occluder's depth key. At each point the least of the bounds holds.
     pub(crate) planes: Range<usize>,
     /// Vertices of the outline on the grid, counter-clockwise.
     pub(crate) outline: Range<usize>,
@@ -42,7 +42,7 @@ pub(crate) struct Shape {
     pub(crate) floor: f64,
 }
 
-/// Shapes of a frame.
+/// Outlines of the occluders of a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shapes {
     pub(crate) list: Vec<Shape>,
@@ -62,7 +62,7 @@ enum State {
     Unused,
     /// Faces the eye and is in no shape yet.
     Free,
-    /// In the shape that is being made.
+    /// Is in the shape that is being made.
     Joined,
 }
 

@@ -9,7 +9,7 @@ use visibility_core::geometry::sqrt;
 /// Children of an inner node of the tree.
 const FAN: usize = 8;
 
-/// Most solids of a viewcell: those that look largest.
+/// Greatest number of solids of a viewcell. Those that look largest are used.
 const MOST: usize = 2048;
 
 /// The box that viewpoints are in, relative to the scene's origin: the plan's two coordinates and the height.
@@ -58,7 +58,7 @@ pub(crate) struct CellSolid {
     count: u32,
     /// Approximate solid angle from the middle of the viewcell.
     pub(crate) size: f64,
-    /// Middle on the plan.
+    /// Middle of the solid's bounds on the plan, in metres.
     pub(crate) middle: [f64; 2],
     /// Distance of the middle from that of the viewcell.
     pub(crate) distance: f64,
@@ -75,13 +75,14 @@ struct Node {
     slope: f64,
 }
 
-/// Solids around a viewcell, none of which meets it on the plan.
+/// Solids around a viewcell. On the plan none of them meets the viewcell.
 #[derive(Clone, Debug)]
 pub(crate) struct CellSolids {
-    /// In the order of the leaves.
+    /// Chosen solids, in the order of the tree's leaves.
     solids: Vec<CellSolid>,
     posts: Vec<Post>,
-    /// Posts of all solids that the solids are restricted to, and the end of those of each solid.
+    /// Posts of the solids that are high enough for the present slope, solid by solid. `used_ends` has the
+    /// end of each solid's range.
     used: Vec<Post>,
     used_ends: Vec<u32>,
     levels: Vec<Vec<Node>>,

@@ -1,4 +1,4 @@
-//! The virtual occluders of a viewcell, and what is visible from it by them alone.
+//! `VirtualOccluderCuller`: makes the virtual occluders of a viewcell and culls with them alone.
 
 use super::VirtualOccluder;
 use super::cell_solids::{CellBox, CellSolids};
@@ -15,14 +15,14 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::walk::{Child, SceneHierarchy, Walk};
 use visibility_core::{Aabb, Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 
-/// Parts of the directions on the plan in each of which occluders grow from one solid.
+/// Number of equal sectors of directions around the viewcell. The solid that looks largest in each is a seed.
 const SEEDS: usize = 16;
 
-/// Each line behind a seed is farther than the one before by this factor.
+/// Ratio of the distances of two successive lines behind a seed.
 const FARTHER: f64 = 2.0;
 
-/// A line behind a seed is followed by a farther one if its occluder looks wider than the one before by this
-/// factor.
+/// Least ratio of an occluder's apparent width to that of the widest before it, for a farther line behind the
+/// seed to be tried.
 const WIDER: f64 = 1.1;
 
 /// Objects that virtual occluders are compared by, evenly spread over all.
@@ -96,7 +96,7 @@ impl VirtualOccluderCuller {
         Self { most, ..self }
     }
 
-    /// Returns the virtual occluders of the last viewcell, those that hide most first.
+    /// Returns the virtual occluders of the last viewcell. The one that hides most comes first.
     pub fn occluders(&self) -> &[VirtualOccluder] {
         &self.occluders
     }
@@ -190,8 +190,8 @@ fn sample(scene: &Scene, up: UpAxis) -> Vec<PlanBox> {
     scene.ids().step_by(step).filter_map(|id| Some(plan_box(&scene.bounds(id).ok()?, up))).collect()
 }
 
-/// Returns the slopes of lines of sight that slices are made for, ascending: those by which lines to the tops
-/// of so many objects rise, of the objects that are not too high for all seeds.
+/// Returns the slopes of lines of sight for which slices are made, ascending. They are quantiles of the
+/// slopes of lines to the tops of the objects that are not too high for all seeds.
 fn slopes(boxes: &[PlanBox], cell: &CellBox, highest: f64) -> Vec<f64> {
     let mut all: Vec<f64> = boxes
         .iter()

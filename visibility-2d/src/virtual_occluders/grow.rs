@@ -12,8 +12,8 @@ const TRIES: u32 = 5;
 /// Greatest number of chains to each side.
 const CHAINS: usize = 256;
 
-/// A segment of a line from no point of which a line of sight reaches the viewcell, if it rises from there
-/// by less than a slope and stays above a height.
+/// A segment that no line of sight from the viewcell reaches, if the line rises by less than a slope and
+/// stays above a height.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Grown {
     /// Ends, the first counter-clockwise of the second as seen from the viewcell.
@@ -65,8 +65,8 @@ pub(crate) fn grow(
     })
 }
 
-/// Grows from the middle to one side, with chains that each hide what is between two positions. Returns the
-/// position of the end.
+/// Grows a segment from its middle to one side. Each step is a chain that hides all points between two
+/// positions. Returns the position of the end.
 fn grow_to(chain: &mut Chain, task: &Task, side: f64, bottom: &mut f64) -> f64 {
     let (limit, step) = (side * WIDEST * task.line.distance, side * STEP * task.line.distance);
     let (mut begin, mut position) = (0.0f64, 0.0f64);

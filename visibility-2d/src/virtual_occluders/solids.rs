@@ -93,8 +93,8 @@ impl PlanSolids {
     }
 }
 
-/// Returns whether a mesh that is convex up to dents of depth `dent` is exactly the hull of its posts: a
-/// prism between two heights, no corner of which is so flat that a face may leave it out.
+/// Returns whether a mesh is exactly the hull of its posts: a prism between two heights, no corner of which
+/// is so flat that a face may leave it out. The mesh is known to be convex up to dents of depth `dent`.
 fn is_prism(posts: &[Post], dent: f64) -> bool {
     let Some(first) = posts.first() else { return false };
     if dent == 0.0 {

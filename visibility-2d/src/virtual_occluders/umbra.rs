@@ -1,4 +1,4 @@
-//! What a virtual occluder hides: boxes in its umbra from a viewcell.
+//! Test whether a virtual occluder hides boxes from a viewcell: whether they are in its umbra.
 
 use super::cell_solids::CellBox;
 use super::grow::Grown;
