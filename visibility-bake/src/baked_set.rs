@@ -66,11 +66,12 @@ pub struct BakedSet {
     /// Greatest index of an object plus 1.
     index_limit: usize,
     viewcells: Viewcells,
-    /// By class, the indices of its objects, ascending, as [`class_bytes`] has written them: a class of one
+    /// Indices of the objects of each class, ascending, as [`class_bytes`] has written them: a class of one
     /// object takes a byte or two. Objects that no viewcell sees are in no class.
     classes: Vec<u8>,
     class_count: usize,
-    /// By viewcell, the numbers of the classes seen. The last target is no class, and seen from no viewcell.
+    /// Numbers of the classes seen from each viewcell. The last target stands for no class, and is seen from
+    /// no viewcell.
     pvs: Pvs,
 }
 
@@ -84,18 +85,18 @@ pub enum BakedSetError {
     Pvs(PvsError),
     /// The numbers of viewcells and of rows differ.
     Rows {
-        /// Number of viewcells.
+        /// Number of viewcells in the file.
         viewcells: usize,
-        /// Number of rows.
+        /// Number of rows of the PVS in the file.
         rows: usize,
     },
-    /// The objects of the scene are not what they were when the set was baked, or not where they were.
+    /// The scene's objects are not those of the bake, or are at other places.
     OtherScene,
     /// The level is of another version than that from which the set was baked.
     OtherVersion {
         /// Version from which the set was baked.
         baked: u64,
-        /// Version of the level.
+        /// Version of the level that the set was compared with.
         level: u64,
     },
 }
@@ -162,7 +163,7 @@ impl BakedSet {
         Self::compress(scene.index_limit(), hashes, viewcells, rows)
     }
 
-    /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level of which no scene is in
+    /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level whose scene is not in
     /// memory.
     ///
     /// # Errors
@@ -218,7 +219,7 @@ impl BakedSet {
         self.is_checked
     }
 
-    /// Returns the viewcells.
+    /// Returns the viewcells, in the order of the bake.
     pub fn viewcells(&self) -> &Viewcells {
         &self.viewcells
     }
@@ -264,9 +265,10 @@ impl BakedSet {
         self.for_level(scene, version)
     }
 
-    /// Returns the sets as [`for_scene`](Self::for_scene) does, for a scene with the boxes of the objects
-    /// alone. `version` is the one that the level carries, as `bake` printed it. Without one, cullers are
-    /// [approximate](ScenePvs::unchecked): they hide what an edit inside of a box has made visible.
+    /// Returns the sets as [`for_scene`](Self::for_scene) does, for a scene that has only the boxes of the
+    /// objects. `version` is the version of the level that `bake` printed and the level carries. Without one,
+    /// cullers are [approximate](ScenePvs::unchecked): they may hide an object that an edit inside of a box
+    /// has made visible.
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] unless the scene has just the objects of the bake, with the same indices
@@ -315,9 +317,9 @@ impl BakedSet {
         if self.is_checked { sets } else { sets.unchecked() }
     }
 
-    /// Returns the set for a level of this version, as the level carries it, with objects of these bounds:
-    /// the index of each object and its bounds relative to the scene's `origin`, by ascending index. Without
-    /// a version only the bounds are compared, and cullers stay [approximate](ScenePvs::unchecked).
+    /// Returns the set for a level of this version, with objects of these bounds. `bounds` are the index of
+    /// each object and its bounds relative to the scene's `origin`, by ascending index. Without a version
+    /// only the bounds are compared, and cullers stay [approximate](ScenePvs::unchecked).
     ///
     /// # Errors
     /// [`BakedSetError::OtherScene`] if an object is missing, is another, or has other bounds;
@@ -363,7 +365,7 @@ impl BakedSet {
         deflated(FORMAT, self.version, to)
     }
 
-    /// Reads the bytes of a file.
+    /// Reads the bytes of a baked set's file.
     ///
     /// # Errors
     /// [`BakedSetError`] if they are damaged or something else. The bytes may be forged. Offsets in errors
@@ -414,8 +416,8 @@ impl BakedSet {
     }
 }
 
-/// Returns the classes of objects that are in the same rows, and the rows in numbers of classes. Time is
-/// linear in the lengths of the rows, but for sorting classes.
+/// Returns the classes of objects that are in the same rows, and the rows as lists of classes. Time is linear
+/// in the lengths of the rows, plus the sorting of classes.
 fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, Vec<Vec<u32>>) {
     // Each row divides the classes of its objects from what is left of them. Class 0 is in no row.
     let (mut class_of, mut count) = (vec![0u32; index_limit], 1u32);
@@ -458,9 +460,9 @@ fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, V
     (classes, by_class)
 }
 
-/// Sorts columns, each the rows of a class and the number of the class: each is followed by the most similar
-/// of those that are near it in the given order and not sorted yet. Time is linear in the numbers of columns
-/// and rows, times the number of columns tried, which is less where there are many.
+/// Orders columns so that similar ones follow each other. A column is the rows of a class and the number of
+/// the class. Each column is followed by the most similar of the next few unsorted ones. Time is linear in
+/// the numbers of columns and rows, times the number of columns tried, which is less where there are many.
 fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
     let (count, words) = (columns.len(), row_count.div_ceil(64));
     let tried = (WORK / count.saturating_mul(words).max(1)).clamp(1, TRIED);

@@ -15,9 +15,9 @@ const SPREAD: f64 = 2.5;
 
 /// Groups of viewcells: the same for the same viewcells.
 pub(crate) struct CellGroups {
-    /// By viewcell, the number of its group. Groups are numbered by their first viewcells.
+    /// Number of the group of each viewcell. Groups are numbered in the order of their first viewcells.
     pub of: Vec<u32>,
-    /// By group, its viewcells, ascending.
+    /// Indices of the viewcells of each group, ascending.
     pub cells: Vec<Vec<u32>>,
 }
 

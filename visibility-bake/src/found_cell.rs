@@ -21,7 +21,7 @@ pub struct FoundCell {
     pub(crate) is_skipped: bool,
     /// Whether a search was cut short, or sweeps from parts of the viewcell were in its place.
     pub(crate) is_cut: bool,
-    /// The next stage, or their number if there is nothing left to do.
+    /// Stage that the viewcell comes to next, or the number of stages if it is done.
     pub(crate) next: u32,
 }
 

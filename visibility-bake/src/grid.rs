@@ -1,11 +1,11 @@
-//! Grids of viewcells.
+//! Grids of viewcells: boxes of equal size, over a box or along a walk.
 
 use std::collections::BTreeSet;
 use std::fmt;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// A grid of equal boxes in world space, of which some become viewcells. Neighbours share their faces to the
+/// A grid of equal boxes in world space. Some of them become viewcells. Neighbours share their faces to the
 /// last bit, so that no eye is between two viewcells.
 ///
 /// ```
@@ -173,7 +173,7 @@ impl Grid {
         Ok(found.into_iter().map(|[z, y, x]| [x, y, z]).collect())
     }
 
-    /// Returns the number of boxes that a walk passes, each as often as it is passed, without a list of them.
+    /// Returns the number of boxes that a walk passes, each counted as often as it is passed.
     pub(crate) fn count_passed(&self, walk: &[DVec3]) -> Result<u128, GridError> {
         let mut count = 0u128;
         for (number, &to) in walk.iter().enumerate() {

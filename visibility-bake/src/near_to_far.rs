@@ -25,8 +25,8 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, ObjectId, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Before the first sweep, a tile with tiles below is opened if its extent is more than this part of its
-/// distance; before each further sweep, more than half of the part before.
+/// Greatest ratio of a tile's extent to its distance in the first sweep. A tile with tiles below is opened if
+/// its ratio is greater. Each further sweep halves the limit.
 const COARSEST: f64 = 0.1;
 
 /// Objects of so little weight are left without asking.
@@ -43,7 +43,7 @@ pub(crate) struct Opened {
     hash: u64,
 }
 
-/// What a sweep has opened, and what it has left.
+/// Record of a sweep: the tiles that it opened, and the objects that it has not hidden.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct Trace {
     /// The root first, then in the order of opening. [`WHOLE`] alone if all tiles were swept at once.
@@ -100,11 +100,11 @@ fn distance(bounds: &Aabb, cell: &Viewcell, origin: DVec3) -> f64 {
     if gap.is_nan() || gap == f64::INFINITY { 0.0 } else { gap }
 }
 
-/// Sweeps the objects around some of the viewcells, by their numbers. The sweeps may have any content;
-/// `whole` is for a level that is swept at once. Once `stop` returns true, no more objects are found hidden:
-/// those of all tiles that wait are left. With `stop`, the group is not divided, since what it has found
-/// would be lost if the time is over before the last of its parts is swept, and all tiles are swept at once
-/// if the memory allows: sweeps from near to far save time only where most tiles are hidden early.
+/// Sweeps the objects around the viewcells with the numbers `members`. The sweeps may have any content;
+/// `whole` is for a level that is swept at once. Once `stop` returns true, no more objects are found hidden,
+/// and objects of unopened tiles are left. With `stop`, the group is not divided, since its result would be
+/// lost if the time ended before the last part. All tiles are then swept at once if the memory allows: sweeps
+/// from near to far save time only where most tiles are hidden early.
 pub(crate) fn sweep_near_to_far(
     level: &TiledScene<'_>,
     all: &[Viewcell],
@@ -145,9 +145,9 @@ pub(crate) fn sweep_near_to_far(
 struct Around<'a> {
     level: &'a TiledScene<'a>,
     cell: &'a Viewcell,
-    /// Where opened tiles are noted, those of other viewcells too.
+    /// Record of the opened tiles, shared by the viewcells around.
     trace: &'a mut Trace,
-    /// By number of a tile, its position in the list of opened tiles.
+    /// Position of each opened tile in the record, by number of the tile.
     places: &'a mut HashMap<u32, u32>,
     /// Objects that occlude and are not hidden: their places and numbers.
     occluding: Vec<([u32; 2], u32)>,
@@ -196,7 +196,8 @@ impl Around<'_> {
         self.occluding.iter().map(|&(place, _)| place).chain(waiting).collect()
     }
 
-    /// Adds a tile to those opened, its objects and the tiles below to those that wait.
+    /// Opens a tile: adds it to the opened ones, and its objects and the tiles directly below to the waiting
+    /// ones.
     fn open(&mut self, what: What) {
         let What::Tile { tile, parent, child } = what else { return };
         let tree = &self.level.tree;
@@ -276,7 +277,7 @@ impl Around<'_> {
         Ok(())
     }
 
-    /// Opens the nearest of the waiting tiles, until the sum of a measure of them is enough.
+    /// Opens the nearest of the waiting tiles, until `measure` summed over them is at least `enough`.
     fn open_nearest(&mut self, enough: u64, measure: fn(&Tile) -> u64) {
         let is_tile = |waiting: &Waiting| matches!(waiting.what, What::Tile { .. });
         let (mut tiles, objects): (Vec<Waiting>, Vec<Waiting>) = self.waiting.drain(..).partition(is_tile);
@@ -323,7 +324,7 @@ impl Trace {
     }
 
     /// Returns the numbers of the objects left, tile by tile in the order of opening, if all tiles that were
-    /// opened are what they were. `None` if one is not.
+    /// opened are unchanged. `None` if one has changed.
     pub(crate) fn replay(&self, tree: &TileTree) -> Option<Vec<u32>> {
         if let [Opened { child: WHOLE, hash, .. }] = self.opened[..] {
             // Forged bytes may have an object twice, with another first number.

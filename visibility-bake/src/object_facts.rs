@@ -16,7 +16,7 @@ pub(crate) struct ObjectFacts {
     pub index: u32,
     pub cost: u32,
     pub layers: u32,
-    /// Number of triangles.
+    /// Number of the object's triangles.
     pub triangles: u32,
     pub never_cull: bool,
     pub occluder: bool,

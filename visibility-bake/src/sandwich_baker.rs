@@ -72,14 +72,15 @@ pub struct SandwichBaker<'a> {
     /// Hash of the scene, all viewcells and the settings: the same for all shards of a bake.
     fingerprint: u64,
     groups: CellGroups,
-    /// By group, what its viewcells have in common, while some of them are worked on.
+    /// State of each group while some of its viewcells are worked on.
     slots: Vec<Mutex<Slot>>,
     cache: Arc<BakeCache>,
     time: TimePlan,
     done: Vec<Option<FoundCell>>,
-    /// By group and stage, the cost of what was open in its viewcells that have come to the stage.
+    /// Sum of the costs of open objects, by group and stage: those of the group's viewcells that have come to
+    /// the stage.
     costs: Vec<[u64; STAGES]>,
-    /// By group with a viewcell that is done.
+    /// Result of the sweep of each group, for groups with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
     /// Why a viewcell could not be worked on: the first that happened.
     error: Mutex<Option<LevelError>>,
@@ -91,19 +92,20 @@ pub struct SandwichBaker<'a> {
 pub struct SandwichOutcome {
     /// Number of the first viewcell.
     pub first: usize,
-    /// By viewcell. In a viewcell that was not worked on, all objects are open.
+    /// Result for each viewcell, in order. In a viewcell that was not worked on, all objects are open.
     pub cells: Vec<CellSandwich>,
-    /// By viewcell, the time that each method took: 0 without a [clock](SandwichBaker::with_clock), and in a
-    /// viewcell that was not worked on. Without a limit of time, all else of the outcome is the same whatever
-    /// the times.
+    /// Time that each method took, by viewcell. 0 without a [clock](SandwichBaker::with_clock), and in a
+    /// viewcell that was not worked on. Without a limit of time, all other parts of the outcome are the same
+    /// whatever the times.
     pub times: Vec<MethodTimes>,
     /// Whether all viewcells were worked on to the end: never if some are [too large](Self::too_large).
     pub complete: bool,
-    /// By stage, the number of viewcells that were worked on or needed it no more: swept in groups, swept by
-    /// themselves, looked from along rays, with proofs of boxes, and of triangles.
+    /// Number of viewcells that were through with each stage: swept in groups, swept by themselves, looked
+    /// from along rays, searched by proofs of boxes, and by proofs of triangles. A viewcell that does not
+    /// need a stage any more counts, too.
     pub stages: [usize; 5],
-    /// Number of viewcells whose results were taken from the [cache](SandwichBaker::with_cache), but for the
-    /// sweeps.
+    /// Number of viewcells whose results, apart from the sweeps, were taken from the
+    /// [cache](SandwichBaker::with_cache).
     pub reused: usize,
     /// The results of this bake, for the next. Groups that are not complete are left out.
     pub cache: BakeCache,
@@ -128,16 +130,16 @@ pub struct BakeScratch {
 
 #[derive(Default)]
 struct Slot {
-    /// By stage, the number of viewcells of the group that are not worked on yet.
+    /// Number of the group's viewcells that are not worked on yet, by stage.
     left: [usize; STAGES],
     /// Content that was made last, and whether for the sweeps of viewcells. With a limit of time, or in a
     /// bake that was resumed, viewcells of the group may be in different stages.
     group: Option<(bool, Arc<Group>)>,
-    /// What the sweep of the group has found, for when its content was released.
+    /// Result of the group's sweep. It is kept when the content is released.
     record: Option<Arc<GroupRecord>>,
 }
 
-/// What the viewcells of a group have in common.
+/// Data that the viewcells of a group share.
 struct Group {
     record: Arc<GroupRecord>,
     /// Numbers of the objects that a sweep of the box around the group has left, tile by tile.
@@ -149,11 +151,12 @@ struct Group {
 type Found = (CellRecord, MethodTimes, u32);
 
 enum Content {
-    /// What the cache has for the viewcells of the group.
+    /// Records of the group's viewcells from the cache.
     Cached(Vec<CellRecord>),
-    /// For sweeps of the viewcells: the objects left with occluder meshes, and a sweep that is prepared.
+    /// Scene for the sweeps of the viewcells: the objects that the group's sweep has left, with occluder
+    /// meshes, and a prepared sweep.
     Scene(Arc<PreparedScene>),
-    /// For later stages: each viewcell loads what its sweep has left.
+    /// No scene, for later stages: each viewcell loads the objects that its own sweep has left.
     Objects,
 }
 
@@ -236,9 +239,9 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the baker with the results of an earlier bake, of the scene before an edit. Without a limit of
-    /// time, the outcome is the same as without them, to the last byte, but for times. See [`BakeCache`] for
-    /// what an edit costs.
+    /// Returns the baker with the results of a bake of the scene before an edit. Without a limit of time, the
+    /// outcome is the same as without these results, to the last byte, except for times. See [`BakeCache`]
+    /// for what an edit costs.
     #[must_use]
     pub fn with_cache(mut self, cache: impl Into<Arc<BakeCache>>) -> Self {
         self.cache = cache.into();
@@ -256,13 +259,13 @@ impl<'a> SandwichBaker<'a> {
         self.fingerprint
     }
 
-    /// Returns why viewcells could not be worked on, for a level in a file: what was not proven hidden before
-    /// counts as visible, and they are not worked on again if the bake is resumed.
+    /// Returns why viewcells could not be worked on, for a level in a file. Objects not proven hidden before
+    /// the error count as visible. A resumed bake does not work on these viewcells again.
     pub fn error(&self) -> Option<LevelError> {
         lock(&self.error).clone()
     }
 
-    /// Counts what is done and what is left in each group.
+    /// Counts the viewcells of each group that are done with each stage, and those left.
     fn count(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = Mutex::default());
         self.costs = vec![[0; STAGES]; self.slots.len()];
@@ -289,8 +292,8 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Releases the content of all groups that no thread works on, where there is a limit of memory. When a
-    /// thread comes back to one, its content is loaded again.
+    /// Releases the content of all groups that no thread works on, if there is a limit of memory. A thread
+    /// that comes back to such a group loads its content again.
     fn release_groups(&self) {
         for slot in self.slots.iter().filter(|_| self.level.is_in_file()) {
             let Ok(mut slot) = slot.try_lock() else { continue };
@@ -521,8 +524,9 @@ impl<'a> SandwichBaker<'a> {
         })))
     }
 
-    /// Sweeps the scene of a group from a viewcell. Returns what is left, all of it open, or what the cache
-    /// has found in it, whether it has, and whether the sweep was cut short.
+    /// Sweeps the scene of a group from a viewcell. Returns the viewcell's record, whether it is from the
+    /// cache, and whether the sweep was cut short. A record that is not from the cache has all of its objects
+    /// open.
     fn sweep(
         &self,
         viewcell: usize,
@@ -558,9 +562,9 @@ impl<'a> SandwichBaker<'a> {
         left.map(|&at| u64::from(self.level.objects[at as usize].triangles)).sum()
     }
 
-    /// Sweeps what the sweep of a viewcell has left from parts of the viewcell, smaller ones in each stage,
-    /// in place of a search that has not the time to begin. Returns what is left, and the next stage. `None`
-    /// once `stop` has returned true.
+    /// Sweeps from parts of a viewcell the objects that its own sweep has left, in place of a search that has
+    /// not the time to begin. The parts are smaller in each stage. Returns the objects left and the next
+    /// stage. `None` once `stop` has returned true.
     fn sweep_in_parts(
         &self,
         viewcell: usize,
@@ -652,7 +656,7 @@ impl<'a> SandwichBaker<'a> {
     }
 }
 
-/// Adds what is open in a viewcell to the costs of its group, for the stage that the viewcell has come to.
+/// Adds the cost of a viewcell's open objects to the costs of its group, at the viewcell's next stage.
 fn add_cost(costs: &mut [u64; STAGES], found: &FoundCell) {
     if let Some(cost) = costs.get_mut(found.next as usize) {
         *cost = cost.saturating_add(found.cost);

@@ -69,7 +69,7 @@ impl ScratchFile {
 pub(crate) struct ContentWriter {
     scratch: ScratchFile,
     to: BufWriter<File>,
-    /// By number of an object, the offset in bytes of its content; then the end of the last.
+    /// Offset in bytes of each object's content, by number of the object; then the end of the last.
     offsets: Vec<u64>,
     /// The content of one object, as it is written.
     bytes: Vec<u8>,
@@ -114,8 +114,8 @@ impl ContentWriter {
         Ok(())
     }
 
-    /// Ends the file. The whole process is to keep within `limit` bytes of memory, of which it has `in_use`
-    /// in use for other things.
+    /// Ends the file. The whole process must keep within `limit` bytes of memory, and already uses `in_use`
+    /// of them.
     pub(crate) fn finish(
         mut self,
         objects: &[ObjectFacts],
@@ -146,9 +146,9 @@ impl ContentWriter {
 /// The content of a level, in a file.
 pub(crate) struct LevelFile {
     scratch: Mutex<ScratchFile>,
-    /// By number of an object, the offset in bytes of its content; then the end of the last.
+    /// Offset in bytes of each object's content, by number of the object; then the end of the last.
     offsets: Vec<u64>,
-    /// By number of an object, its tile.
+    /// Number of the tile of each object, by number of the object.
     tile_of: Vec<u32>,
     shared: Arc<Shared>,
     /// Locked by all threads that work: for reading together, for writing alone.
@@ -168,7 +168,7 @@ struct Memory {
     limit: u64,
     /// Memory that cannot be given up now.
     reserved: u64,
-    /// Memory of the tiles.
+    /// Bytes of the tiles that are kept in memory.
     cached: u64,
     /// Number of times that any tile was asked for.
     requests: u64,
@@ -340,7 +340,7 @@ impl LevelFile {
         Ok(content)
     }
 
-    /// Reads the content of an object, and checks that it is what was written.
+    /// Reads the content of an object, and checks its hash against the content written.
     fn read(&self, facts: &ObjectFacts, at: u32) -> Result<Content, LevelError> {
         let (offset, end) = (self.offsets[at as usize], self.offsets[at as usize + 1]);
         let mut bytes = vec![0; (end - offset) as usize];
@@ -364,7 +364,8 @@ impl LevelFile {
     }
 }
 
-/// Reads the content of an object. `None` if its length is not what it announces, or its mesh is invalid.
+/// Reads the content of an object. `None` if the bytes are not as many as their counts announce, or the mesh
+/// is invalid.
 fn parse(bytes: &[u8]) -> Option<Content> {
     let mut words = bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let mut next = || words.next();

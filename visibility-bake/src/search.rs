@@ -1,4 +1,4 @@
-//! The search for what is visible from one viewcell: rays, then proofs of what rays have not found.
+//! The search from one viewcell: rays find visible objects, then proofs find hidden ones among the rest.
 
 use crate::bake_cache::{HIDDEN, OPEN, SEEN};
 use crate::settings::SandwichSettings;
@@ -19,10 +19,10 @@ pub(crate) struct Search<'a> {
     pub answers: Vec<u8>,
 }
 
-/// How objects are proven hidden.
+/// Method by which objects are proven hidden.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Method {
-    /// Boxes, in groups.
+    /// Proofs for boxes of objects, first for groups of objects.
     Boxes,
     /// All triangles of an object, as long as none takes long.
     QuickTriangles,
@@ -68,7 +68,7 @@ impl<'a> Search<'a> {
         self.query.as_ref().map_or(0, CellQuery::steps)
     }
 
-    /// Finds what rays see.
+    /// Casts rays at all open objects, and marks those that are seen.
     pub(crate) fn aim_rays(&mut self) {
         if let Some(query) = &mut self.query {
             query.look(&|_| true);

@@ -33,7 +33,7 @@ pub struct Shard {
     pub fingerprint: u64,
     /// Number of the first viewcell.
     pub first: usize,
-    /// By viewcell, from `first` on.
+    /// Result for each viewcell of the range, from viewcell `first` on.
     pub cells: Vec<CellSandwich>,
 }
 

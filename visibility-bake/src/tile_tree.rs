@@ -11,9 +11,8 @@ use visibility_core::Aabb;
 use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// Greatest [weight](ObjectFacts::weight) of a tile without children, but for objects in one place.
-/// With 1024, a sixth more time went into sweeps of a city, and up to thirty times as many groups were swept
-/// again after an edit.
+/// Greatest [weight](ObjectFacts::weight) of a tile without children. A tile whose objects all have one
+/// middle may exceed it.
 const LEAF: u64 = 128;
 
 /// Greatest weight of a level that is one tile.
@@ -28,9 +27,9 @@ const ROUNDING: i32 = 4;
 /// A node of the tree: a tile of objects of its own, and the nodes below.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Tile {
-    /// Encloses all objects here and below, but for objects that are never culled.
+    /// Bounds of all objects in this tile and below, without those that are never culled.
     pub bounds: Aabb,
-    /// Nodes below.
+    /// Range of the numbers of the tiles directly below. Empty for a leaf.
     pub children: Range<u32>,
     /// Objects of the tile, as a range of [`TileTree::order`].
     pub own: Range<u32>,
@@ -41,14 +40,14 @@ pub(crate) struct Tile {
     pub hash: u64,
 }
 
-/// The tiles of a scene. The root comes first; its own objects are those that are never culled and those that
-/// are larger than all cells.
+/// The tiles of a scene. The root comes first. Its own objects are those that are never culled and those
+/// larger than all cells.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct TileTree {
     pub tiles: Vec<Tile>,
     /// Numbers of objects, tile by tile, ascending in each.
     pub order: Vec<u32>,
-    /// Hash of all tiles.
+    /// Hash of the contents of all tiles.
     pub hash: u64,
 }
 

@@ -1,4 +1,4 @@
-//! A level in tiles: what is known of all objects, and the content of those that are asked for.
+//! A level in tiles: facts of all objects in memory, and the triangles and meshes of some, loaded on demand.
 
 use crate::level_error::LevelError;
 use crate::object_facts::{ObjectFacts, bounds_fingerprint};
@@ -43,7 +43,7 @@ const MOST_COPIED: u64 = 1 << 21;
 /// limit allows ([`TiledScene::writer`]). The results of a bake are the same.
 pub struct TiledScene<'a> {
     pub(crate) origin: DVec3,
-    /// By number. Numbers ascend with the indices of objects.
+    /// Facts of each object, by number. Numbers ascend with the indices of objects.
     pub(crate) objects: Vec<ObjectFacts>,
     pub(crate) tree: TileTree,
     /// Greatest index of an object plus 1.
@@ -66,7 +66,7 @@ impl fmt::Debug for TiledScene<'_> {
     }
 }
 
-/// Where the content of objects is.
+/// Storage of the objects' triangles and meshes.
 enum Store<'a> {
     Scene(&'a Scene),
     File(LevelFile),
@@ -126,7 +126,7 @@ impl<'a> TiledScene<'a> {
         self.index_limit
     }
 
-    /// Returns the [cost](Object::cost) of the object with an index. `None` if there is none.
+    /// Returns the [cost](Object::cost) of the object with an index. `None` for an unknown index.
     pub fn cost(&self, index: u32) -> Option<u32> {
         let at = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
         Some(self.objects[at].cost)
@@ -229,7 +229,7 @@ impl<'a> TiledScene<'a> {
         numbers.iter().map(|&at| scene.id_at(self.objects[at as usize].index as usize))
     }
 
-    /// Reserves memory for some objects, where there is a limit.
+    /// Reserves memory for the content of some objects, if there is a limit. Blocks until it is free.
     fn reserve(&self, numbers: &[u32], bytes: u64) -> Result<Option<Reserved>, LevelError> {
         match &self.store {
             Store::Scene(_) => Ok(None),
@@ -251,7 +251,7 @@ impl<'a> TiledScene<'a> {
         Ok(sweep(&self.scene_with_meshes(numbers, boxes)?))
     }
 
-    /// Reserves the memory of a viewcell that is swept, for a copy of what is prepared, or searched.
+    /// Reserves the memory that the sweep of a viewcell (a copy of the prepared sweep) or its search takes.
     pub(crate) fn reserve_cell(
         &self,
         numbers: &[u32],
@@ -357,8 +357,7 @@ impl TiledSceneWriter {
         Ok(())
     }
 
-    /// Ends the level. The process is to keep within `memory` bytes, of which it has `in_use` in use for
-    /// other things.
+    /// Ends the level. The process must keep within `memory` bytes, and already uses `in_use` of them.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::Memory`] if the limit is too low.

@@ -15,7 +15,7 @@ pub(crate) const STAGES: usize = 5;
 pub(crate) const GROUP: u32 = 0;
 /// The stage of the sweeps of viewcells.
 pub(crate) const SWEEP: u32 = 1;
-/// The stage of rays.
+/// The stage of rays aimed at the objects that sweeps have left.
 pub(crate) const LOOK: u32 = 2;
 /// The stage of proofs of boxes.
 pub(crate) const BOXES: u32 = 3;
@@ -48,17 +48,18 @@ const LONGEST: Duration = Duration::from_secs(1 << 32);
 const IN_TIME: u8 = 0;
 /// Phase of a stage in the round in which its time has ended: no item is begun any more.
 const ENDED: u8 = 1;
-/// Phase of a stage later on: its items come after those of all viewcells that have come farther.
+/// Phase of a stage in the rounds after its time has ended: its items wait until all other viewcells are
+/// done.
 const PUT_OFF: u8 = 2;
 
 /// The time of a bake.
 pub(crate) struct TimePlan {
     /// Returns the time passed since any fixed moment.
     clock: fn() -> Duration,
-    /// By stage, the time on the clock at which the stage gives way to later ones: for all after the sweeps
+    /// Time on the clock at which each stage gives way to later ones. For all stages after the sweeps this is
     /// the end of the bake. [`Duration::MAX`] without a limit.
     ends: [Duration; STAGES],
-    /// By stage, [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
+    /// Phase of each stage: [`IN_TIME`], [`ENDED`] or [`PUT_OFF`].
     phases: [AtomicU8; STAGES],
     /// Number of items that are worked on now.
     working: AtomicUsize,
@@ -118,8 +119,8 @@ impl TimePlan {
         now >= self.ends[stage as usize]
     }
 
-    /// Ends a stage whose time is over. Returns false if its items are worked on nevertheless, since nothing
-    /// else is left.
+    /// Ends a stage whose time is over. Returns false if nothing else is left to do, so that its items are
+    /// still worked on.
     pub(crate) fn end(&self, stage: u32) -> bool {
         let phase = &self.phases[stage as usize];
         let is_new = phase.load(Relaxed) != PUT_OFF;

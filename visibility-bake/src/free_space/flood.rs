@@ -18,7 +18,7 @@ const ALL_VOXELS: u64 = 1 << 33;
 /// A flood within the [limits](SolidTriangles::limits) of solid triangles.
 pub(super) struct Flood<'a> {
     solids: &'a SolidTriangles<'a>,
-    /// By place of a box, its voxels.
+    /// Voxels of each box that was entered, by the box's place in the grid.
     boxes: HashMap<[i64; 3], BoxVoxels>,
     /// Places of the boxes with voxels from which the flood goes on, first come, first served.
     queue: VecDeque<[i64; 3]>,
@@ -43,8 +43,8 @@ impl<'a> Flood<'a> {
         Self { solids, boxes: HashMap::new(), queue: VecDeque::new(), reached: Vec::new() }
     }
 
-    /// Lets the flood begin at the free voxel nearest to a point within the limits, among those of the
-    /// point's box. Does nothing if there is none.
+    /// Begins the flood at the free voxel nearest to a point, within the limits and the point's box. Does
+    /// nothing if the box has no free voxel.
     ///
     /// # Errors
     /// [`GridError::TooMany`].

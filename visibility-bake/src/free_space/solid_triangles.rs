@@ -34,11 +34,11 @@ pub(super) struct SolidTriangles<'a> {
     /// `None` for a camera that flies.
     offsets: Option<[f64; 2]>,
     triangles: Vec<SolidTriangle>,
-    /// By column of boxes, the indices of the triangles that touch it.
+    /// Indices of the triangles that touch each column of boxes.
     by_column: HashMap<[i64; 2], Vec<u32>>,
 }
 
-/// A solid triangle.
+/// A triangle that blocks the camera.
 pub(super) struct SolidTriangle {
     /// Corners in metres relative to the grid's origin.
     pub corners: [DVec3; 3],

@@ -7,7 +7,7 @@ const SLACK: f64 = 1e-6;
 
 /// The columns of a grid along one of its axes. Column 0 begins at coordinate 0 on the two other axes.
 pub(super) struct Columns {
-    /// Axis along the columns.
+    /// Axis along the columns: 0, 1 or 2.
     pub up: usize,
     /// The two axes across the columns.
     across: [usize; 2],

@@ -11,7 +11,8 @@ use crate::grid::{Grid, GridError};
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
-/// Appends the viewcells of the parts of a box to `all`, without those that are within another part's.
+/// Appends the viewcells of the parts of a box to `all`. A viewcell inside another part's viewcell is left
+/// out.
 ///
 /// # Errors
 /// [`GridError::TooMany`].

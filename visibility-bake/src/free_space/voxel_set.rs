@@ -73,8 +73,8 @@ impl VoxelSet {
         Some(bounds)
     }
 
-    /// Removes the voxels that are connected with those of a list that are in the set. Calls `each` with runs
-    /// of them along x: the place of the first, and the x of the last.
+    /// Removes from the set all voxels connected with those of `list`. Calls `each` with runs of them along
+    /// x: the place of the first voxel, and the x of the last.
     pub(super) fn take_connected(&mut self, mut list: Vec<u32>, mut each: impl FnMut([usize; 3], usize)) {
         let counts = self.counts;
         let strides = [1, counts[0], counts[0] * counts[1]];
