@@ -68,7 +68,7 @@ pub(crate) struct TieClaim {
     depth_key: f64,
 }
 
-/// What the image knows of one pixel and the see-through objects before its opaque triangle.
+/// State of one pixel beside its opaque triangle: the see-through objects before it.
 #[derive(Clone, Copy, Debug)]
 struct Veil {
     /// Number of the nearest see-through triangle that certainly shows in the pixel, or [`NONE`].
@@ -130,7 +130,7 @@ pub(crate) struct Image {
     /// Absolute difference of two depth keys up to which they count as equal. Zero for perspective views,
     /// where only the relative [`DEPTH_TIE`] counts.
     pub(crate) least_difference: f64,
-    /// What see-through objects show in each pixel. Empty while opaque triangles are drawn.
+    /// See-through objects of each pixel. Empty while opaque triangles are drawn.
     veils: Vec<Veil>,
     /// Index of the see-through object that is being drawn.
     veil_object: u32,
