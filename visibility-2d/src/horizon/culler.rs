@@ -123,9 +123,10 @@ impl HorizonCuller {
         Self { horizon: self.horizon.with_columns(per_face), ..self }
     }
 
-    /// Counts crowns of trees as occluders: an object behind `crossings` crowns in a direction is hidden there,
-    /// though it may show through leaves. The culler is then approximate. `crowns` are objects whose bounds are
-    /// those of a tree. Objects that are not in the scene are ignored. Zero `crossings` count as one.
+    /// Counts crowns of trees as occluders: an object behind `crossings` crowns in a direction is hidden
+    /// there, though it may show through leaves. The culler is then approximate. `crowns` are objects whose
+    /// bounds are those of a tree. Objects that are not in the scene are ignored. Zero `crossings` count as
+    /// one.
     ///
     /// ```
     /// use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
