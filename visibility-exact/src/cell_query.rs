@@ -30,11 +30,10 @@ const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
 const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
 const ALL_TRIANGLES: u32 = 8000;
-/// A first look at each triangle of an object, if there are other objects to try.
+/// Budget of a first look at each triangle of an object, if there are other objects to try.
 const QUICK: Budget = Budget { nodes: 400, ..TRIANGLE };
-/// A box around a part of an object, and all such boxes of an object in a quick look and in a long one. A
-/// large mesh behind several walls is hidden with few boxes, where its triangles would take more nodes than
-/// there are.
+/// Budget of a box around a part of an object. A large mesh behind several walls is hidden with few boxes,
+/// but its triangles would take more nodes than there are.
 const PART: Budget = Budget { nodes: 100, divided: 50, halvings: 12 };
 const QUICK_PARTS: u32 = 1000;
 const ALL_PARTS: u32 = 4000;
@@ -44,13 +43,14 @@ const FIRST_PARTS: u32 = 400;
 const PART_TRIANGLE: u32 = 16;
 /// Least number of triangles in a part.
 const PART_TRIANGLES: usize = 16;
-/// A second look at each triangle of an object whose others are all hidden. Where occluders meet in a corner
-/// and overlap by little more than the clearance, a node holds no line, but only small parts of it show that.
+/// Budget of a second look at each triangle of an object whose other triangles are all hidden. Where
+/// occluders meet in a corner and overlap by little more than the clearance, a node holds no line, but only
+/// small parts of it show that.
 const PATIENT: Budget = Budget { nodes: 600, divided: 1500, halvings: 30 };
 const ALL_PATIENT: u32 = 4000;
-/// Rays past an object that was seen, by up to its size.
+/// Number of rays past the box of an object that was just seen.
 const PAST: u32 = 32;
-/// Nodes for the visible share of an object.
+/// Greatest number of nodes for the visible share of an object.
 const SHARE: u32 = 2000;
 
 /// Costs of past searches in nodes, by which a group is searched as thoroughly as an object or not.
@@ -60,7 +60,7 @@ const SHARE: u32 = 2000;
 /// objects are likely to cost, as long as groups of about its size have saved more than they have cost.
 #[derive(Default)]
 struct Prices {
-    /// Nodes and number of the single objects.
+    /// Nodes spent on single objects, and number of these objects.
     single: (u64, u64),
     /// Nodes spent on thorough searches of groups, and number of objects that these hid, by the binary
     /// logarithm of the group's size.
@@ -178,12 +178,13 @@ impl<'a> CellQuery<'a> {
         self
     }
 
-    /// Returns whether the query has given up.
+    /// Returns whether the query has ended because its function returned true.
     pub fn is_stopped(&self) -> bool {
         self.search.is_stopped
     }
 
-    /// Finds objects that reach into the viewcell, and what rays see: as many as the settings say.
+    /// Finds the objects that reach into the viewcell, and those that rays meet: as many rays as the settings
+    /// say.
     pub fn look(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.look_at(open);
@@ -204,7 +205,8 @@ impl<'a> CellQuery<'a> {
     }
 
     /// Decides objects by their triangles as [`prove_triangles`](Self::prove_triangles) does, but leaves an
-    /// object open at the first triangle that takes long: a tenth of the work where nothing can be proven.
+    /// object open at the first triangle that takes long. Takes a tenth of the work where nothing can be
+    /// proven.
     pub fn try_triangles(&mut self, is_asked: &dyn Fn(ObjectId) -> bool) {
         let open = self.asked(is_asked);
         self.triangles(&open, true);
@@ -221,9 +223,9 @@ impl<'a> CellQuery<'a> {
         self.rays + self.nodes()
     }
 
-    /// Takes all steps that the settings ask for, for the objects that `is_asked` names by their places among
-    /// the objects of the triangles. The others stay [`Verdict::Open`], and so do all that are not decided
-    /// where the query gives up. Returns the memory of the query too.
+    /// Takes all steps of the settings for the objects for which `is_asked` is true, given their places among
+    /// the objects of the triangles. The others, and objects that are undecided when the query ends, are
+    /// [`Verdict::Open`]. Returns the memory of the query too.
     pub(crate) fn run(mut self, is_asked: &dyn Fn(usize) -> bool) -> (CellVerdicts, ChainScratch) {
         let asked = self.usable(is_asked);
         let mut open = self.look_at(asked);
@@ -259,7 +261,8 @@ impl<'a> CellQuery<'a> {
         (0..objects.len() as u32).filter(|&o| is_asked(o as usize) && !objects[o as usize].is_open).collect()
     }
 
-    /// Returns the objects that do not reach into the viewcell.
+    /// Marks the objects that reach into the viewcell as seen, and casts rays at the others. Returns the
+    /// others.
     fn look_at(&mut self, mut open: Vec<u32>) -> Vec<u32> {
         open.retain(|&o| !self.find_inside(o as usize));
         if !open.is_empty() {
@@ -273,7 +276,8 @@ impl<'a> CellQuery<'a> {
         self.verdicts[object as usize] == Verdict::Open
     }
 
-    /// Finds a point of an object in the viewcell.
+    /// Looks for a point of an object in the viewcell, and marks the object as seen if there is one. Returns
+    /// whether there is.
     fn find_inside(&mut self, object: usize) -> bool {
         let entry = &self.search.triangles.objects[object];
         if !self.search.cell.meets(entry.min, entry.max) {
@@ -328,8 +332,8 @@ impl<'a> CellQuery<'a> {
         self.see(p, p + d * distance, t).then(|| self.search.triangles.object_of(t))
     }
 
-    /// Records that a segment sees a point of a triangle, if its object was not seen and the segment
-    /// certainly misses all other triangles.
+    /// Marks the object of triangle `t` as seen from `from`, if it was not seen and the segment to `to`
+    /// certainly misses all other triangles. Returns whether it did.
     fn see(&mut self, from: DVec3, to: DVec3, t: u32) -> bool {
         let object = self.search.triangles.object_of(t);
         if self.verdicts[object] != Verdict::Open || !self.search.triangles.shows(t, from) {
@@ -365,7 +369,7 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Bounds the visible share of objects that few aimed rays reach.
+    /// Bounds the visible share of objects, and marks those below the settings' share as hardly visible.
     fn hardly_visible(&mut self, objects: &[u32]) {
         for &object in objects {
             if self.search.must_stop() {
@@ -446,7 +450,8 @@ impl<'a> CellQuery<'a> {
         left
     }
 
-    /// Proves a box with all objects of a group hidden. On failure, records the object that was seen instead.
+    /// Proves a box with all objects of a group hidden. On failure, marks the object that was seen on the
+    /// way.
     fn prove_box(&mut self, group: &[u32], min: DVec3, max: DVec3) -> bool {
         if self.meets_cell(min, max) {
             return false;
@@ -484,7 +489,8 @@ impl<'a> CellQuery<'a> {
         (answer, used)
     }
 
-    /// Records objects as hidden. The proof of the last of `targets` is that of the last search.
+    /// Marks objects as hidden, with the proofs of `targets`. The proof of the last target is that of the
+    /// last search.
     fn hide(&mut self, group: &[u32], targets: &[Target]) {
         if self.settings.keep_proofs {
             let proofs = targets.iter().map(|&target| self.proof(target)).collect();

@@ -23,14 +23,14 @@ use crate::sight::Sight;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 
-/// Most triangles of a chain.
+/// Greatest number of triangles of a chain.
 const MOST: usize = 3000;
-/// Most triangles at an edge that are looked at for the next of a chain.
+/// Greatest number of triangles at an edge that are tried as the next of a chain.
 const AT_EDGE: usize = 64;
 
 impl Search<'_> {
-    /// Tries to find a surface with the triangle `start` that blocks all segments of a node. `line` is a
-    /// segment of the node.
+    /// Grows a surface from the triangle `start` that blocks all segments of a node. `line` is a segment of
+    /// the node. `Err` with the edge that is in the way.
     pub(crate) fn close(
         &mut self,
         sight: &Sight,
@@ -114,7 +114,8 @@ impl Search<'_> {
         })
     }
 
-    /// Returns for each corner of a triangle the corner of the target triangle that it is.
+    /// Returns the corner of the target triangle that each corner of a triangle is equal to, or
+    /// [`NO_CORNER`](crate::line_side::NO_CORNER).
     pub(crate) fn tags(&self, t: u32) -> [u8; 3] {
         self.triangles.vertices(t).map(|vertex| self.tag(vertex))
     }
@@ -123,7 +124,7 @@ impl Search<'_> {
         self.target_vertices.iter().position(|&v| v == vertex).map_or(NO_CORNER, |k| k as u8)
     }
 
-    /// Returns whether no segment of the node meets an edge of the scene; remembers the answer.
+    /// Returns whether no segment of the node meets an edge of the scene, and stores the answer for the edge.
     fn misses(
         &self,
         scratch: &mut ChainScratch,
@@ -201,7 +202,7 @@ impl Search<'_> {
         best.map(|(_, next)| next)
     }
 
-    /// Returns whether segments meet an edge even after it has moved outwards by the clearance.
+    /// Returns whether segments still meet an edge after it has moved outwards by the clearance.
     fn is_hopeless(&self, corners: &[DVec3; 3], k: usize, sight: &Sight) -> bool {
         let (a, b, apex) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
         let out = outwards(a, b, apex) * self.clearance;
@@ -212,7 +213,7 @@ impl Search<'_> {
             )
     }
 
-    /// Lists the edges of the boundary that segments meet.
+    /// Collects in the scratch the edges of the chain's boundary that segments meet.
     fn find_open(&self, scratch: &mut ChainScratch, sight: &Sight, shaft: &Shaft) {
         for at in 0..scratch.chain.len() {
             let t = scratch.chain[at];
@@ -341,8 +342,9 @@ fn outwards(a: DVec3, b: DVec3, apex: DVec3) -> DVec3 {
     -inwards.normalize_or_zero()
 }
 
-/// Returns by how much a corner moves so that its two edges move outwards by `c`, or by as much as a length
-/// of 2.5 c allows. `sum` is the sum of the outward unit vectors of its `count` edges.
+/// Returns the vector by which a corner moves so that its two edges move outwards by `c`. It is at most 2.5 c
+/// long, so that edges at sharp corners move less. `sum` is the sum of the outward unit vectors of the
+/// corner's `count` edges.
 pub(crate) fn mitre(sum: DVec3, count: u32, c: f64) -> DVec3 {
     // For two unit vectors o1 and o2, c (o1 + o2) / (1 + o1 . o2), and 1 + o1 . o2 = |o1 + o2|^2 / 2.
     let length = sum.length();
@@ -356,8 +358,8 @@ fn moved_to(moved: &[(u32, DVec3)], vertex: u32, position: DVec3) -> DVec3 {
     moved.binary_search_by_key(&vertex, |entry| entry.0).map_or(position, |at| moved[at].1)
 }
 
-/// Returns the triangles between an edge and where it was moved, leaving out those without area because an
-/// end did not move.
+/// Returns the triangles between an edge and the moved edge. Triangles without area, because an end did not
+/// move, are left out.
 fn strip(a: (u32, DVec3), b: (u32, DVec3), moved: &[(u32, DVec3)]) -> impl Iterator<Item = [DVec3; 3]> {
     let (a2, b2) = (moved_to(moved, a.0, a.1), moved_to(moved, b.0, b.1));
     // Both triangles of a strip share the diagonal from the end of the lower number, for either direction.

@@ -10,10 +10,11 @@ use crate::line_side::{Row, U};
 use crate::sight::Sight;
 use visibility_core::glam::DVec3;
 
-/// Most rows of which triples are tried.
+/// Greatest number of rows whose triples are tried.
 const MOST: usize = 14;
 
-/// Returns three rows that no line of a node satisfies together, if such a proof is found.
+/// Searches three rows that no line of a node satisfies together, and returns their indices. `None` if no
+/// triple is proven.
 pub(crate) fn find(sight: &Sight, rows: &[Row], delta: f64) -> Option<[u32; 3]> {
     if rows.len() > MOST {
         return None;

@@ -54,7 +54,7 @@ impl core::fmt::Debug for ExactCuller {
     }
 }
 
-/// A function that ends a search by returning true.
+/// Function that ends a search once it returns true.
 type Stop = Box<dyn Fn() -> bool + Send + Sync>;
 
 impl ExactCuller {
@@ -63,9 +63,9 @@ impl ExactCuller {
         Self { triangles, settings, scratch: None, last: None, stop: None }
     }
 
-    /// Sets a function that the culler calls many times a second while it works, or none. Once that has
-    /// returned true, the culler gives up: objects that are neither seen nor proven hidden by then are open,
-    /// and stay.
+    /// Sets a function that the culler calls many times a second while it works, or none. Once it has
+    /// returned true, the culler ends: objects that are neither seen nor proven hidden by then are open, and
+    /// stay.
     pub fn set_stop(&mut self, stop: Option<Box<dyn Fn() -> bool + Send + Sync>>) {
         self.stop = stop;
     }
@@ -86,8 +86,9 @@ impl ExactCuller {
         &self.triangles
     }
 
-    /// Returns what the last [`cull`](RegionCuller::cull) found: verdicts for the candidates, open for other
-    /// objects. `None` before the first, and after one that removed nothing because the scene had changed.
+    /// Returns the result of the last [`cull`](RegionCuller::cull): verdicts for the candidates, open for
+    /// other objects. `None` before the first call, and after a call that removed nothing because the scene
+    /// had changed.
     pub fn last(&self) -> Option<&CellVerdicts> {
         self.last.as_ref()
     }
@@ -122,7 +123,8 @@ impl CellVerdicts {
         Self { verdicts, proofs: Vec::new(), rays: 0, nodes: 0, refused: 0, is_decided: false }
     }
 
-    /// Returns whether an object stays.
+    /// Returns whether an object stays in the set: if it is seen or open. Without proofs, an open object
+    /// stays only if nothing can be said of it.
     pub(crate) fn keeps(&self, place: usize, object: &TargetObject, settings: &ExactSettings) -> bool {
         match self.verdicts[place] {
             Verdict::Seen(_) => true,

@@ -41,7 +41,7 @@ impl Half {
         x
     }
 
-    /// Returns the half-space with `pad` more, unless heights over its plane are exact.
+    /// Returns the half-space enlarged by `pad` metres. Unchanged if heights over its plane are exact.
     pub(crate) fn padded(&self, pad: f64) -> Self {
         Self { offset: if self.axis().is_some() { self.offset } else { self.offset + pad }, ..*self }
     }

@@ -56,12 +56,12 @@ impl Matrix {
     }
 }
 
-/// The solution of the game of a matrix, and scratch memory.
+/// Solution of a matrix's game, and scratch memory.
 #[derive(Default)]
 pub(crate) struct MatrixGame {
     tableau: Vec<f64>,
     labels: Vec<usize>,
-    /// Weights of the rows as they were given, unscaled.
+    /// Weights of the unscaled rows.
     pub(crate) row_weights: Vec<f64>,
     pub(crate) column_weights: Vec<f64>,
 }
@@ -175,10 +175,10 @@ impl MatrixGame {
     }
 }
 
-/// Total of the rows' weights from which on the value is below -1e-6.
+/// Least sum of the rows' weights at which the value of the game is certainly negative: below -1e-6.
 const CERTAIN: f64 = 1.0 / (SHIFT - 1e-6);
 
-/// Added to all entries, which are at least -1, so that the value of the game is positive.
+/// Number added to all entries, which are at least -1, so that the value of the game is positive.
 const SHIFT: f64 = 2.0;
 
 #[cfg(test)]

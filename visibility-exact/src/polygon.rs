@@ -42,7 +42,7 @@ impl Polygon {
         self.corners().iter().sum::<DVec3>() / self.n as f64
     }
 
-    /// Returns the normal, twice as long as the area.
+    /// Returns the normal vector. Its length is twice the area.
     pub(crate) fn normal(&self) -> DVec3 {
         let pairs = self.corners().windows(2).skip(1);
         pairs.map(|pair| (pair[0] - self.v[0]).cross(pair[1] - self.v[0])).sum()
@@ -77,8 +77,8 @@ impl Polygon {
         fits
     }
 
-    /// Returns the part in a half-space, or all of the polygon if the part has too many corners. `None` if
-    /// the part has no area: if no corner is in front of the plane.
+    /// Returns the part of the polygon in a half-space. All of the polygon if the part would have too many
+    /// corners. `None` if no corner is in front of the plane, so that the part has no area.
     pub(crate) fn clip(&self, half: &Half) -> Option<Self> {
         let height = |i: usize| half.height(self.v[i % self.n]);
         let mut out = Self::new(&[]);
@@ -100,8 +100,8 @@ impl Polygon {
         (inside && out.n >= 3).then_some(out)
     }
 
-    /// Returns two halves. `across` chooses, of a quadrilateral, the halving that does not shorten the longer
-    /// sides; other polygons have one halving only.
+    /// Returns two halves. Of a quadrilateral, `across` chooses the halving that does not shorten the longer
+    /// sides. Other polygons have one halving only.
     pub(crate) fn halves(&self, across: bool) -> [Self; 2] {
         let length = |i: usize| self.v[i % self.n].distance(self.v[(i + 1) % self.n]);
         let corner = |i: usize| (self.v[i % self.n], self.zero[i % self.n]);

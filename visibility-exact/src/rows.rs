@@ -16,15 +16,15 @@ use crate::sight::Sight;
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 
-/// Corner of a loop: its position, and which corner of the target triangle it is.
+/// Corner of a loop: its position, and the corner of the target triangle that it is, or [`NO_CORNER`].
 type RingCorner = (DVec3, u8);
 
-/// A loop that a line passes inside of.
+/// A loop on an occluder that a line passes inside.
 struct Loop {
     piece: u32,
     ring: Vec<RingCorner>,
     side: f64,
-    /// Whether the node may have lines outside of each edge.
+    /// Whether lines of the node may pass outside of each edge.
     divides: Vec<bool>,
 }
 
@@ -49,13 +49,13 @@ struct RowNode {
     /// Bound on the errors of positions in sides.
     delta: f64,
     rows: Vec<Row>,
-    /// The sides of all pairs of corners, row by row.
+    /// Sides of the rows' edges for all pairs of corners, row by row.
     matrix: Matrix,
-    /// The program of all rows if it is solved already.
+    /// Solution of the linear program of all rows, if it is known.
     solution: Option<Solution>,
 }
 
-/// The value of a program, with the weights of its rows if that is negative, of its columns otherwise.
+/// Value of a linear program, and weights: of its rows for a negative value, otherwise of its columns.
 type Solution = (Value, Box<[f64]>);
 
 impl RowNode {
@@ -95,12 +95,13 @@ impl RowNode {
 }
 
 impl Search<'_> {
-    /// Searches the lines of a node. `left` is the number of nodes still allowed.
+    /// Decides a node by dividing it by loops. `left` is the number of nodes that may still be used.
     pub(crate) fn divide(&mut self, sight: &Sight, left: &mut u32) -> Answer {
         self.divide_rows(&mut RowNode::new(*sight, sight.side_error(self.delta), &[]), left, 0)
     }
 
-    /// Searches the lines of a node that satisfy all rows. `halvings` is the number of halvings so far.
+    /// Decides the lines of a node that satisfy all rows. `left` is the number of nodes that may still be
+    /// used, `halvings` the number of halvings so far.
     fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32) -> Answer {
         if *left == 0 || self.must_stop() {
             return Answer::Undecided;
@@ -140,7 +141,7 @@ impl Search<'_> {
         self.divide_by(node, &best, left, halvings)
     }
 
-    /// Divides a node by the edges of a loop.
+    /// Divides a node by the edges of a loop, and decides the parts.
     fn divide_by(&mut self, node: &mut RowNode, by: &Loop, left: &mut u32, halvings: u32) -> Answer {
         let base = node.rows.len();
         let mut edges = Vec::with_capacity(by.ring.len());
@@ -229,7 +230,7 @@ impl Search<'_> {
         Answer::Hidden
     }
 
-    /// Solves the program of a node's rows.
+    /// Solves the linear program of a node's rows.
     fn solve(&mut self, matrix: &Matrix) -> Solution {
         self.stats.programs += 1;
         let value = self.game.solve(matrix);
@@ -328,8 +329,8 @@ impl Search<'_> {
         best
     }
 
-    /// Returns the loop of a piece, moved outwards by `grow` and cut to between the planes of P and Q. `None`
-    /// if the line does not surely pass inside.
+    /// Returns the loop of a piece, moved outwards by `grow` metres and cut off at the planes of P and Q.
+    /// `None` if the line does not certainly pass inside.
     fn loop_around(&self, sight: &Sight, piece: u32, line: Segment, grow: f64) -> Option<Loop> {
         let around = self.triangles.piece(piece);
         let corners = around.ring.iter().zip(&around.positions);
@@ -386,7 +387,7 @@ fn grown(ring: &[RingCorner], grow: f64) -> Vec<RingCorner> {
     (0..n).map(|k| (moved(k), NO_CORNER)).collect()
 }
 
-/// Returns the part of a ring where a height, affine in the position, is not negative.
+/// Returns the part of a ring where `height`, an affine function of the position, is not negative.
 fn cut(ring: Vec<RingCorner>, half: &Half, height: impl Fn(&Half, &RingCorner) -> f64) -> Vec<RingCorner> {
     let heights: Box<[f64]> = ring.iter().map(|corner| height(half, corner)).collect();
     if heights.iter().all(|h| *h >= 0.0) {

@@ -4,7 +4,8 @@
 use crate::polygon::{MOST, Polygon};
 use visibility_core::glam::DVec3;
 
-/// Most planes of a [`Shaft`]: one for each side of either polygon, and their own two.
+/// Greatest number of planes of a [`Shaft`]: one for each side of either polygon, and the planes of both
+/// polygons.
 const PLANES: usize = 2 * MOST + 2;
 
 /// Planes around two polygons. A point whose height over one of them is below `-pad` is outside.

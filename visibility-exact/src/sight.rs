@@ -47,7 +47,7 @@ impl CellBox {
         self.min.abs().max(self.max.abs()).max_element()
     }
 
-    /// Returns the corner that is farthest before a plane.
+    /// Returns the corner of the box that is farthest in front of a plane.
     pub(crate) fn farthest(&self, half: &Half) -> DVec3 {
         DVec3::select(half.normal.cmpgt(DVec3::ZERO), self.max, self.min)
     }
@@ -91,7 +91,7 @@ pub(crate) enum Facing {
     Before,
     /// P is on both sides of the triangle's plane.
     Across,
-    /// Behind it, up to rounding.
+    /// P is behind the plane, up to rounding.
     Behind,
 }
 
@@ -100,13 +100,12 @@ pub(crate) enum Facing {
 pub(crate) struct Sight {
     pub(crate) p: Polygon,
     pub(crate) q: Polygon,
-    /// The outside of the viewcell's face that holds `p`.
+    /// Half-space outside the viewcell, beyond the face that holds `p`.
     pub(crate) before_p: Half,
-    /// The side of Q's plane from which `q` is seen.
+    /// Half-space in front of Q's plane, from which Q is seen.
     pub(crate) before_q: Half,
-    /// With a clearance, the height over Q's plane up to which points are taken to be in it: 0 if the plane
-    /// is perpendicular to an axis, where they are or are not, or does not meet P. `None` without
-    /// clearance.
+    /// Height over Q's plane up to which points count as in it, with a clearance. 0 if the plane is
+    /// perpendicular to an axis, where heights are exact, or does not meet P. `None` without clearance.
     pub(crate) near: Option<f64>,
 }
 
@@ -124,7 +123,7 @@ impl Sight {
         self.near.map_or(delta, |near| 2.0 * near)
     }
 
-    /// Returns whether a point lies in Q's plane, or is taken to.
+    /// Returns whether a point lies in Q's plane, or counts as in it.
     #[inline]
     pub(crate) fn is_in_plane_of_q(&self, x: DVec3) -> bool {
         self.before_q.holds(x) || self.near.is_some_and(|near| self.before_q.height(x).abs() < near)
@@ -160,8 +159,8 @@ impl Sight {
         Some([with(&before)?, with(&behind)?])
     }
 
-    /// Returns the side of Q's plane to which occluders are cut: `pad` before Q where corners of the cut are
-    /// not in the plane.
+    /// Returns the half-space to which occluders are cut: in front of Q's plane, or `pad` before it where
+    /// corners of the cut are not exactly in the plane.
     pub(crate) fn cut_before_q(&self, pad: f64) -> Half {
         if self.near.is_some_and(|near| near > 0.0) { self.before_q } else { self.before_q.padded(-pad) }
     }

@@ -40,7 +40,7 @@ pub enum Verdict {
 pub struct ProvenHidden {
     /// The objects, by their places among the objects of the [`SceneTriangles`].
     pub(crate) objects: Box<[u32]>,
-    /// Proofs for all parts of the objects.
+    /// Proofs that together cover all parts of the objects.
     pub proofs: Vec<Proof>,
 }
 
@@ -56,10 +56,10 @@ pub struct CellVerdicts {
     pub rays: u64,
     /// Number of nodes of the search for proofs.
     pub nodes: u64,
-    /// Number of proofs that the search ended with and that [`Proof::check`] refused. What they were for was
-    /// left undecided. None is known.
+    /// Number of proofs that [`Proof::check`] refused. Their targets were left undecided. No scene with such
+    /// a proof is known.
     pub refused: u64,
-    /// Whether the viewcell could be used. If not, nothing was asked and all objects are open.
+    /// Whether the viewcell could be used. If not, all objects are open.
     pub(crate) is_decided: bool,
 }
 

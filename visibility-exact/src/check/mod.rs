@@ -21,7 +21,7 @@ use alloc::vec::Vec;
 use context::{Check, Corner, Divider};
 use core::fmt;
 
-/// Why a [`Proof`] does not hold.
+/// Reasons why a [`Proof`] does not hold.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum ProofError {

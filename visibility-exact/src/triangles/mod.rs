@@ -51,7 +51,7 @@ pub struct SceneTriangles {
     occludes: Vec<bool>,
     /// Side of its plane from which each triangle is seen and occludes. `None` for both sides.
     fronts: Vec<Option<Half>>,
-    /// Areas in square metres, for orders of trial alone.
+    /// Area of each triangle in square metres, rounded. It decides only what is tried first.
     areas: Vec<f32>,
     /// Edges of each triangle: edge k joins corners k and k + 1.
     edges: Vec<[u32; 3]>,
@@ -67,7 +67,7 @@ pub struct SceneTriangles {
     magnitude: f64,
 }
 
-/// An object as a target.
+/// An object that may be seen.
 #[derive(Clone, Debug)]
 pub(crate) struct TargetObject {
     pub(crate) id: ObjectId,
@@ -86,7 +86,7 @@ pub(crate) struct TargetObject {
 pub(crate) struct Piece {
     /// Indices of the vertices around the polygon.
     pub(crate) ring: Box<[u32]>,
-    /// A position of each vertex.
+    /// Position of each vertex of `ring`.
     pub(crate) positions: Box<[DVec3]>,
     pub(crate) triangles: Box<[u32]>,
 }
@@ -94,7 +94,8 @@ pub(crate) struct Piece {
 /// Greatest number of corners of a [`Piece`].
 const PIECE: usize = 8;
 
-/// Greatest absolute coordinate that is used, so that products of three differences stay finite.
+/// Greatest absolute coordinate, in metres, of objects that are decided, so that products of three
+/// differences stay finite.
 pub(crate) const LIMIT: f64 = 1e30;
 
 impl SceneTriangles {
