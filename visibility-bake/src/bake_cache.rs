@@ -31,7 +31,8 @@ pub(crate) struct CellRecord {
 }
 
 impl CellRecord {
-    /// Returns whether all positions are within a list of objects that the sweep of a group has left.
+    /// Returns whether all positions in `left` are below the number of `objects`, those that the sweep of a
+    /// group has left.
     pub(crate) fn is_of(&self, objects: &[u32]) -> bool {
         self.left.last().is_none_or(|&last| (last as usize) < objects.len())
     }
@@ -56,16 +57,17 @@ impl CellRecord {
     }
 }
 
-/// The sweep of a group of viewcells.
+/// Result of sweeping a group of viewcells.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct GroupRecord {
     /// Hash of the viewcells, the settings and the origin of the level.
     pub question: u64,
-    /// Hash of the same, and of the content of the objects that the sweep has left.
+    /// Hash of the viewcells, the settings and the origin, and of the content of the objects that the sweep
+    /// has left.
     pub key: u64,
-    /// Tiles that the sweep has opened, and objects that it has left.
+    /// Record of the sweep: the tiles that it has opened, and the objects that it has left.
     pub trace: Trace,
-    /// Whether the sweep was left out or ended early, for want of time.
+    /// Whether the sweep was left out or ended early because its time was over.
     pub is_cut: bool,
 }
 

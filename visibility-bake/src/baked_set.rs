@@ -26,13 +26,13 @@ const FORMAT: Format = Format { magic: *b"VISI-SET", version: 5 };
 /// similar.
 const TRIED: usize = 128;
 
-/// Greatest number of pairs of 64-bit words that are compared for all columns, about.
+/// Approximate limit on the work of ordering columns: the number of pairs of 64-bit words that are compared.
 const WORK: usize = 1 << 31;
 
 /// Greatest index of an object plus 1 that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
 
-/// Greatest number of viewcells that touch a viewcell whose rows are tried as the base of its row.
+/// Greatest number of touching viewcells whose rows are tried as the base of a viewcell's row.
 const BASES: usize = 12;
 
 /// Viewcells and their potentially visible sets, for a scene with the objects that it was baked from.
@@ -57,7 +57,7 @@ const BASES: usize = 12;
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub struct BakedSet {
-    /// Hash of all that the bake rests on: see [`level_version`].
+    /// Hash of the level's data that the bake depends on: see [`level_version`].
     version: u64,
     /// Hash of the origin of the scene, and of the indices and bounds of its objects.
     bounds: u64,
@@ -75,11 +75,11 @@ pub struct BakedSet {
     pvs: Pvs,
 }
 
-/// Why a set cannot be made, read or used.
+/// Reasons why a set cannot be made, read or used.
 #[derive(Clone, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum BakedSetError {
-    /// The bytes are damaged, or something else.
+    /// The bytes are damaged, or are not those of a baked set.
     Format(FormatError),
     /// The rows cannot be stored, or were stored wrongly.
     Pvs(PvsError),
@@ -518,14 +518,14 @@ fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
     bytes
 }
 
-/// Returns 0, 1, 2, 3, 4 for 0, -1, 1, -2, 2, and so on.
+/// Maps the numbers 0, -1, 1, -2, 2 and so on to 0, 1, 2, 3, 4 and so on.
 fn signed_code(number: i64) -> u64 {
     if number < 0 { number.unsigned_abs() * 2 - 1 } else { number.unsigned_abs() * 2 }
 }
 
-/// Calls `each` with the class and the index of each object in what [`class_bytes`] has written, class by
-/// class. Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end within
-/// a class.
+/// Calls `each` with the class and the index of each object in bytes that [`class_bytes`] has written, class
+/// by class. Returns the number of classes. `None` if an object is not below `limit`, or if the bytes end
+/// within a class.
 fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u32)) -> Option<usize> {
     let (mut rest, mut first, mut count) = (bytes, 0u32, 0);
     while !rest.is_empty() {
@@ -546,8 +546,8 @@ fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u
     Some(count)
 }
 
-/// Checks what [`class_bytes`] has written, and returns the number of classes. `None` if an object is in two
-/// classes or not below `limit`, or if the bytes end within a class.
+/// Checks bytes that [`class_bytes`] has written, and returns the number of classes. `None` if an object is
+/// in two classes or not below `limit`, or if the bytes end within a class.
 fn count_classes(bytes: &[u8], limit: usize) -> Option<usize> {
     let mut all = Vec::new();
     let count = for_each_in_classes(bytes, limit, |_, index| all.push(index))?;

@@ -26,7 +26,8 @@ pub struct Grid {
     pub(crate) stop: Stop,
 }
 
-/// Returns whether viewcells that are being made should be given up. Grids are equal whatever they ask.
+/// Function that returns whether the making of viewcells should end. Two grids that differ in it alone are
+/// equal.
 #[derive(Clone, Copy)]
 pub(crate) struct Stop(fn() -> bool);
 
@@ -43,13 +44,13 @@ impl fmt::Debug for Stop {
 }
 
 impl Stop {
-    /// Asks at every 1024th `number`, from 0 on. [`GridError::Stopped`] if the work should end.
+    /// Calls the function if `number` is a multiple of 1024. [`GridError::Stopped`] if it returns true.
     pub(crate) fn check(self, number: usize) -> Result<(), GridError> {
         if number.is_multiple_of(1024) && (self.0)() { Err(GridError::Stopped) } else { Ok(()) }
     }
 }
 
-/// Why a grid or its viewcells cannot be made.
+/// Reasons why a grid or its viewcells cannot be made.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum GridError {
@@ -57,8 +58,8 @@ pub enum GridError {
     Size,
     /// There would be more viewcells than [`Grid::LIMIT`].
     Count {
-        /// Number of viewcells over the box or along the walk; a viewcell passed twice counts twice. Counts
-        /// beyond the greatest number count as that.
+        /// Number of viewcells over the box or along the walk. A viewcell passed twice counts twice.
+        /// `u128::MAX` for any larger number.
         count: u128,
     },
     /// The box or the walk is not finite, or would give more viewcells than [`Grid::LIMIT`]; or a flood of
@@ -66,7 +67,8 @@ pub enum GridError {
     TooMany,
     /// The function of [`Grid::with_stop`] has returned true.
     Stopped,
-    /// The distance that a camera keeps from surfaces is not positive, or too small for viewcells so large.
+    /// The distance that a camera keeps from surfaces is not positive, or too small for the size of the
+    /// viewcells.
     Radius,
 }
 
@@ -105,8 +107,8 @@ impl Grid {
         if is_positive && origin.is_finite() { Ok(Self { origin, size, stop }) } else { Err(GridError::Size) }
     }
 
-    /// Returns the grid with a function that is asked now and then while viewcells are made: once it returns
-    /// true, they are given up with [`GridError::Stopped`].
+    /// Returns the grid with a function that is called now and then while viewcells are made. Once it returns
+    /// true, the call fails with [`GridError::Stopped`].
     #[must_use]
     pub fn with_stop(self, stop: fn() -> bool) -> Self {
         Self { stop: Stop(stop), ..self }

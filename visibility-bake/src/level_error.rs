@@ -1,10 +1,10 @@
-//! Why the content of a level cannot be had.
+//! Errors in writing and reading the content of a level.
 
 use std::fmt;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
-/// Why a level on disk cannot be written or read, or not within its memory.
+/// Reasons why a level in a file cannot be written or read, or not within its limit of memory.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum LevelError {
@@ -28,7 +28,7 @@ pub enum LevelError {
     Memory {
         /// The limit in bytes.
         limit: u64,
-        /// The least limit in bytes with which the work that failed could have gone on.
+        /// Least limit in bytes with which the failed step could have gone on.
         needed: u64,
     },
     /// The origin of the level is not finite.

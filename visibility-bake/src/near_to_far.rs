@@ -29,31 +29,32 @@ use visibility_region::ExtendedProjectionCuller;
 /// its ratio is greater. Each further sweep halves the limit.
 const COARSEST: f64 = 0.1;
 
-/// Objects of so little weight are left without asking.
+/// Weight of objects up to which they are left without a sweep.
 const FEW: u64 = 4096;
 
 /// A tile that a sweep has opened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Opened {
-    /// The tile above, as a position in the list of opened tiles. The root is above itself.
+    /// Position of the tile above in the list of opened tiles. The root has its own position.
     parent: u32,
     /// Number of the tile among the children of the tile above.
     child: u32,
-    /// Hash of what opening the tile has revealed.
+    /// Hash of the data that opening the tile reveals: its objects, and the bounds of the tiles below.
     hash: u64,
 }
 
 /// Record of a sweep: the tiles that it opened, and the objects that it has not hidden.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct Trace {
-    /// The root first, then in the order of opening. [`WHOLE`] alone if all tiles were swept at once.
+    /// Opened tiles in the order of opening, the root first. [`WHOLE`] alone if all tiles were swept at once.
     opened: Vec<Opened>,
-    /// Objects not found hidden, ascending: the position of their tile among those opened, and their place in
-    /// the tile; 0 and their place in the order of all objects if all tiles were swept at once.
+    /// Objects not found hidden, ascending: the position of the object's tile in `opened`, and the object's
+    /// place in the tile. If all tiles were swept at once: 0, and the object's place in the order of all
+    /// objects.
     left: Vec<[u32; 2]>,
 }
 
-/// Number of the child in place of all tiles, whose hash is that of the tree.
+/// Child number that stands for all tiles. Its hash is that of the tree.
 const WHOLE: u32 = u32::MAX;
 
 /// A tile that is not opened, or an object that does not occlude yet.
@@ -66,15 +67,15 @@ struct Waiting {
 
 #[derive(Clone, Copy)]
 enum What {
-    /// The number of a tile, the position of the tile above in the list of opened tiles, and its number among
-    /// the children there.
+    /// Number of the tile, position of the tile above in the list of opened tiles, and the tile's number
+    /// among the children there.
     Tile { tile: u32, parent: u32, child: u32 },
-    /// A place as in [`Trace::left`], and the number of the object.
+    /// Place of the object as in [`Trace::left`], and number of the object.
     Object { place: [u32; 2], number: u32 },
 }
 
-/// Returns the objects that a sweep leaves, by ascending index. Once `stop` returns true, no more are found
-/// hidden.
+/// Returns the objects that a sweep leaves, by ascending index. Once `stop` returns true, no more objects are
+/// found hidden.
 pub(crate) fn swept(
     sweep: &mut ExtendedProjectionCuller,
     scene: &Scene,
@@ -141,7 +142,7 @@ pub(crate) fn sweep_near_to_far(
     Ok(trace)
 }
 
-/// The tiles and objects around a viewcell, as far as they are swept.
+/// Tiles and objects around a viewcell in a sweep from near to far.
 struct Around<'a> {
     level: &'a TiledScene<'a>,
     cell: &'a Viewcell,
@@ -153,13 +154,13 @@ struct Around<'a> {
     occluding: Vec<([u32; 2], u32)>,
     /// Tiles and objects that are not hidden and do not occlude yet.
     waiting: Vec<Waiting>,
-    /// Returns true once no more are to be found hidden.
+    /// Function that returns true once no more objects are to be found hidden.
     stop: &'a dyn Fn() -> bool,
 }
 
 impl Around<'_> {
-    /// Sweeps until all tiles that are not hidden are opened. Returns false if it has given up because the
-    /// occluders exceed the weight `most`.
+    /// Sweeps until all tiles that are not hidden are opened. Returns false, without a result, if the weight
+    /// of the occluders exceeds `most`.
     fn sweep_all(&mut self, sweep: &mut ExtendedProjectionCuller, most: u64) -> Result<bool, LevelError> {
         self.open(What::Tile { tile: 0, parent: 0, child: 0 });
         let (mut portion, mut coarsest) = (self.level.first_weight, COARSEST);
@@ -222,7 +223,7 @@ impl Around<'_> {
         self.waiting.extend(below);
     }
 
-    /// Opens all tiles with tiles below whose extents are more than a part of their distances.
+    /// Opens all tiles with tiles below whose ratio of extent to distance is more than `coarsest`.
     fn open_large(&mut self, coarsest: f64) {
         let mut at = 0;
         while let Some(&waiting) = self.waiting.get(at) {
@@ -244,7 +245,7 @@ impl Around<'_> {
         }
     }
 
-    /// Lets the nearest of the waiting objects occlude, up to a weight.
+    /// Turns the nearest of the waiting objects into occluders, up to the weight `portion`.
     fn load(&mut self, portion: u64) {
         self.waiting.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let mut weight = 0;
@@ -295,12 +296,13 @@ impl Around<'_> {
         }
     }
 
-    /// Returns the weight of the objects that occlude.
+    /// Returns the sum of the weights of the objects that occlude.
     fn occluding_weight(&self) -> u64 {
         self.occluding.iter().map(|&(_, number)| self.level.objects[number as usize].weight()).sum()
     }
 
-    /// Returns the weight of the objects that do not occlude. `None` if a tile is not opened.
+    /// Returns the sum of the weights of the objects that do not occlude yet. `None` if a tile waits to be
+    /// opened.
     fn waiting_weight(&self) -> Option<u64> {
         let weight = |waiting: &Waiting| match waiting.what {
             What::Object { number, .. } => Some(self.level.objects[number as usize].weight()),
@@ -311,7 +313,7 @@ impl Around<'_> {
 }
 
 impl Trace {
-    /// Returns the trace of no sweep at all: all objects are left.
+    /// Returns the trace for a group that is not swept: all objects are left.
     pub(crate) fn of_all(tree: &TileTree) -> Self {
         Self::of_whole(tree, 0..tree.order.len() as u32)
     }

@@ -25,7 +25,7 @@ use visibility_core::{Scene, VisibleSet};
 use visibility_exact::SceneTriangles;
 use visibility_region::ExtendedProjectionCuller;
 
-/// Triangles that a search copies and sorts in a second, about, on a machine of 2026.
+/// Approximate number of triangles that a search copies and sorts in a second, on a machine of 2026.
 const SEARCHED_A_SECOND: f64 = 2e5;
 
 /// Finds the sandwiches of a range of viewcells, as a [`Baker`] for a [`Bake`](visibility_core::bake::Bake):
@@ -82,7 +82,7 @@ pub struct SandwichBaker<'a> {
     costs: Vec<[u64; STAGES]>,
     /// Result of the sweep of each group, for groups with a viewcell that is done.
     found_groups: Vec<Option<Arc<GroupRecord>>>,
-    /// Why a viewcell could not be worked on: the first that happened.
+    /// First reason why a viewcell could not be worked on.
     error: Mutex<Option<LevelError>>,
 }
 
@@ -107,17 +107,17 @@ pub struct SandwichOutcome {
     /// Number of viewcells whose results, apart from the sweeps, were taken from the
     /// [cache](SandwichBaker::with_cache).
     pub reused: usize,
-    /// The results of this bake, for the next. Groups that are not complete are left out.
+    /// Results of this bake for the next one. Groups that are not complete are left out.
     pub cache: BakeCache,
-    /// Number of viewcells that were swept and are not searched, since what the sweeps have left has more
-    /// triangles than a search may copy: 2^21, or as many as the level has with each mesh that objects share
-    /// counted once.
+    /// Number of viewcells that were swept and not searched, since the objects that the sweeps have left have
+    /// more triangles than a search may copy: 2^21, or as many as the level has with each shared mesh counted
+    /// once.
     pub too_large: usize,
     /// Why viewcells could not be worked on, for a level in a file.
     pub error: Option<LevelError>,
 }
 
-/// Memory of one thread of a bake.
+/// Scratch memory of one thread of a bake.
 #[derive(Default, Debug)]
 pub struct BakeScratch {
     /// Sweep of the whole level, if it is small.
@@ -132,8 +132,8 @@ pub struct BakeScratch {
 struct Slot {
     /// Number of the group's viewcells that are not worked on yet, by stage.
     left: [usize; STAGES],
-    /// Content that was made last, and whether for the sweeps of viewcells. With a limit of time, or in a
-    /// bake that was resumed, viewcells of the group may be in different stages.
+    /// Content that was made last, and whether it is for the sweeps of viewcells. With a limit of time, or in
+    /// a resumed bake, viewcells of the group may be in different stages.
     group: Option<(bool, Arc<Group>)>,
     /// Result of the group's sweep. It is kept when the content is released.
     record: Option<Arc<GroupRecord>>,
@@ -197,7 +197,8 @@ impl<'a> SandwichBaker<'a> {
         baker.with_range(0..viewcells.cells().len())
     }
 
-    /// Returns the baker for a part of the viewcells: those with numbers in `range`, as far as there are any.
+    /// Returns the baker for a part of the viewcells: those with numbers in `range`. Numbers beyond the last
+    /// viewcell are ignored.
     #[must_use]
     pub fn with_range(mut self, range: Range<usize>) -> Self {
         let count = self.viewcells.cells().len();
@@ -209,8 +210,8 @@ impl<'a> SandwichBaker<'a> {
         self
     }
 
-    /// Returns the baker with a clock, which measures the times of the methods: a function that returns the
-    /// time passed since any fixed moment.
+    /// Returns the baker with a clock, by which it measures the times of the methods. `clock` returns the
+    /// time passed since a fixed moment.
     #[must_use]
     pub fn with_clock(mut self, clock: fn() -> Duration) -> Self {
         self.time.set_clock(clock);
@@ -280,8 +281,8 @@ impl<'a> SandwichBaker<'a> {
         }
     }
 
-    /// Notes that a viewcell of a group is done with some stages, and releases what a stage has shared after
-    /// the last.
+    /// Notes that a viewcell of a group is done with `stages`. After the last viewcell of a stage, releases
+    /// the content that the stage has shared.
     fn end_stages(&self, group: u32, stages: Range<u32>) {
         let mut slot = lock(&self.slots[group as usize]);
         for stage in stages.clone() {
@@ -315,8 +316,8 @@ impl<'a> SandwichBaker<'a> {
         objects.into_iter().fold(hash, |hash, at| hash.with_u64(self.level.objects[at as usize].hash))
     }
 
-    /// Returns what the viewcells of a group have in common, from its slot, or made now while other threads
-    /// that need it wait.
+    /// Returns the data that the viewcells of a group share, from the group's slot. If it is not there, makes
+    /// it, while other threads that need it wait.
     fn group(&self, number: u32, stage: u32, scratch: &mut BakeScratch) -> Result<Arc<Group>, LevelError> {
         let mut slot = self.level.lock(&self.slots[number as usize]);
         let for_sweeps = stage == SWEEP;
@@ -331,8 +332,8 @@ impl<'a> SandwichBaker<'a> {
         Ok(group)
     }
 
-    /// Makes what the viewcells of a group have in common, from what its sweep has found if that is known,
-    /// and notes that otherwise.
+    /// Makes the data that the viewcells of a group share. `known` is the result of the group's sweep. If it
+    /// is `None`, the group is swept, and the result is stored there.
     fn new_group(
         &self,
         number: u32,
@@ -412,19 +413,19 @@ impl<'a> SandwichBaker<'a> {
         Ok(Group { record, objects, content })
     }
 
-    /// Returns the time on the clock at which a sweep for some viewcells ends that begins now. `None` without
-    /// a limit.
+    /// Returns the time on the clock at which a sweep for `viewcells` viewcells must end if it begins now.
+    /// `None` without a limit of time.
     fn end_of_sweep(&self, stage: u32, viewcells: usize) -> Option<Duration> {
         self.time.end_of_sweep(stage, viewcells, self.waiting(stage))
     }
 
-    /// Returns the number of viewcells that were not through with a stage before this round.
+    /// Returns the number of viewcells that were not done with a stage before this round.
     fn waiting(&self, stage: u32) -> usize {
         self.done.iter().filter(|done| done.as_ref().is_none_or(|found| found.next <= stage)).count()
     }
 
-    /// Works on an item whose stage is the next of its viewcell, as [`work`](Baker::work) does, with the
-    /// memory that is free.
+    /// Works on an item, as [`work`](Baker::work) does, with the memory that is free now. The item's stage
+    /// must be the next of its viewcell. `Err` if the memory does not suffice now.
     fn attempt(
         &self,
         item: u32,
@@ -590,8 +591,8 @@ impl<'a> SandwichBaker<'a> {
         Ok(Some((record, times, before.next + 1)))
     }
 
-    /// Finds answers for the objects that the sweep of a viewcell has left, in a share of the time if that is
-    /// limited. Returns them with the next stage, and whether the time was over. `None` once `stop` has
+    /// Finds answers for the objects that the sweep of a viewcell has left, within `share` if the time is
+    /// limited. Returns them with the next stage, and whether the share was used up. `None` once `stop` has
     /// returned true.
     fn search(
         &self,

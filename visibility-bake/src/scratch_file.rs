@@ -25,21 +25,21 @@ use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::{Triangle, Triangles};
 use visibility_core::{Object, OccluderMesh};
 
-/// Number of words before the transform, or before the triangles of an object without a mesh.
+/// Number of words at the beginning of an object's content, before the transform or the triangles.
 const HEAD_WORDS: usize = 4;
 
 /// Number of words of a transform.
 const TRANSFORM_WORDS: usize = 12;
 
-/// Bytes of memory for each unit of weight of a tile that is loaded, about: a triangle and its part of the
-/// occluder mesh.
+/// Approximate bytes of memory per unit of weight of a loaded tile: a triangle and its part of the occluder
+/// mesh.
 const BYTES_PER_WEIGHT: u64 = 300;
 
-/// Bytes of memory that an object takes while the level is open, about: its facts, the offset of its content,
-/// and its tile.
+/// Approximate bytes of memory that an object takes while the level is open: its facts, the offset of its
+/// content, and its tile.
 const OBJECT_BYTES: u64 = 100;
 
-/// The content of an object: triangles, and occluder mesh with the transform to coordinates of the level.
+/// Content of an object: its triangles, and its occluder mesh with the transform to coordinates of the level.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Content {
     pub triangles: Box<[Triangle]>,
@@ -71,7 +71,7 @@ pub(crate) struct ContentWriter {
     to: BufWriter<File>,
     /// Offset in bytes of each object's content, by number of the object; then the end of the last.
     offsets: Vec<u64>,
-    /// The content of one object, as it is written.
+    /// Scratch: the bytes of one object's content.
     bytes: Vec<u8>,
 }
 
@@ -143,7 +143,7 @@ impl ContentWriter {
     }
 }
 
-/// The content of a level, in a file.
+/// File with the content of a level, and the tiles of it that are in memory.
 pub(crate) struct LevelFile {
     scratch: Mutex<ScratchFile>,
     /// Offset in bytes of each object's content, by number of the object; then the end of the last.
@@ -151,30 +151,30 @@ pub(crate) struct LevelFile {
     /// Number of the tile of each object, by number of the object.
     tile_of: Vec<u32>,
     shared: Arc<Shared>,
-    /// Locked by all threads that work: for reading together, for writing alone.
+    /// Lock of all threads that work: for reading together, for writing alone.
     turn: RwLock<()>,
 }
 
-/// The account of memory that threads and their [reservations](Reserved) share.
+/// Account of the memory that threads and their [reservations](Reserved) share.
 struct Shared {
     memory: Mutex<Memory>,
     /// Notified when memory is released, or a thread ends or suspends its work.
     changed: Condvar,
 }
 
-/// The memory of a level in a file, by estimates. All sizes are in bytes.
+/// Memory of a level in a file. All sizes are estimates, in bytes.
 struct Memory {
     /// Greatest sum of `reserved` and `cached`.
     limit: u64,
-    /// Memory that cannot be given up now.
+    /// Bytes that cannot be released now.
     reserved: u64,
     /// Bytes of the tiles that are kept in memory.
     cached: u64,
-    /// Number of times that any tile was asked for.
+    /// Number of requests for tiles so far.
     requests: u64,
     /// Tiles that are loaded, by their numbers.
     tiles: HashMap<u32, LoadedTile>,
-    /// Number of threads that work and wait for nothing.
+    /// Number of threads that work and do not wait.
     running: usize,
 }
 
@@ -182,13 +182,13 @@ struct Memory {
 struct LoadedTile {
     content: Arc<[Content]>,
     bytes: u64,
-    /// The value of [`Memory::requests`] when the tile was asked for last.
+    /// Value of [`Memory::requests`] at the last request for the tile.
     last_request: u64,
 }
 
 impl Memory {
-    /// Gives up tiles, least recently used first, until `bytes` are free. Returns false if they are not even
-    /// without any tile.
+    /// Releases tiles, least recently used first, until `bytes` are free. Returns false if they are not free
+    /// even without any tile.
     fn make_room(&mut self, bytes: u64) -> bool {
         let reserved = self.reserved.saturating_add(bytes);
         if reserved > self.limit {
@@ -203,7 +203,7 @@ impl Memory {
     }
 }
 
-/// Memory that is reserved until this is dropped.
+/// Reservation of memory, until it is dropped.
 pub(crate) struct Reserved {
     shared: Arc<Shared>,
     bytes: u64,
@@ -216,7 +216,7 @@ impl Drop for Reserved {
     }
 }
 
-/// The work of a thread, until this is dropped.
+/// Work of a thread on the level, until it is dropped.
 pub(crate) struct Working<'a> {
     file: &'a LevelFile,
     _turn: Turn<'a>,
@@ -235,14 +235,14 @@ impl Drop for Working<'_> {
     }
 }
 
-/// Locks a mutex, whether or not a thread has panicked that held it.
+/// Locks a mutex, even if a thread has panicked while it held the lock.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl LevelFile {
-    /// Begins the work of a thread, together with others, or alone when all others have ended theirs. A
-    /// thread that works must not begin again.
+    /// Begins the work of a thread on the level. With `is_alone`, waits until all other threads have ended
+    /// their work. A thread must not call this again before its work has ended.
     pub(crate) fn work(&self, is_alone: bool) -> Working<'_> {
         let _turn = if is_alone {
             Turn::Alone { _guard: self.turn.write().unwrap_or_else(PoisonError::into_inner) }
@@ -268,8 +268,8 @@ impl LevelFile {
         }
     }
 
-    /// Reserves memory. Waits for it as long as another thread runs that may release some.
-    /// [`LevelError::Memory`] if none does.
+    /// Reserves memory. Waits as long as another thread runs that may release some. [`LevelError::Memory`] if
+    /// none does.
     pub(crate) fn reserve(&self, bytes: u64) -> Result<Reserved, LevelError> {
         let mut memory = lock(&self.shared.memory);
         while !memory.make_room(bytes) {

@@ -15,16 +15,16 @@ use visibility_core::glam::{DVec3, Vec3};
 /// middle may exceed it.
 const LEAF: u64 = 128;
 
-/// Greatest weight of a level that is one tile.
+/// Greatest weight of a level that is stored as one tile.
 const WHOLE: u64 = 1 << 18;
 
-/// Cells are divided to this power of two of the distance of their objects from the origin, at most.
+/// Greatest number of halvings of a cell's edge, from the distance of its objects from the origin on.
 const DEPTH: i32 = 40;
 
-/// Part of a cell's edge, as a power of two, to which the bounds of a tile are rounded outwards.
+/// Bounds of a tile are rounded outwards to multiples of the cell's edge divided by two to this power.
 const ROUNDING: i32 = 4;
 
-/// A node of the tree: a tile of objects of its own, and the nodes below.
+/// Node of the tree: a tile with objects of its own, and the tiles below.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Tile {
     /// Bounds of all objects in this tile and below, without those that are never culled.
@@ -35,8 +35,8 @@ pub(crate) struct Tile {
     pub own: Range<u32>,
     /// Sum of the weights of the tile's objects.
     pub weight: u64,
-    /// Hash of the tile's objects in their order, and for each node below of its bounds, and whether it has
-    /// nodes below: of all that opening the tile reveals.
+    /// Hash of the data that opening the tile reveals: its objects in their order, and for each tile below
+    /// its bounds and whether it has tiles below.
     pub hash: u64,
 }
 
@@ -56,7 +56,8 @@ impl TileTree {
         Self::with_leaves(objects, WHOLE, LEAF)
     }
 
-    /// Makes a tree with a greatest weight of levels that are one tile, and of tiles without children.
+    /// Makes a tree. `whole` is the greatest weight of a level that is one tile, `leaf` that of a tile
+    /// without children.
     pub(crate) fn with_leaves(objects: &[ObjectFacts], whole: u64, leaf: u64) -> Self {
         let weight = objects.iter().map(ObjectFacts::weight).sum::<u64>();
         let leaf = if weight <= whole { u64::MAX } else { leaf };
@@ -131,7 +132,7 @@ impl TileTree {
         tree
     }
 
-    /// Finds the bounds and hashes of all tiles, children first.
+    /// Computes the bounds and hashes of all tiles, children first.
     fn enclose(&mut self, objects: &[ObjectFacts], edges: &[i32]) {
         for number in (0..self.tiles.len()).rev() {
             let tile = &self.tiles[number];
@@ -181,7 +182,7 @@ impl Tile {
     }
 }
 
-/// Returns the least exponent of two that gives more than a number, which is not negative.
+/// Returns the least exponent e with 2^e greater than `number`, which must not be negative.
 fn exponent_above(number: f64) -> i32 {
     let mut exponent = -149;
     while exponent < 129 && 2f64.powi(exponent) <= number {

@@ -15,26 +15,25 @@ use visibility_core::scene::{MeshId, Triangles};
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, RegionCuller, Scene, VisibleSet};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Weight of the objects that occlude in the first sweep from near to far. Each further sweep has twice as
-/// much.
+/// Weight of the occluders of the first sweep from near to far. Each further sweep doubles it.
 const FIRST_WEIGHT: u64 = 8192;
 
-/// Greatest weight of the objects that occlude in a sweep of several viewcells.
+/// Greatest weight of the occluders in a sweep of several viewcells.
 const MOST_WEIGHT: u64 = 1 << 19;
 
-/// Bytes of memory that a scene for a sweep takes for each unit of weight, about.
+/// Approximate bytes of memory per unit of weight of a scene that is swept.
 const SWEEP_BYTES: u64 = 600;
 
-/// Bytes of memory that a copy of a sweep takes for each unit of weight of its scene, about.
+/// Approximate bytes of memory per unit of a scene's weight of a copy of its sweep.
 const COPY_BYTES: u64 = 100;
 
-/// Bytes of memory that a scene with nothing but triangles takes for each unit of weight, about.
+/// Approximate bytes of memory per unit of weight of a scene with triangles alone.
 const TRIANGLE_BYTES: u64 = 200;
 
-/// Bytes of memory that a search takes for each unit of weight, about.
+/// Approximate bytes of memory per unit of weight of a search.
 const SEARCH_BYTES: u64 = 600;
 
-/// Number of triangles that a search may always copy, of a level in memory: it then takes some 2 GB.
+/// Number of triangles that a search may copy in any level in memory: it then takes some 2 GB.
 const MOST_COPIED: u64 = 1 << 21;
 
 /// A level whose objects are sorted into tiles, by place. A bake loads a tile only where it is seen.
@@ -48,15 +47,15 @@ pub struct TiledScene<'a> {
     pub(crate) tree: TileTree,
     /// Greatest index of an object plus 1.
     pub(crate) index_limit: usize,
-    /// Weight of the objects that occlude in the first sweep from near to far.
+    /// Weight of the occluders of the first sweep from near to far.
     pub(crate) first_weight: u64,
-    /// Greatest weight of the objects that occlude in a sweep of several viewcells, without a limit of time.
+    /// Greatest weight of the occluders in a sweep of several viewcells, without a limit of time.
     pub(crate) most_weight: u64,
     /// Greatest number of triangles that a search may copy: [`MOST_COPIED`], or as many as the level has with
-    /// each mesh that objects share counted once. No limit for a level in a file, which has one of memory.
+    /// each shared mesh counted once. No limit for a level in a file, which has a limit of memory.
     pub(crate) most_copied: u64,
     store: Store<'a>,
-    /// All objects, tile by tile, and a sweep that is prepared for them: made when it is first asked for.
+    /// Scene of all objects, tile by tile, and a sweep prepared for it. Made on the first request.
     whole: Mutex<Option<Arc<PreparedScene>>>,
 }
 
@@ -72,7 +71,7 @@ enum Store<'a> {
     File(LevelFile),
 }
 
-/// A scene, and a sweep that is prepared for it.
+/// A scene, and a sweep prepared for it.
 pub(crate) struct PreparedScene {
     pub scene: Scene,
     pub sweep: ExtendedProjectionCuller,
@@ -184,9 +183,9 @@ impl<'a> TiledScene<'a> {
         Ok(part)
     }
 
-    /// Makes a scene of some objects with their occluder meshes, as
-    /// [`scene_with_triangles`](Self::scene_with_triangles) does, and after them of others that have nothing
-    /// but bounds.
+    /// Makes a scene of objects with their occluder meshes, given by their numbers, as
+    /// [`scene_with_triangles`](Self::scene_with_triangles) does. Then adds `boxes`, objects that have only
+    /// bounds.
     pub(crate) fn scene_with_meshes(
         &self,
         numbers: &[u32],
@@ -214,7 +213,7 @@ impl<'a> TiledScene<'a> {
         Ok(part)
     }
 
-    /// Makes a scene of some objects without content, by their numbers, and after them of others.
+    /// Makes a scene of objects without content, given by their numbers. Then adds `boxes`.
     fn scene_of(&self, numbers: &[u32], boxes: impl IntoIterator<Item = Object>) -> (Scene, Vec<ObjectId>) {
         let mut part = Scene::new();
         // The origin of a scene is finite, and that of an empty scene may be set.
@@ -240,7 +239,8 @@ impl<'a> TiledScene<'a> {
         }
     }
 
-    /// Calls `sweep` with a scene of some objects, and after them of others that have nothing but bounds.
+    /// Calls `sweep` with a scene of objects with their occluder meshes, given by their numbers, followed by
+    /// `boxes`, objects that have only bounds.
     pub(crate) fn with_scene<T>(
         &self,
         numbers: &[u32],
@@ -260,7 +260,8 @@ impl<'a> TiledScene<'a> {
         self.reserve(numbers, if is_search { SEARCH_BYTES } else { COPY_BYTES })
     }
 
-    /// Returns a scene of some objects, with a sweep that is prepared for it, to be cloned for threads.
+    /// Returns a scene of objects with their occluder meshes, given by their numbers, and a sweep prepared
+    /// for it. Threads clone the sweep.
     pub(crate) fn prepared(&self, numbers: &[u32]) -> Result<PreparedScene, LevelError> {
         let _memory = self.reserve(numbers, SWEEP_BYTES)?;
         let scene = self.scene_with_meshes(numbers, [])?;
@@ -280,7 +281,7 @@ impl<'a> TiledScene<'a> {
         Ok(whole.insert(Arc::new(self.prepared(&self.tree.order)?)).clone())
     }
 
-    /// Returns whether the level is in memory and has no more than a search may copy.
+    /// Returns whether the level is in memory and has at most as many triangles as a search may copy.
     pub(crate) fn may_be_copied(&self) -> bool {
         !self.is_in_file()
             && self.objects.iter().map(|object| u64::from(object.triangles)).sum::<u64>() <= self.most_copied
@@ -338,8 +339,8 @@ impl fmt::Debug for TiledSceneWriter {
 }
 
 impl TiledSceneWriter {
-    /// Appends an object, which gets the next index: its triangles, and its occluder mesh with the transform
-    /// to coordinates of the level, which an object that is not flagged as an occluder does without.
+    /// Appends an object, which gets the next index. `mesh` is its occluder mesh with the transform to
+    /// coordinates of the level, needed for objects flagged as occluders alone.
     ///
     /// # Errors
     /// [`LevelError::File`] if the file cannot be written, [`LevelError::TooMany`].

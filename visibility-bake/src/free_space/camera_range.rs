@@ -11,7 +11,7 @@ pub struct CameraRange {
     /// Least and greatest height in metres of the camera above a surface that is less steep than 60 degrees,
     /// on the vertical line through the camera. `None` for a camera that flies.
     pub heights: Option<[f64; 2]>,
-    /// Direction that points up. The axis nearest to it counts.
+    /// Direction that points up, of any length. The nearest coordinate axis is used.
     pub up: DVec3,
 }
 

@@ -12,7 +12,7 @@ use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 use visibility_core::glam::DVec3;
 
-/// Most voxels of all boxes that a flood reaches. They take two gigabytes.
+/// Greatest number of voxels of all boxes that a flood reaches. They take two gigabytes.
 const ALL_VOXELS: u64 = 1 << 33;
 
 /// A flood within the [limits](SolidTriangles::limits) of solid triangles.
@@ -22,11 +22,11 @@ pub(super) struct Flood<'a> {
     boxes: HashMap<[i64; 3], BoxVoxels>,
     /// Places of the boxes with voxels from which the flood goes on, first come, first served.
     queue: VecDeque<[i64; 3]>,
-    /// Places of the boxes reached, in order.
+    /// Places of the boxes reached, in the order of reaching them.
     reached: Vec<[i64; 3]>,
 }
 
-/// The voxels of a box.
+/// State of the voxels of a box.
 struct BoxVoxels {
     /// Voxels where the camera can be and that the flood has not reached.
     open: VoxelSet,
@@ -80,7 +80,7 @@ impl<'a> Flood<'a> {
         Ok(self.reached.into_iter().filter_map(voxels).collect())
     }
 
-    /// Notes open voxels of a box from which the flood goes on.
+    /// Adds open voxels of a box to the front of the flood, and queues the box.
     fn enter(&mut self, place: [i64; 3], entered: impl IntoIterator<Item = u32>) -> Result<(), GridError> {
         let voxels = self.voxels(place)?;
         let is_queued = !voxels.entered.is_empty();
@@ -96,7 +96,7 @@ impl<'a> Flood<'a> {
         Ok(())
     }
 
-    /// Floods a box from the voxels entered, and enters the voxels beyond its faces.
+    /// Floods a box from its entered voxels, and enters the voxels beyond its faces.
     fn spread(&mut self, place: [i64; 3]) -> Result<(), GridError> {
         let counts = self.solids.counts;
         let Some(voxels) = self.boxes.get_mut(&place) else { return Ok(()) };
@@ -140,7 +140,7 @@ impl<'a> Flood<'a> {
         Ok(())
     }
 
-    /// Returns the voxels of a box, which are made when they are first asked for.
+    /// Returns the state of a box's voxels. It is made on the first call for the box.
     fn voxels(&mut self, place: [i64; 3]) -> Result<&mut BoxVoxels, GridError> {
         let (solids, box_count) = (self.solids, self.boxes.len());
         match self.boxes.entry(place) {

@@ -14,11 +14,11 @@ use visibility_core::Scene;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::Triangle;
 
-/// Most pairs of a triangle and a column that it touches. A column of its own takes about 64 bytes, and all
-/// together four gigabytes.
+/// Greatest number of pairs of a triangle and a column that it touches. All pairs take four gigabytes: 64
+/// bytes for a column with a single triangle.
 const MOST_ENTRIES: usize = 1 << 26;
 
-/// Most voxels of a box of the grid.
+/// Greatest number of voxels of a box of the grid.
 const BOX_VOXELS: usize = 1 << 21;
 
 /// The triangles of a scene's occluders in some columns of a grid.
@@ -42,7 +42,7 @@ pub(super) struct SolidTriangles<'a> {
 pub(super) struct SolidTriangle {
     /// Corners in metres relative to the grid's origin.
     pub corners: [DVec3; 3],
-    /// Whether the camera can be above it.
+    /// Whether the triangle is a floor, above which a camera can be.
     is_floor: bool,
 }
 

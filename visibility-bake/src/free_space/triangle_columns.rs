@@ -2,7 +2,7 @@
 
 use visibility_core::glam::DVec3;
 
-/// Part of the least side of a box of the grid by which its columns count as wider, for rounding.
+/// Width by which columns count as wider, for rounding, as a fraction of the least side of a box.
 const SLACK: f64 = 1e-6;
 
 /// The columns of a grid along one of its axes. Column 0 begins at coordinate 0 on the two other axes.
@@ -84,8 +84,8 @@ pub(super) fn extent([a, b, c]: &[DVec3; 3]) -> (DVec3, DVec3) {
     (a.min(*b).min(*c), a.max(*b).max(*c))
 }
 
-/// Most corners of a [`ClippedTriangle`]: three, and half as many again for each of the six sides of a box,
-/// which is more than rounding can add.
+/// Greatest number of corners of a [`ClippedTriangle`]: three, and half as many again for each of the six
+/// sides of a box, which is more than rounding can add.
 const CORNERS: usize = 28;
 
 /// The part of a triangle between sides of a box: a convex polygon, without corners if it is empty.

@@ -35,8 +35,8 @@ pub(super) fn add_viewcells(
     if all.len() > Grid::LIMIT { Err(GridError::TooMany) } else { Ok(()) }
 }
 
-/// Returns the box around a part, grown on one side after another to the next solid surface or the side of
-/// the grid's box.
+/// Returns the bounding box of a part, grown on one side after another up to the next solid surface or the
+/// side of the grid's box.
 fn grown(solids: &SolidTriangles<'_>, place: [i64; 3], part: &VoxelBounds) -> Viewcell {
     let (origin, whole) = (solids.grid.origin, solids.grid.cell(place));
     let (start, end) = (whole.min - origin, whole.max - origin);
