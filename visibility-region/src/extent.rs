@@ -7,7 +7,7 @@ use visibility_core::glam::Vec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Scene};
 
-/// Number of objects that the reach of all is estimated from.
+/// Number of objects from which the reach of all is estimated.
 const SAMPLE: usize = 1024;
 
 /// Greatest ratio of an object's reach to that of nine in ten objects, 2^14. Objects that reach farther are

@@ -22,8 +22,8 @@ use visibility_core::{
     View, VisibleSet,
 };
 
-/// Part of the viewcell's extent at which the views of a sample point begin. Objects within that distance of
-/// the viewcell are visible.
+/// Distance at which the views of a sample point begin, as a fraction of the viewcell's extent. Objects
+/// within this distance of the viewcell are visible.
 const NEAR: f64 = 1e-6;
 
 /// Least distance at which the views of a sample point begin, as a share of the greatest coordinate of the
@@ -51,8 +51,9 @@ const ROUNDING: f64 = 8.0 * f32::EPSILON as f64;
 /// Greatest number of points along a side of the viewcell.
 const MOST_POINTS_PER_SIDE: usize = 64;
 
-/// Hides what a culler from a point hides from each of some points of a viewcell's boundary, with the scene's
-/// occluders shrunk in proportion to the distance between the points. Conservative if the culler is.
+/// Removes objects that a culler from points finds hidden from each sample point of a viewcell's boundary.
+/// The scene's occluders are shrunk in proportion to the distance between the points. Conservative if the
+/// culler is.
 ///
 /// `C` must take its occluders from the occluder meshes of the scene that it is given, as
 /// [`OcclusionCuller`](visibility_core::OcclusionCuller) does with any map. Meshes keep their convex solids,
@@ -70,9 +71,9 @@ pub struct ShrunkCuller<C> {
 }
 
 impl<C: Culler> ShrunkCuller<C> {
-    /// Makes a culler that asks `culler` at points with `points_per_side` along the longest side of the
-    /// viewcell, and as densely along the others. 0 counts as 1, and more than 64 as 64. Occluders shrink by
-    /// about 0.7 of the side over `points_per_side`.
+    /// Makes a culler that calls `culler` for sample points. `points_per_side` are along the longest side of
+    /// the viewcell, and equally dense ones along the others. 0 counts as 1, and more than 64 as 64.
+    /// Occluders shrink by about 0.7 of the longest side over `points_per_side`.
     pub const fn new(culler: C, points_per_side: usize) -> Self {
         Self { culler, points_per_side, points: Vec::new(), solids: Solids::new() }
     }
@@ -144,7 +145,8 @@ impl<C: Culler> RegionCuller for ShrunkCuller<C> {
     }
 }
 
-/// Covers the sides of a box with points: no point of a side is farther from one than the distance returned.
+/// Covers the sides of a box with sample points. Returns the greatest distance in metres of a point of a side
+/// from the nearest sample point.
 fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3>) -> f64 {
     let size = max - min;
     let step = size.max_element() / per_side as f64;
@@ -169,9 +171,9 @@ fn sample_points(min: DVec3, max: DVec3, per_side: usize, points: &mut Vec<DVec3
     distance + min.abs().max(max.abs()).max_element() * POINT_ROUNDING
 }
 
-/// Copies the bounds of a scene, relative to its origin, and gives the copies of the candidates that occlude
-/// a mesh of their shrunk `solids`, which are grouped by object. Returns the copy with the objects' ids in
-/// `scene`, by their index in the copy.
+/// Copies the bounds of a scene, relative to its origin. Copies of the candidates that occlude get a mesh of
+/// their shrunk `solids`, which are grouped by object. Returns the copy, and each object's id in `scene` by
+/// its index in the copy.
 fn shrunk_scene(
     scene: &Scene,
     visible: &VisibleSet,

@@ -22,7 +22,7 @@ struct Side {
     anchor: DVec3,
     /// Cross product of `u` and `v`.
     normal: DVec3,
-    /// Greatest magnitudes of the coordinates of `u` and of `v`.
+    /// Greatest magnitude of a coordinate of `u`, and of `v`.
     sizes: [f64; 2],
 }
 
@@ -71,7 +71,7 @@ fn behind(blocker: &Blocker) -> impl Iterator<Item = Side> + '_ {
         .map(move |face| Side::new(vertex(face.start), vertex(face.start + 2), vertex(face.start + 1)))
 }
 
-/// Returns whether the box between two corners is strictly behind the hole of a blocker; true without a hole.
+/// Returns whether the box between two corners is strictly behind the hole of a blocker. True without a hole.
 pub(crate) fn is_closed_from(blocker: &Blocker, min: DVec3, max: DVec3) -> bool {
     let is_behind = |[a, b, c]: &[DVec3; 3]| {
         Side::new(*a, *c, *b).classify(min, max, blocker.slack) == Containment::Inside

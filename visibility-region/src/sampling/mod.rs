@@ -29,10 +29,11 @@ use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 use visibility_core::{Accuracy, CullStats, ObjectId, RegionCuller, Scene, VisibleSet};
 
-/// Rays of a call unless [`SamplingCuller::with_rays`] says otherwise. A tenth of a second in a city.
+/// Default number of rays of a call: see [`SamplingCuller::with_rays`]. They take a tenth of a second in a
+/// city.
 const RAYS: usize = 100_000;
 
-/// Rows and columns of each face of a cube of rays.
+/// Number of rows, and of columns, of each face of a cube of rays.
 const CUBE: usize = 16;
 
 /// Number of blockers that reverse sampling tries to look past for one target.
@@ -199,7 +200,7 @@ impl RegionCuller for SamplingCuller {
     }
 }
 
-/// One call in progress. Points are relative to the scene's origin.
+/// A call in progress. Points are in metres relative to the scene's origin.
 struct Search<'a> {
     tree: &'a TriangleTree,
     cast: &'a mut Cast,
@@ -280,7 +281,7 @@ impl Search<'_> {
         }
     }
 
-    /// Samples past the borders of the triangles in the queue, and of those found meanwhile.
+    /// Casts rays past the borders of the triangles in the queue, and of triangles found by these rays.
     fn borders(&mut self, eyes: &Eyes<'_>, reserve: usize) {
         while self.goes_on(reserve) {
             let Some((eye, triangle)) = self.queue.pop_front() else { return };
@@ -297,7 +298,7 @@ impl Search<'_> {
         }
     }
 
-    /// Sends rays to random points of objects not found, in turns.
+    /// Casts rays to random points of objects not found yet, one object after another.
     fn directed(&mut self, eyes: &Eyes<'_>, candidates: &[usize]) {
         while self.goes_on(0) {
             let before = self.rays;
@@ -324,8 +325,8 @@ impl Search<'_> {
         }
     }
 
-    /// Sends a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle, which blocks
-    /// a ray to `x` at `near`. `None` without such a viewpoint.
+    /// Casts a ray to `x` from a viewpoint that sees `x` just past a random edge of a triangle. The triangle
+    /// blocks a ray to `x` at the point `near`. `None` without such a viewpoint.
     fn reverse(&mut self, eyes: &Eyes<'_>, x: DVec3, triangle: TriangleIndex, near: DVec3) -> Option<End> {
         let side = self.random.below(3);
         let gap = self.past_edge(triangle, side, near);
@@ -343,8 +344,8 @@ impl Search<'_> {
         a + (b - a) * u + (c - a) * v
     }
 
-    /// Returns a point in the plane of a triangle, a little outside of one of its edges: beside `near` three
-    /// times of four, otherwise anywhere along the edge.
+    /// Returns a point in the plane of a triangle, a little outside one of its edges: beside `near` three
+    /// times in four, otherwise anywhere along the edge.
     fn past_edge(&mut self, triangle: TriangleIndex, side: usize, near: DVec3) -> DVec3 {
         let corners = self.tree.corners(triangle).map(|p| p.as_dvec3());
         let [a, b, c] = [0, 1, 2].map(|i| corners[(side + i) % 3]);

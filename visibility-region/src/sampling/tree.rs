@@ -11,10 +11,10 @@ use visibility_core::{Aabb, OccluderMesh, Scene};
 /// Greatest number of triangles in a leaf.
 const LEAF: usize = 4;
 
-/// Error of a coordinate that was rounded to `f32`, of its magnitude. A half would do.
+/// Relative error of a coordinate that was rounded to `f32`. Half of this would do.
 const ROUNDED: f64 = f32::EPSILON as f64;
 
-/// A triangle of the tree by its index.
+/// Index of a triangle in the tree.
 pub(super) type TriangleIndex = u32;
 
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +34,7 @@ struct Owner {
     start: u32,
     /// End of the object's triangles, exclusive; equal to `start` for an object without any.
     end: u32,
-    /// Doubt about each coordinate of the object's triangles, in metres.
+    /// Bound on the error of each coordinate of the object's triangles, in metres.
     slack: f32,
     /// Whether the object blocks rays.
     blocks: bool,
@@ -59,9 +59,9 @@ pub(super) struct TriangleTree {
 /// Result of a ray: the triangles that it certainly meets before anything may block it.
 #[derive(Clone, Debug)]
 pub(super) struct Cast {
-    /// Object index, triangle and parameter of everything that the ray certainly sees.
+    /// Object index, triangle and ray parameter of each triangle that the ray certainly sees.
     pub(super) seen: Vec<(u32, TriangleIndex, f64)>,
-    /// The blocker that ends the ray, if it is certain which one does: triangle and parameter.
+    /// Triangle that ends the ray, and its parameter. `None` if it is not certain which blocker does.
     pub(super) end: Option<(TriangleIndex, f64)>,
     hits: Vec<Hit>,
     stack: Vec<(u32, f64)>,
@@ -94,8 +94,9 @@ impl TriangleTree {
         }
     }
 
-    /// Builds the tree anew if the scene has changed. An object is its triangles, else its occluder mesh,
-    /// else its box, which never blocks. Triangles that are not finite are left out.
+    /// Builds the tree anew if the scene has changed. An object has its triangles in the tree, or else those
+    /// of its occluder mesh, or else those of its box, which never blocks. Triangles that are not finite are
+    /// left out.
     pub(super) fn sync(&mut self, scene: &Scene) {
         if self.cursor.is_current(scene) {
             return;
@@ -193,7 +194,7 @@ impl TriangleTree {
         self.objects.get(object).map_or(0..0, |owner| owner.start..owner.end)
     }
 
-    /// Sends a ray, and replaces the content of `cast` with what it sees.
+    /// Casts a ray, and replaces the content of `cast` with its result.
     ///
     /// Something is seen if it is certainly met before everything that another object may block the ray with.
     /// What its own object blocks does not matter, since that part of it is then seen instead.

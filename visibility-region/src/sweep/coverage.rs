@@ -20,7 +20,7 @@ use super::ray_map::{PixelRect, RayMap, SIDE};
 use super::window::{FARTHEST_PIXEL, Window};
 use visibility_core::glam::DVec3;
 
-/// The two maps that one piece is drawn on.
+/// Two maps on which one piece is drawn: its triangles and its contour.
 #[derive(Clone, Debug)]
 pub(super) struct PieceMaps {
     inside: RayMap,

@@ -1,4 +1,4 @@
-//! The culler that sweeps all six directions.
+//! `ExtendedProjectionCuller`: the culler that sweeps all six directions.
 
 use super::Sweep;
 use super::cell_extent::CellExtent;
@@ -102,9 +102,9 @@ impl ExtendedProjectionCuller {
         }
     }
 
-    /// Sweeps all directions with maps that all rays of a convex cone stay within, so that a bit of a map
-    /// holds for every ray from the cell through its pixel. Calls `each` with the direction and each plane
-    /// with its map.
+    /// Sweeps all directions with maps as large as a convex cone of rays, so that a bit of a map holds for
+    /// every ray from the cell through its pixel. Calls `each` with the direction, and with each plane and
+    /// its map.
     pub(crate) fn sweep_open(
         &mut self,
         scene: &Scene,
@@ -196,7 +196,8 @@ impl ExtendedProjectionCuller {
         stats
     }
 
-    /// Removes hidden objects as [`cull_until`](Self::cull_until) does, behind some objects, by index.
+    /// Removes hidden objects as [`cull_until`](Self::cull_until) does, with the objects of `occluding`, by
+    /// index, as the only occluders.
     fn cull_behind(
         &mut self,
         scene: &Scene,
@@ -297,21 +298,21 @@ impl ExtendedProjectionCuller {
     }
 }
 
-/// One direction of one call.
+/// Sweep of one direction in one call.
 struct Job<'a> {
     scene: &'a Scene,
     visible: &'a VisibleSet,
     direction: &'a Direction,
     all: Occluders<'a>,
     cell_box: &'a CellBox,
-    /// Returns true once no more planes are to be swept.
+    /// Function that returns true once no more planes are to be swept.
     stop: &'a dyn Fn() -> bool,
 }
 
 impl Job<'_> {
-    /// Removes from `list` the objects that the plane at `d` is not strictly before. They count as visible:
-    /// tested on such a plane, an object would hide itself, and what lies in the plane of another's front.
-    /// Nodes are replaced by their children, which may be farther.
+    /// Removes from `list` the objects that are not strictly behind the plane at `d`. They count as visible:
+    /// tested on such a plane, an object would hide itself, or objects in the plane of its front. Nodes are
+    /// replaced by their children, which may be farther.
     fn drop_reached(&self, d: f64, list: &mut Vec<Item>, stats: &mut CullStats) {
         let reach = d + self.direction.guard();
         let mut at = 0;

@@ -45,8 +45,8 @@ pub(crate) struct Sweep {
     raster: OccluderRaster,
     /// Window of the map. `None` before the first plane of a sweep.
     window: Option<Window>,
-    /// Occluders that have begun and not ended, by index, each with the number of planes behind it that it
-    /// is still to be drawn on.
+    /// Occluders that have begun and not ended: the index of each, and the number of planes behind it on
+    /// which it is still to be drawn.
     open: Vec<(usize, usize)>,
     /// Number of occluders that have begun.
     begun: usize,

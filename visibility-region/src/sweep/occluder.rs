@@ -13,7 +13,7 @@ use visibility_core::{ObjectId, OccluderMesh};
 pub(crate) enum Source {
     /// Index of a piece of a mesh.
     Piece(u32),
-    /// A part of the mesh of an object.
+    /// A part of an object's mesh, by index.
     Part(ObjectId, u32),
 }
 
@@ -107,8 +107,8 @@ impl<'a> Occluder<'a> {
     }
 }
 
-/// Returns the pixels that may be within all views of what an occluder, or a part of one, within `bounds` has
-/// between depth `near` and the plane. `None` if there are none: it then covers no pixel.
+/// Returns the pixels that the part of an occluder between depth `near` and the plane may cover, since they
+/// may be inside its views from all viewpoints. `bounds` contain the occluder. `None` if it covers no pixel.
 pub(super) fn pixels_behind(
     bounds: &LocalBox,
     direction: &Direction,

@@ -33,18 +33,18 @@ const MOST_ON_SEGMENT: usize = 32;
 /// The pieces of one viewcell.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pieces {
-    /// For each triangle of a cluster whose pieces are found, 1 if its front faces the whole cell, -1 if its
-    /// back occludes and does, otherwise 0. 0 for the triangles of objects that do not occlude in this
+    /// Facing of each triangle of a cluster whose pieces are found: 1 if its front faces the whole cell, -1
+    /// if its back occludes and faces it, otherwise 0. 0 for triangles of objects that do not occlude in this
     /// call.
     facing: Vec<i8>,
     parent: Vec<u32>,
-    /// Number of triangles of the piece that each triangle represents.
-    /// Once all are paired, the number of that piece instead.
+    /// Number of triangles of each piece, at the triangle that represents it. Once all are paired, the index
+    /// of the piece instead.
     count: Vec<u32>,
     /// Clusters whose pieces are found, and the pieces of each.
     found: Bits,
     ranges: Vec<[u32; 2]>,
-    /// Segments of the contour, each with a triangle on it, before they are sorted by piece.
+    /// Segments of contours, each with a triangle on it, in the order of finding.
     bounding: Vec<(u32, u32)>,
     triangles: Vec<u32>,
     contours: Vec<u32>,
@@ -53,7 +53,7 @@ pub(crate) struct Pieces {
     minus: Vec<u32>,
 }
 
-/// A piece: ranges of the lists of its pieces.
+/// A piece, as ranges of the lists of [`Pieces`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Piece {
     pub(crate) bounds: Aabb,
@@ -64,7 +64,7 @@ pub(crate) struct Piece {
 }
 
 impl Pieces {
-    /// Forgets the pieces of the viewcell before.
+    /// Removes the pieces of the viewcell before.
     pub(crate) fn begin(&mut self, surfaces: &Surfaces) {
         self.triangles.clear();
         self.contours.clear();
@@ -134,7 +134,7 @@ impl Pieces {
         &self.contours[piece.contour[0] as usize..piece.contour[1] as usize]
     }
 
-    /// Pairs the drawn triangles on each segment; across parts of meshes if `joins`.
+    /// Pairs the drawn triangles on each segment. With `joins`, also triangles of different parts of meshes.
     fn pair(&mut self, surfaces: &Surfaces, cluster: usize, joins: bool) {
         for &triangle in surfaces.triangles_of(cluster) {
             self.parent[triangle as usize] = triangle;
@@ -186,8 +186,8 @@ impl Pieces {
         }
     }
 
-    /// Returns the cosine of the angle between two drawn triangles, turned to face the cell, times its
-    /// magnitude.
+    /// Returns the cosine of the angle between two drawn triangles, both turned to face the cell, times its
+    /// magnitude. Greater is flatter.
     fn flatness(&self, surfaces: &Surfaces, a: u32, b: u32) -> f64 {
         let [m, n] = [a, b].map(|triangle| {
             let [p, q, r] = surfaces.triangles[triangle as usize].corners.map(|p| p.as_dvec3());
@@ -270,7 +270,7 @@ impl Pieces {
     }
 }
 
-/// Makes the pieces of two triangles one. Returns false if they are different and too large for that.
+/// Joins the pieces of two triangles. Returns false if they are different pieces that are too large together.
 fn unite(parent: &mut [u32], count: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (find(parent, a), find(parent, b));
     if a == b {

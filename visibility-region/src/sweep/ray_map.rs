@@ -66,8 +66,9 @@ impl RayMap {
         })
     }
 
-    /// Tests whether a rectangle within `rect` of at least `least` columns and rows may be all set. True more
-    /// often. Where `least` is more than half of `rect`, all such rectangles have the middle in common.
+    /// Tests whether a rectangle within `rect` of at least `least` columns and rows may be all set. May be
+    /// true although none is. Where `least` is more than half of `rect`, all such rectangles have the middle
+    /// in common.
     pub(crate) fn may_hold(&self, rect: PixelRect, least: [usize; 2]) -> bool {
         let middle = |[first, last]: [usize; 2], least: usize| {
             let middle = [(last + 1).saturating_sub(least).max(first), (first + least - 1).min(last)];
@@ -89,7 +90,7 @@ impl RayMap {
         self.rows.iter().flatten().any(|&word| word != 0)
     }
 
-    /// Tests whether `other` has a pixel that this map has not, in the words of `rect`.
+    /// Tests whether `other` has a pixel that this map lacks, in the words of `rect`.
     pub(crate) fn lacks(&self, other: &Self, rect: PixelRect) -> bool {
         let words = rect.x[0] / 64..=rect.x[1] / 64;
         (rect.y[0]..=rect.y[1]).any(|y| {
@@ -190,8 +191,8 @@ fn set_span(row: &mut Row, first: usize, last: usize) {
     }
 }
 
-/// Returns the first position from `at` on whose bit differs from those of `than`, all bits 0 or all bits 1.
-/// `None` if there is none.
+/// Returns the first position from `at` on whose bit differs from the bits of `than`, which are all 0 or all
+/// 1. `None` if all are equal.
 fn next(row: &Row, at: usize, than: u64) -> Option<usize> {
     let mut word = at / 64;
     let mut bits = (*row.get(word)? ^ than) & u64::MAX << (at % 64);

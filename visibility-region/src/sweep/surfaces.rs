@@ -16,23 +16,23 @@ use visibility_core::{Aabb, Scene};
 pub(crate) struct Surfaces {
     pub(crate) triangles: Vec<Surface>,
     pub(crate) segments: Vec<[Vec3; 2]>,
-    /// First element of `sides` of each segment, and the end of the last.
+    /// First element of `sides` of each segment; then the end of the last.
     starts: Vec<u32>,
     /// Sides of triangles on each segment, as twice the index of the triangle, plus 1 if the triangle runs
     /// from the first end to the second.
     sides: Vec<u32>,
-    /// Indices of the objects whose triangles are here.
+    /// Indices of the objects whose triangles are in the lists.
     pub(crate) objects: Bits,
     parts: Vec<Part>,
-    /// Cluster of each object by index: objects whose triangles meet along segments, directly or by others,
-    /// are one cluster. `u32::MAX` for objects without triangles here.
+    /// Cluster of each object, by object index. Objects whose triangles meet along segments, directly or
+    /// through others, are one cluster. `u32::MAX` for objects without triangles in the lists.
     cluster_of: Vec<u32>,
     /// Triangles and segments of each cluster.
     cluster_triangles: Groups,
     cluster_segments: Groups,
 }
 
-/// Numbers in groups: those of group `g` are `members[starts[g]..starts[g + 1]]`, ascending.
+/// Numbers in groups: group `g` is `members[starts[g]..starts[g + 1]]`, ascending.
 #[derive(Debug, Default)]
 struct Groups {
     starts: Vec<u32>,
@@ -40,7 +40,7 @@ struct Groups {
 }
 
 impl Groups {
-    /// Sorts the numbers from 0 on by group; `group_of` names the group of each.
+    /// Sorts the numbers from 0 on by group. `group_of` returns the group of each.
     fn new(groups: usize, group_of: impl Iterator<Item = u32> + Clone) -> Self {
         let mut starts = alloc::vec![0u32; groups + 1];
         let mut count = 0;
@@ -81,8 +81,7 @@ pub(crate) enum Back {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) corners: Triangle,
-    /// Number of the [part](visibility_core::OccluderMesh::parts) that the triangle is of, of all parts of
-    /// all objects.
+    /// Index of the triangle's [part](visibility_core::OccluderMesh::parts), counted over all objects.
     pub(crate) part: u32,
     pub(crate) back: Back,
 }
@@ -97,9 +96,9 @@ pub(crate) struct Part {
 
 /// A side of a triangle, on the line that `key` names.
 struct LineSide {
-    /// Axis and the two other coordinates, for a line along an axis. Otherwise 3, and a number of each end.
+    /// Axis and the two other coordinates, for a line along an axis. Otherwise 3, and a number for each end.
     key: [u32; 3],
-    /// Ends along the axis, ascending; for lines of other directions both 0.
+    /// Ends along the axis, ascending. Both 0 for lines of other directions.
     ends: [f32; 2],
     /// Twice the index of the triangle, plus 1 if the side runs in the direction of its line: as in
     /// [`Surfaces::sides`].
@@ -153,7 +152,7 @@ impl Surfaces {
         all
     }
 
-    /// Returns the cluster that an object belongs to. `None` for an object without triangles here.
+    /// Returns the cluster that an object belongs to. `None` for an object without triangles in the lists.
     pub(crate) fn cluster_of(&self, object: usize) -> Option<usize> {
         self.cluster_of.get(object).filter(|&&cluster| cluster != u32::MAX).map(|&cluster| cluster as usize)
     }
@@ -202,7 +201,7 @@ impl Surfaces {
         (self.cluster_of, self.cluster_triangles, self.cluster_segments) = (cluster_of, triangles, segments);
     }
 
-    /// Returns the part that a triangle is of.
+    /// Returns the part that a triangle belongs to.
     pub(crate) fn part(&self, surface: &Surface) -> &Part {
         &self.parts[surface.part as usize]
     }
@@ -262,7 +261,7 @@ impl Surfaces {
         self.sides.extend(sides);
     }
 
-    /// Returns the ends of a side, in the order that its number tells.
+    /// Returns the ends of a side, in the order in which its line runs.
     fn points(&self, side: &LineSide) -> [Vec3; 2] {
         let corners = self.triangles[side.side as usize / 2].corners;
         let (a, b) = (corners[side.corner as usize], corners[(side.corner as usize + 1) % 3]);

@@ -3,8 +3,8 @@
 use crate::sweep::ray_map::{PixelRect, RayMap, SIDE};
 use alloc::vec::Vec;
 
-/// Side of the blocks of pixels that rectangles consist of. Blocks of 4 pixels lose the rims of umbrae, and
-/// with them, in a city, a sixth of what is hidden (measured).
+/// Side in pixels of the blocks that rectangles consist of. Blocks of 4 pixels lose the rims of umbrae, and
+/// with them, in a city, a sixth of the occlusion (measured).
 const BLOCK: usize = 2;
 const COUNT: usize = SIDE / BLOCK;
 
