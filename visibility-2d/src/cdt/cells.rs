@@ -23,7 +23,7 @@ pub struct PlanCells {
     pub viewcells: Viewcells,
     /// Cell of each triangle of the plan, by number of the triangle.
     of_triangle: Vec<CellId>,
-    /// CSR offsets into `corners`, one more than cells.
+    /// First corner of each cell in `corners`; then the end of the last.
     first_corner: Vec<u32>,
     corners: Vec<Point>,
 }
@@ -45,8 +45,9 @@ impl PlanCells {
 /// Cells as rings of half-edges while they grow together.
 struct Rings<'a> {
     plan: &'a Plan,
-    /// Half-edge after and before each half-edge along the boundary of its cell.
+    /// Half-edge after each half-edge along the boundary of its cell.
     after: Vec<u32>,
+    /// Half-edge before each half-edge along the boundary of its cell.
     before: Vec<u32>,
     /// Parent of each triangle in a union-find forest.
     parent: Vec<u32>,
@@ -63,7 +64,7 @@ impl Rings<'_> {
         t
     }
 
-    /// Removes an edge if that leaves a convex cell.
+    /// Removes an edge if the joined cell is convex.
     fn try_remove(&mut self, h: u32) {
         let edge = self.plan.edges[h as usize];
         let Some(twin) = edge.twin().filter(|twin| edge.twin & WALL == 0 && h < *twin) else { return };

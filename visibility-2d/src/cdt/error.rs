@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// Error of making a [`Plan`](crate::cdt::Plan) or of asking it.
+/// Errors of making a [`Plan`](crate::cdt::Plan) and of queries.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum PlanError {
@@ -25,9 +25,9 @@ pub enum PlanError {
         /// Number of walls of the plan.
         walls: usize,
     },
-    /// Objects are of another plan, or have none of the number given.
+    /// The objects belong to another plan, or no object has the given number.
     Objects,
-    /// A region or an object has no point, or one outside the rectangle around the plan.
+    /// A region or an object has no point, or a point outside the rectangle around the plan.
     Region,
     /// A height of a line of sight is not finite or above 1e60. Or the lower bound of heights of cells is not
     /// below the upper one, one is not finite, or they are so large or so close beside the plan that a portal

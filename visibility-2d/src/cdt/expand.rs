@@ -29,15 +29,15 @@ pub(crate) struct Cone {
     pub(crate) edge: u32,
     pub(crate) right: Ray,
     pub(crate) left: Ray,
-    /// Number of opaque walls that the cone may pass through.
+    /// Number of opaque walls that the cone may still pass through.
     through: u32,
     /// Whether the cone comes from outside the rectangle and enters the triangle of `edge`.
     enters: bool,
 }
 
 impl Cone {
-    /// Returns the triangle that the cone leaves, with the rays that bound the cone. `None` for a cone from
-    /// outside the rectangle.
+    /// Returns the triangle that the cone leaves, and the right and the left ray that bound the cone. `None`
+    /// for a cone from outside the rectangle.
     pub(crate) fn inside(&self) -> Option<(u32, Ray, Ray)> {
         (!self.enters).then_some((self.edge / 3, self.right, self.left))
     }
@@ -165,9 +165,9 @@ impl Expansion<'_> {
     }
 
     /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
-    /// of an edge between two rays where a cone passes a wall or ends, from right to left. Cones end at edges
-    /// for which `is_near` is false, and pass walls for which `stops` is. Calls `enter(triangle, right,
-    /// left)` for each triangle that a cone enters.
+    /// of an edge between two rays where a cone passes a wall or ends, from right to left. A cone ends at an
+    /// edge for which `is_near` is false, and at a wall for which `stops` is true and `through` is used up.
+    /// Calls `enter(triangle, right, left)` for each triangle that a cone enters.
     #[inline(always)]
     pub(crate) fn run(
         &self,
@@ -226,8 +226,9 @@ impl Expansion<'_> {
         }
     }
 
-    /// Returns the point in which a ray meets an edge, whose ends lie on either side of the ray or on it: the
-    /// end itself where the ray goes through it. Other points are rounded, but between the ends.
+    /// Returns the point at which a ray meets an edge. The edge's ends lie on either side of the ray or on
+    /// it. If the ray goes through an end, that end itself; other points are rounded, but lie between the
+    /// ends.
     pub(crate) fn meet(&self, ray: Ray, edge: u32) -> Point {
         let (a, b) = (self.plan.edges[edge as usize].origin, self.plan.edges[next(edge) as usize].origin);
         if ray.point == a || ray.point == b {

@@ -5,7 +5,7 @@
 
 use super::predicates::Point;
 
-/// Rectangle whose points have places on the curve: least corner, and steps per world unit.
+/// A space-filling curve through a rectangle, given by its least corner and its steps per world unit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Curve {
     low: Point,
@@ -13,8 +13,8 @@ pub(crate) struct Curve {
 }
 
 impl Curve {
-    /// Makes the curve through the rectangle between two corners. If both have the same coordinate on an
-    /// axis, the axis has two steps: up to the coordinate, and beyond.
+    /// Makes the curve through the rectangle between two corners. An axis on which both corners have the same
+    /// coordinate has two steps: up to the coordinate, and beyond.
     pub(crate) fn new(low: Point, high: Point) -> Self {
         let scale = core::array::from_fn(|axis| 4_294_967_040.0 / (high[axis] - low[axis]));
         Self { low, scale }

@@ -4,7 +4,8 @@ use super::plan::Plan;
 use super::predicates::{Point, orient};
 use super::triangulation::{NONE, Place, next, place_in};
 
-/// Most steps from the place of the last eye: some steps more take as long as a binary search.
+/// Greatest number of steps of a walk from the triangle of the last eye. More steps take as long as a binary
+/// search.
 const MOST_STEPS: u32 = 16;
 
 impl Plan {

@@ -9,14 +9,14 @@ use super::triangulation::NONE;
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
 
-/// An item of two lists: objects of a triangle, and triangles of an object.
+/// An item of two linked lists: the objects of a triangle, and the triangles of an object.
 #[derive(Clone, Copy, Debug)]
 struct Item {
     object: u32,
     triangle: u32,
-    /// Next item of the triangle, or [`NONE`].
+    /// Next item of the same triangle, or [`NONE`].
     next: u32,
-    /// Next item of the object, or [`NONE`]. In the list of free items, the next of those.
+    /// Next item of the same object, or [`NONE`]. For a free item, the next free item.
     next_of_object: u32,
 }
 
@@ -42,7 +42,7 @@ struct Item {
 /// ```
 #[derive(Clone, Debug)]
 pub struct PlanObjects {
-    /// Triangulation that the objects are listed on.
+    /// Stamp of the triangulation on which the objects are listed.
     pub(super) of: Stamp,
     /// First item of each triangle, or [`NONE`].
     of_triangle: Vec<u32>,
@@ -132,7 +132,7 @@ impl PlanObjects {
         }
     }
 
-    /// Finds the hull of an outline and the triangles that it overlaps, in `scratch`.
+    /// Computes the hull of an outline and the triangles that it overlaps, in scratch memory.
     fn place(&mut self, plan: &Plan, outline: &[[f64; 2]]) -> Result<(), PlanError> {
         if self.of != plan.triangulated {
             return Err(PlanError::Objects);
@@ -178,8 +178,8 @@ impl PlanObjects {
         }
     }
 
-    /// Returns false only if no point of an object is in the closed cone between two rays from an eye. Exact
-    /// for points.
+    /// Returns false only if no point of an object is in the closed cone between the rays from an eye through
+    /// `right` and `left`. Exact for points.
     pub(super) fn is_in_cone(&self, object: u32, eye: Point, [right, left]: [Point; 2]) -> bool {
         let hull = &self.hulls[object as usize];
         hull.iter().any(|&p| orient(eye, right, p) >= 0.0)

@@ -10,19 +10,20 @@ use super::plan::{BLOCKS, Plan};
 use super::predicates::{GREATEST, Point, area, checked, is_same_way, orient};
 use super::triangulation::{NONE, Place, next, previous};
 
-/// End of a ray: the first point that it does not pass.
+/// End of a ray: the first point at which it is stopped.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub struct WallHit {
     /// Point in world units where the ray ends, rounded.
     pub point: [f64; 2],
-    /// Number of the wall at which the ray ends, the least of several that do not let the ray pass. `None`
-    /// at the rectangle around the plan.
+    /// Number of the wall at which the ray ends, the least if several stop it there. `None` at the rectangle
+    /// around the plan.
     pub wall: Option<u32>,
 }
 
-/// Bits of the sides on which a segment may pass a vertex.
+/// Bit of the left side: a segment may pass a vertex on it, or came on it.
 const LEFT: u8 = 1;
+/// Bit of the right side: see [`LEFT`].
 const RIGHT: u8 = 2;
 
 /// Position of a walk from triangle to triangle along a segment.
@@ -38,11 +39,12 @@ enum At {
 /// End of a walk along a segment.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Stop {
-    /// The second point is reached, or nothing more is in the way.
+    /// The walk has reached the second point, or no more triangle is on the way.
     Reached,
     /// The segment ends at a half-edge, between its ends.
     Edge(u32),
-    /// The segment ends at the vertex of a half-edge, come on some sides. On none: at the rectangle.
+    /// The segment ends at the origin of a half-edge. Index of the half-edge, and the sides ([`LEFT`],
+    /// [`RIGHT`]) on which the segment came: none at the rectangle.
     Vertex(u32, u8),
 }
 
@@ -256,7 +258,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether the walk, on its way along an edge to the vertex of a half-edge, gets there.
+    /// Returns whether the walk reaches the vertex of a half-edge, along an edge on which it is.
     fn runs_to(&self, h: u32) -> bool {
         let axis = usize::from(self.a[0] == self.b[0]);
         let (from, to, end) = (self.a[axis], self.b[axis], self.plan.start(h)[axis]);
@@ -275,8 +277,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Returns the step after entering the triangle of `h` across `h`, whose first end is to the left. `None`
-    /// if the walk ends before the vertex that it would get to.
+    /// Returns the step after the walk has entered the triangle of `h` across `h`, whose first end is to the
+    /// left. `None` if the walk ends before the next vertex or edge.
     fn cross(&self, h: u32) -> Option<At> {
         let apex = previous(h);
         let side = self.side(self.plan.start(apex));
@@ -320,8 +322,8 @@ impl Walk<'_> {
         [LEFT, RIGHT].into_iter().filter(|&side| !is_closed(side)).sum()
     }
 
-    /// Returns the half of an edge, given by the half-edge that begins at a vertex, at which the walk ends
-    /// that passes the vertex on one of some sides. `None` if the edge does not end the walk.
+    /// Returns the half-edge at which a walk ends that passes a vertex on one of `sides`. `h` begins at the
+    /// vertex; the result is `h` or its twin. `None` if the edge does not end the walk.
     fn stop_at(&self, h: u32, sides: u8) -> Option<u32> {
         let plan = self.plan;
         let twin = plan.edges[h as usize].twin()?;
@@ -337,8 +339,8 @@ impl Walk<'_> {
         self.is_stopped(passed, Some(plan.start(h))).then_some(passed)
     }
 
-    /// Returns the step from a vertex in the direction of `b`, passed on some sides. `None` if no triangle
-    /// lies there, or if `b` is on the edge along which the segment runs.
+    /// Returns the step from the vertex of `h` in the direction of `b`, if the segment may pass the vertex on
+    /// `sides`. `None` if no triangle lies there, or if `b` is on the edge along which the segment runs.
     fn leave(&self, h: u32, sides: u8) -> Option<At> {
         let plan = self.plan;
         let from = plan.start(h);

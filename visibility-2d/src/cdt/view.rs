@@ -68,7 +68,7 @@ impl PlanView {
         Self { through, ..self }
     }
 
-    /// Returns the eye, as exact predicates take it.
+    /// Returns the eye with coordinates that the exact predicates accept.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] if the eye (index 0) or a point of the sector (index 1 or 2) is not finite

@@ -27,7 +27,7 @@ pub struct Visibility {
     /// Number of the last query that saw each object, by object.
     object_marks: Vec<u32>,
     query: u32,
-    /// Half-edge at the eye of the last query, and the triangles that it is of.
+    /// Half-edge at the eye of the last query, and the stamp of its triangulation.
     last: (u32, Stamp),
 }
 
@@ -54,9 +54,9 @@ impl Visibility {
     }
 
     /// Returns the corners of the visibility polygon in world units, counter-clockwise. Corners at ends of
-    /// walls are exact, those where a line of sight past an end of a wall ends are rounded. A range makes
-    /// arcs, of which the polygon has chords of at most a 64th of a turn. The eye is a corner if it does not
-    /// see all around. Empty if nothing is seen.
+    /// walls are exact. Corners where a line of sight past an end of a wall ends are rounded. A range makes
+    /// arcs, which become chords of at most a 64th of a turn. The eye is a corner if it does not see all
+    /// around. Empty if nothing is seen.
     pub fn polygon(&self) -> &[[f64; 2]] {
         &self.polygon
     }
@@ -99,7 +99,8 @@ impl Default for Visibility {
 }
 
 impl Plan {
-    /// Finds what a view sees. Time is in proportion to the triangles seen, and a search to find the eye.
+    /// Finds the walls that a view sees, and its visibility polygon. Time is in proportion to the triangles
+    /// seen, plus a search for the eye.
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] if the eye or a point of the sector is not finite or above 1e60. The answer

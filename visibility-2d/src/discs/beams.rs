@@ -24,16 +24,17 @@ use alloc::vec::Vec;
 use smallvec::SmallVec;
 use visibility_core::geometry::sqrt;
 
-/// Cross product of the right and the left unit vector of a beam below which it is empty.
+/// Cross product of a beam's right and left unit vector below which the beam counts as empty.
 const NARROWEST: f64 = -1e-14;
 
-/// Cosine between the ends of an edge beside the eye below which the eye counts as on the edge.
+/// Cosine of the angle between an edge's ends, seen from the eye, below which the eye counts as on the edge.
 const STRAIGHT: f64 = -0.999_999;
 
-/// Most triangles that are searched for the parts of one disc. A larger disc is reported to all eyes.
+/// Greatest number of triangles that are searched for the parts of one disc. A larger disc is reported to all
+/// eyes.
 const MOST_TRIANGLES: usize = 128;
 
-/// Most triangles that the beams of one look enter. Beyond that all discs are reported.
+/// Greatest number of triangles that the beams of one look enter. Beyond it all discs are reported.
 const MOST_STEPS: usize = 1 << 24;
 
 /// Discs and the triangulation of their centres, for [`look`](Self::look). Immutable, and shared by all eyes.
@@ -51,11 +52,11 @@ const MOST_STEPS: usize = 1 << 24;
 pub struct DiscBeams {
     plan: Plan,
     discs: Vec<Disc>,
-    /// Widest disc around each vertex; [`NONE`] at the corners of the rectangle.
+    /// Widest disc around each vertex. [`NONE`] at the corners of the rectangle.
     disc_of: Vec<u32>,
-    /// Radius of that disc, 0 without one.
+    /// Radius in metres of the disc in `disc_of`, 0 without one.
     radius_of: Vec<f64>,
-    /// First of `others` of each triangle, and the end of the last.
+    /// First element of `others` of each triangle; then the end of the last.
     first_other: Vec<u32>,
     /// Discs that touch a triangle and are not in `disc_of` of its corners.
     others: Vec<u32>,
@@ -71,7 +72,7 @@ pub struct DiscBeams {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct BeamScratch {
-    /// Last look that reported each disc.
+    /// Number of the last look that reported each disc.
     marks: Vec<u32>,
     look: u32,
     beams: Vec<Beam>,

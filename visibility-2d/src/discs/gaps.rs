@@ -8,10 +8,10 @@ use alloc::vec::Vec;
 /// Number of equal sectors into which the full turn around the eye is divided.
 const SECTORS: usize = 256;
 
-/// Sectors for each unit of direction numbers.
+/// Number of sectors per unit of direction numbers.
 const PER_UNIT: f64 = SECTORS as f64 / 4.0;
 
-/// A set of directions: those in which nothing has been met so far.
+/// A set of directions in which no disc has been met so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Gaps {
     /// Open intervals of each sector, ascending.

@@ -9,7 +9,8 @@ use smallvec::SmallVec;
 /// Children of an inner node.
 pub(crate) const FAN: usize = 8;
 
-/// Most nodes that are searched for what overlaps a disc. Beyond that the disc hides nothing.
+/// Greatest number of nodes that are searched for discs that overlap a disc. Beyond it the disc hides
+/// nothing.
 const MOST_NODES: usize = 512;
 
 /// A disc on the plan: a trunk, a pillar, a silo.
@@ -27,7 +28,7 @@ pub struct Disc {
     pub radius: f64,
 }
 
-/// The reason why discs cannot be taken.
+/// Reasons why discs cannot be used.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum DiscError {
@@ -79,8 +80,8 @@ impl Node {
         })
     }
 
-    /// Returns the node's discs' bounds relative to a point, rounded outwards: least x and y, greatest x and
-    /// y, from -1e300 to 1e300.
+    /// Returns the bounds of the node's discs relative to a point, rounded outwards: least x and y, greatest
+    /// x and y, from -1e300 to 1e300.
     pub(crate) fn around(&self, [x, y]: [f64; 2]) -> [f64; 4] {
         let radius = f64::from(self.radius);
         // Three roundings of at most `u (|away| + radius)`, so `4u` of that are outwards. Bounds may be
@@ -204,8 +205,8 @@ impl Discs {
         self.discs.is_empty()
     }
 
-    /// Returns what the discs that overlap a disc leave of its radius: that of a disc around the same centre
-    /// that they do not reach into. 0 if too many have to be asked.
+    /// Returns the radius in metres of the part of a disc that no other disc reaches into, around the same
+    /// centre. 0 if too many discs would have to be tested.
     fn solid_radius(&self, index: usize) -> f64 {
         let disc = &self.discs[index];
         let mut solid = disc.radius;

@@ -1,4 +1,4 @@
-//! The columns of the picture: for each a few steps behind which nothing low enough is seen.
+//! The columns of the picture: each has a few steps, behind which everything between two heights is hidden.
 
 use super::frame::{FACES, Frame};
 use super::outline::{Corner, CornerError, Edge, Outline, Post};
@@ -6,8 +6,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// Number of steps that a column keeps. With one step fewer, a tower behind a house hides the house's part;
-/// one more changed next to nothing (measured).
+/// Number of steps that a column keeps. With one fewer, a tower behind a house replaces a part of the house's
+/// occlusion; one more changed next to nothing (measured).
 pub(crate) const STEPS: usize = 3;
 
 /// A step of a column: every line of sight through the column whose height in the picture is between `low`
@@ -23,7 +23,7 @@ impl Step {
     /// A step that hides nothing.
     const OPEN: Self = Self { inverse_depth: 0.0, low: f32::INFINITY, high: f32::NEG_INFINITY };
 
-    /// Returns whether whatever `other` hides is hidden by this step.
+    /// Returns whether this step hides everything that `other` hides.
     fn covers(&self, other: &Self) -> bool {
         self.inverse_depth >= other.inverse_depth && self.low <= other.low && self.high >= other.high
     }
@@ -279,10 +279,10 @@ impl Columns {
     }
 }
 
-/// Part of itself by which a number is moved inwards after rounding to `f32`, twice the unit round-off.
+/// Relative amount by which a number is moved inwards after rounding to `f32`: twice the unit round-off.
 const INWARDS: f32 = f32::EPSILON;
 
-/// Returns the least whole number that is not less.
+/// Returns the least whole number that is not less than `x`.
 fn ceil(x: f64) -> f64 {
     let whole = x.clamp(-1e15, 1e15) as i64 as f64;
     if whole < x { whole + 1.0 } else { whole }
@@ -345,7 +345,8 @@ fn lower_at(
     }
 }
 
-/// Adds a step to a column of a block. If the column is full, the step that spans the least height goes.
+/// Adds a step to a column of a block. If the column is full, the step that spans the least height is
+/// dropped.
 fn insert(block: &mut Block, column: usize, step: Step) {
     // Most columns are drawn once.
     if block.high.iter().all(|high| high[column] == f32::NEG_INFINITY) {

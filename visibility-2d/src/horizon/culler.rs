@@ -55,16 +55,16 @@ use visibility_core::{Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap,
 pub struct HorizonCuller {
     occluders: Arc<HorizonOccluders>,
     horizon: Horizon,
-    /// Empty between frames; kept for its memory.
+    /// Queue of nodes and objects. Empty between frames, and kept for its memory.
     queue: Queue,
     /// Indices of the objects that changed since the occluders were made, ascending.
     changed: Vec<u32>,
-    /// Scratch: which objects of the ground are drawn.
+    /// Scratch: whether each object of the ground is drawn.
     presence: Presence,
     crowns: Option<CrownColumns>,
 }
 
-/// Nodes and objects that wait, nearest first.
+/// Queue of nodes and objects, nearest first.
 #[derive(Clone, Debug, Default)]
 struct Queue {
     /// Squared distance on the plan as the bits of an `f32`, above the index into `entries`.
@@ -153,7 +153,7 @@ impl HorizonCuller {
         &self.horizon
     }
 
-    /// Notes which objects have changed since the occluders were made. Returns whether any occluder can
+    /// Collects the objects that have changed since the occluders were made. Returns whether any occluder can
     /// be used.
     fn follow(&mut self, scene: &Scene) -> bool {
         self.changed.clear();

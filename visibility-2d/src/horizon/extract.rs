@@ -10,17 +10,17 @@ use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
 
-/// Most vertices of a solid. Rounder solids are rare, and cost more than they hide.
+/// Greatest number of posts of a solid. Rounder solids are rare, and cost more than they hide.
 const MAX_POSTS: usize = 32;
 
-/// Solids whose upright face, width times height, is less than this part of the largest of the same mesh are
-/// left out: posts and rails of a house hide next to nothing beside its walls.
+/// Least size of a solid's upright face, width times height, as a fraction of the largest of the same mesh.
+/// Smaller solids are left out: posts and rails of a house hide next to nothing beside its walls.
 const LEAST_FACE: f64 = 1.0 / 16.0;
 
 /// Shape that the posts of a [`Solid`] span.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Shape {
-    /// The hull of all posts.
+    /// The convex hull of all posts.
     Convex,
     /// Upright panels, each between two successive posts, its front to the right of the way from the first to
     /// the second. Their backs hide only if `two_sided`.
@@ -36,7 +36,7 @@ pub(crate) struct Solid {
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
-    /// Part of `error` that is no rounding of the posts: the hull may reach so far out of the mesh, which
+    /// Part of `error` that is not rounding: the hull of the posts may reach this far out of the mesh, which
     /// may be dented.
     pub(crate) dent: f64,
     /// Height in metres that the eye must be above, since the solid has no face there; negative infinity for
@@ -100,7 +100,8 @@ impl Solids {
         }
     }
 
-    /// Adds a post to the solid that began at `first`; one that stands on another is joined with it.
+    /// Adds a post to the solid that began at index `first`. A post over the same point of the plan as the
+    /// last one is joined with it.
     fn add_post(&mut self, first: usize, post: Post) {
         for other in &mut self.posts[first..] {
             if other.x == post.x && other.y == post.y {

@@ -24,26 +24,28 @@ use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, ObjectId, Scene};
 
-/// Most sheets of a scene. Each takes its own time in a frame.
+/// Greatest number of sheets of a scene. Each takes its own time in a frame.
 const MAX_SHEETS: usize = 4;
 
-/// Sheets that cover less than this part of the scene, on the plan, are left out: roofs and rocks.
+/// Least area of a sheet on the plan, as a fraction of the scene's. Smaller ones are left out: roofs and
+/// rocks.
 const LEAST_AREA: f64 = 1.0 / 64.0;
 
-/// Least height of a sheet as a part of its lesser width: a floor hides next to nothing.
+/// Least height of a sheet as a fraction of its lesser width. A floor hides next to nothing.
 const LEAST_HEIGHT: f64 = 1.0 / 128.0;
 
-/// Squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole squares.
+/// Number of squares of a grid for each triangle of its sheet, within a factor of four. Borders break whole
+/// squares.
 const SQUARES_PER_TRIANGLE: usize = 64;
 
 /// Least and greatest number of squares of a grid, within a factor of four.
 const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 
-/// Times that squares are joined by fours.
+/// Number of levels of squares. Each level joins the squares of the one below by fours.
 const LEVELS: usize = 8;
 
-/// Distance in squares below which a triangle counts as met. A hundred times the errors of positions, which
-/// [`Sheet::new`] checks.
+/// Distance in squares below which a triangle counts as meeting a square. A hundred times the errors of
+/// positions, which [`Sheet::new`] checks.
 pub(crate) const PAD: f64 = 1e-4;
 
 /// A triangle of a sheet: corners on the plan and in height in metres, counter-clockwise from above.
@@ -54,7 +56,7 @@ struct Triangle {
     vertices: [u32; 3],
     /// Bound on the distance of a corner from the exact one, in metres.
     error: f64,
-    /// Position in [`Terrain::objects`].
+    /// Position of the triangle's object in [`Terrain::objects`].
     object: u32,
 }
 
@@ -72,12 +74,12 @@ pub(crate) struct Square {
     /// Least and greatest height of the sheet over the square in metres, rounded outwards.
     pub(crate) low: f32,
     pub(crate) high: f32,
-    /// Objects whose triangles are over the square, a list of [`Sheet::owners`]. [`BROKEN`] if the sheet
-    /// has a border there, or is not there.
+    /// List of the objects whose triangles are over the square: see [`Sheet::owners`]. [`BROKEN`] if the
+    /// sheet has a border there, or does not cover the square.
     pub(crate) owners: u32,
 }
 
-/// Owners of a square that a sheet does not cover without a border.
+/// Value of `owners` of a square that hides nothing: the sheet has a border there, or does not cover it.
 pub(crate) const BROKEN: u32 = u32::MAX;
 
 impl Square {
@@ -98,7 +100,7 @@ pub(crate) struct Sheet {
     pub(crate) corner: [f64; 2],
     /// Side of a square in metres, a power of two.
     pub(crate) side: f64,
-    /// Squares of side `side`, then of twice that, and so on.
+    /// Squares of side `side`; then of twice that side, and so on.
     pub(crate) levels: Vec<Level>,
     /// Least and greatest height of unbroken squares in metres.
     pub(crate) bottom: f32,
@@ -169,8 +171,8 @@ impl Sheet {
         self.owner_ends.len()
     }
 
-    /// Puts the triangles `members` into squares. `None` if it is flat, or if coordinates are too large
-    /// beside the sheet.
+    /// Sorts the triangles `members` into squares. `None` if the sheet is flat, or if coordinates are too
+    /// large beside its extent.
     fn new(triangles: &[Triangle], borders: &[[bool; 3]], members: &[u32]) -> Option<Self> {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (mut size, mut error) = (0.0f64, 0.0f64);
@@ -263,7 +265,7 @@ impl Sheet {
 }
 
 impl Level {
-    /// Returns the squares joined by fours.
+    /// Returns the next coarser level, in which four squares are one.
     fn joined(&self, lists: &mut Lists) -> Self {
         let rows = self.squares.len() / self.columns;
         let columns = self.columns.div_ceil(2);
@@ -301,7 +303,7 @@ struct Lists {
 }
 
 impl Lists {
-    /// Returns the number of an ascending list.
+    /// Returns the number of an ascending list, which is stored if it is new.
     fn number(&mut self, list: Vec<u32>) -> u32 {
         if let Some(&number) = self.numbers.get(&list) {
             return number;
@@ -383,16 +385,18 @@ struct HeightRange {
     high: f64,
     /// Least coordinates of the triangle on the plan.
     min: [f64; 2],
+    /// Greatest coordinates of the triangle on the plan.
     max: [f64; 2],
-    /// First corner, and the growth of the height from there, in metres per metre; `None` for a triangle
-    /// that is too narrow to tell.
+    /// First corner of the triangle, and the growth of the height from there, in metres per metre. `None` for
+    /// a triangle that is too narrow to tell.
     plane: Option<([f64; 3], [f64; 2])>,
-    /// Bound on the error of a height of the plane.
+    /// Bound in metres on the error of a height of the plane.
     slack: f64,
 }
 
 impl HeightRange {
-    /// `error` bounds the distance of corners from the exact ones.
+    /// Makes the range of a triangle. `error` bounds in metres the distance of its corners from the exact
+    /// ones.
     fn new(triangle: &Triangle, error: f64) -> Self {
         let [a, b, c] = triangle.corners;
         let least = |axis: usize| a[axis].min(b[axis]).min(c[axis]);
@@ -429,13 +433,13 @@ impl HeightRange {
     }
 }
 
-/// Returns the greatest whole number that is not greater, of a number below 1e15.
+/// Returns the greatest whole number that is not greater than `x`. `x` must be below 1e15 in magnitude.
 pub(crate) fn floor(x: f64) -> i64 {
     let whole = x.clamp(-1e15, 1e15) as i64;
     whole - i64::from(whole as f64 > x)
 }
 
-/// Returns a point under a transform if no rounding is needed for it.
+/// Returns a point under a transform if the result is exact. `None` if it would be rounded.
 fn placed_exactly(p: Vec3, transform: &Affine3A) -> Option<DVec3> {
     if *transform == Affine3A::IDENTITY {
         return Some(p.as_dvec3());

@@ -21,16 +21,17 @@ use visibility_core::{Aabb, Scene, VisibleSet};
 /// Unit round-off of `f64`: 2^-53.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Length of a ring as a part of its depth.
+/// Length of a ring as a fraction of its depth.
 const RING: f64 = 0.1;
 
-/// Most squares along each axis that a ring looks up. Larger ones are taken where there would be more.
+/// Greatest number of squares along each axis that a ring reads. Where there would be more, a coarser level
+/// is read.
 const MOST_SQUARES: i64 = 3;
 
-/// Rings behind a crest after which its step is added.
+/// Number of rings behind a crest after which the crest's step is added.
 const BEHIND_CREST: u32 = 2;
 
-/// Which of the objects of the ground are drawn in a frame, found out when it is asked first.
+/// Whether objects of the ground are drawn in a frame. Computed on the first request for each list.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Presence {
     /// Whether all owners in a list are drawn or certainly outside the view, by number of the list. `None` if
@@ -49,8 +50,8 @@ struct Drawn<'a> {
 }
 
 impl Drawn<'_> {
-    /// Returns whether an object of the ground is a candidate of the frame, as it was when the sheets were
-    /// made, or is outside of the view.
+    /// Returns whether the triangles of an object of the ground may hide: it is unchanged since the sheets
+    /// were made, and it is a candidate of the frame or outside the view.
     fn is_drawn(&self, object: usize) -> bool {
         let ground = &self.terrain.objects[object];
         if self.terrain.is_lost(object) || self.changed.binary_search(&(ground.id.index() as u32)).is_ok() {
@@ -110,12 +111,12 @@ pub(crate) fn draw_terrain(
     }
 }
 
-/// The walk along the wedge of a block of columns.
+/// A walk outwards along the wedge of a block of columns.
 struct Wedge<'a> {
     frame: &'a Frame,
     sheet: &'a Sheet,
     face: usize,
-    /// Lateral coordinates at depth 1.
+    /// Right and left side of the wedge: lateral coordinates at depth 1.
     sides: [f64; 2],
     /// Inverse of the side of a square in 1/m, exact.
     per_side: f64,
@@ -134,11 +135,11 @@ struct Wedge<'a> {
 /// Consecutive rings of a column in which no square is broken.
 #[derive(Clone, Copy)]
 struct Run {
-    /// Least of the greatest heights in the picture.
+    /// Least of the rings' greatest heights in the picture.
     low: f64,
     /// The step at the crest: its lower and upper height, its depth.
     crest: [f64; 3],
-    /// Rings since the crest, if its step is not added yet.
+    /// Number of rings since the crest. `None` if the crest's step is added already.
     since: Option<u32>,
 }
 
@@ -146,7 +147,7 @@ impl Run {
     const EMPTY: Self =
         Self { low: f64::INFINITY, crest: [f64::INFINITY, f64::NEG_INFINITY, 0.0], since: None };
 
-    /// Returns the step at the crest, once.
+    /// Returns the step at the crest, if it was not returned before.
     fn take(&mut self) -> Option<Step> {
         self.since.take()?;
         let [low, high, depth] = self.crest;

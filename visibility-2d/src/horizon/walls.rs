@@ -18,15 +18,15 @@ use core::cmp::Ordering;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, Vec3};
 
-/// Most panels of a wall. A longer chain is cut, which costs a column of the picture.
+/// Greatest number of panels of a wall. A longer chain is cut, which costs a column of the picture.
 const MAX_PANELS: usize = 64;
 
-/// Least height of a panel, as a part of the height of its mesh. Lower ones, such as the edge of a table,
+/// Least height of a panel as a fraction of the height of its mesh. Lower ones, such as the edge of a table,
 /// hide next to nothing and take as long.
 const LEAST_HEIGHT: f32 = 1.0 / 4.0;
 
-/// Most panels that are considered to follow another one, so that many panels at one point of the plan take
-/// time in proportion.
+/// Greatest number of panels that are tried as the next of a wall, so that many panels at one point of the
+/// plan take time in proportion.
 const MOST_BESIDE: usize = 16;
 
 /// An upright trapezoid in mesh coordinates, its front to the right of the way from its first side to its

@@ -74,7 +74,7 @@ fn dot(line: Line, a: &Corner) -> f64 {
     line[0] * a[0] + line[1] * a[1] + line[2] * a[2]
 }
 
-/// A projected mesh with the bounds that its corners share.
+/// A projected mesh with the bounds that hold for all of its corners.
 struct Meshed<'a> {
     mesh: &'a OccluderMesh,
     corners: &'a [Corner],
@@ -123,7 +123,8 @@ impl<'a> Meshed<'a> {
         [line[0], line[1], line[2] - error]
     }
 
-    /// Returns whether a triangle is certainly turned as the shape is, and reaches beyond the near plane.
+    /// Returns whether a triangle certainly faces the same way as the shape, and reaches beyond the near
+    /// plane.
     fn is_drawn(&self, [a, b, c]: [u32; 3]) -> bool {
         let determinant = dot(cross(self.corner(b), self.corner(c)), self.corner(a));
         determinant * self.facing > self.of_determinant && [a, b, c].iter().any(|&v| self.is_beyond(v))
@@ -188,7 +189,7 @@ impl Shapes {
         }
     }
 
-    /// Collects the triangles of a shape, from one on.
+    /// Collects the triangles of a shape, from the triangle `seed` on.
     fn join(&mut self, of: &Meshed<'_>, seed: u32) {
         self.joined.clear();
         if of.mesh.is_convex() {
@@ -264,7 +265,7 @@ impl Shapes {
         }
     }
 
-    /// Makes the collected triangles a shape, unless it has no outline in the image.
+    /// Makes a shape of the collected triangles. Does nothing if it has no outline in the image.
     fn finish(&mut self, of: &Meshed<'_>) {
         let starts = [self.lines.len(), self.planes.len(), self.outlines.len()];
         self.push_contour(of);

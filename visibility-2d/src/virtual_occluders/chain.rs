@@ -67,7 +67,7 @@ struct Link {
     /// First and last end of the chord, counter-clockwise as seen from the hidden point.
     from: Point,
     to: Point,
-    /// Height of the lower end of the chord's posts, the greater of both.
+    /// Height of the lower ends of the chord's two posts, the greater one.
     low: f64,
     /// Point of both solids in which the chord of the link before must end in place of its own end. `None` if
     /// that chord needs no other end.
@@ -84,7 +84,7 @@ pub(crate) struct Task<'a> {
     pub(crate) slope: f64,
 }
 
-/// A chain of solids. Kept for its memory.
+/// A chain of solids. One value serves many chains, and keeps its memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain {
     links: Vec<Link>,
@@ -184,8 +184,8 @@ impl Chain {
         chords.chain(joints).chain(ends)
     }
 
-    /// Returns the position up to which the chain hides the viewcell, from a position where it does towards
-    /// another; the first position if it holds no farther.
+    /// Returns the farthest position from `from` towards `to` up to which the chain hides the viewcell. It
+    /// must do so at `from`.
     pub(crate) fn reach(&self, task: &Task, from: f64, to: f64) -> f64 {
         if self.holds(task, to) {
             return to;
@@ -270,8 +270,8 @@ impl Task<'_> {
         other.find(|link| begins(link) && is_good(link))
     }
 
-    /// Returns whether a segment is certainly passed, and the viewcell beyond it, by all lines of sight from
-    /// a point that are between the segment's ends.
+    /// Returns whether all lines of sight from a point between the ends of a segment certainly pass the
+    /// segment, and then the viewcell beyond it.
     fn is_chord(&self, at: Point, from: Point, to: Point) -> bool {
         left_of(at, from, to) >= 0.0 && all_left_of(to, from, self.corners)
     }

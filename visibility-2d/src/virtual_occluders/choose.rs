@@ -4,7 +4,7 @@ use super::umbra::Umbra;
 use alloc::vec::Vec;
 use visibility_core::bits::Bits;
 
-/// A box as the plan's two coordinates and the height: least and greatest.
+/// A box: least, then greatest values of the plan's two coordinates and the height.
 pub(crate) type PlanBox = [[f64; 3]; 2];
 
 /// Moves the umbrae that together hide most of `boxes` to the front, and drops the others. Each is the one

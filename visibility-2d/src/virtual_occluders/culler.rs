@@ -25,13 +25,13 @@ const FARTHER: f64 = 2.0;
 /// seed to be tried.
 const WIDER: f64 = 1.1;
 
-/// Objects that virtual occluders are compared by, evenly spread over all.
+/// Approximate number of objects, evenly chosen by index, by which virtual occluders are compared.
 const SAMPLE: usize = 1024;
 
-/// Parts of the objects that each slice of heights is made for.
+/// Shares of the objects whose tops each slice of heights is made for.
 const SLICES: [f64; 5] = [0.5, 0.8, 0.93, 0.98, 0.995];
 
-/// Finds virtual occluders of viewcells on the plan, and hides what they hide. Conservative.
+/// Finds virtual occluders of viewcells on the plan, and removes the objects that they hide. Conservative.
 ///
 /// Occluders are upright convex solids among the meshes of the candidates, as [`HorizonOccluders`] finds
 /// them, that stand lower than the lowest viewpoint and do not meet the viewcell on the plan: houses, walls.
@@ -143,7 +143,7 @@ impl VirtualOccluderCuller {
         self.occluders.extend(self.umbrae.iter().map(of));
     }
 
-    /// Returns for each part of the directions the solid that looks largest, largest first.
+    /// Returns the solid that looks largest in each sector of directions, largest first.
     fn seeds(&self, middle: [f64; 2]) -> Vec<u32> {
         let solids = self.solids.solids();
         let mut seeds: [Option<u32>; SEEDS] = [None; SEEDS];
@@ -184,7 +184,7 @@ fn plan_box(bounds: &Aabb, up: UpAxis) -> PlanBox {
     [bounds.min, bounds.max].map(|p| up.split(p.as_dvec3()))
 }
 
-/// Returns the boxes of objects evenly spread over a scene.
+/// Returns the boxes of about [`SAMPLE`] objects, evenly chosen by index.
 fn sample(scene: &Scene, up: UpAxis) -> Vec<PlanBox> {
     let step = scene.len() / SAMPLE + 1;
     scene.ids().step_by(step).filter_map(|id| Some(plan_box(&scene.bounds(id).ok()?, up))).collect()

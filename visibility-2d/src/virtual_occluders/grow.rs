@@ -4,8 +4,8 @@ use super::cell_solids::{CellBox, CellSolids};
 use super::chain::{BackLine, Chain, Task, WIDEST};
 use super::lines::Point;
 
-/// Step beside the end of what a chain hides, as a part of the line's distance from the viewcell, with which
-/// another chain is tried. A try that fails is repeated with a quarter of the step.
+/// Step beyond the end of a chain's reach at which another chain is tried, as a fraction of the line's
+/// distance from the viewcell. A try that fails is repeated with a quarter of the step.
 const STEP: f64 = 1.0 / 32.0;
 const TRIES: u32 = 5;
 
@@ -34,7 +34,7 @@ impl Grown {
 }
 
 /// Finds the widest segment around the middle of a line that is hidden from a viewcell. `None` if the middle
-/// is not.
+/// itself is not hidden.
 pub(crate) fn grow(
     chain: &mut Chain,
     solids: &mut CellSolids,

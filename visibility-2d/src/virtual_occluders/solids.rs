@@ -25,9 +25,11 @@ pub(crate) struct PlanSolid {
     /// Bound on the distance in metres of each post from a point of the exact solid. 0 if the solid is the
     /// hull of its posts.
     pub(crate) error: f64,
-    /// Bounds on the plan, and the greatest height.
+    /// Least corner of the bounds on the plan, in metres.
     pub(crate) min: [f64; 2],
+    /// Greatest corner of the bounds on the plan, in metres.
     pub(crate) max: [f64; 2],
+    /// Greatest height of a post, in metres.
     pub(crate) high: f64,
 }
 
