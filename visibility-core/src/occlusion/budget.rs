@@ -33,18 +33,18 @@ const NEARLY_NOTHING: f32 = 0.25;
 /// Work of one frame, in triangles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    /// Work that hiding one object is worth.
+    /// Work in triangles that a hidden object is worth.
     price: f32,
-    /// Work that the search for occluders may still spend before more objects are found hidden. The search
-    /// ends when it is 0 or less.
+    /// Work in triangles that the search for occluders may still spend before more objects are found hidden.
+    /// The search ends when it is 0 or less.
     credit: f32,
-    /// Work that all objects found hidden so far are worth.
+    /// Work in triangles that all objects found hidden so far are worth.
     earned: f32,
-    /// Cost of the occluders drawn on loans that objects found hidden have not paid back yet.
+    /// Cost in triangles of the occluders drawn on loans that objects found hidden have not paid back yet.
     debt: f32,
-    /// Work that the frame may still spend at all.
+    /// Work in triangles that the frame may still spend.
     limit: f32,
-    /// Part of the limit that the search leaves for the tests after it.
+    /// Part of `limit` that the search leaves for the tests after it.
     reserve: f32,
     /// Work of this frame so far, in triangles.
     spent: f32,
@@ -74,7 +74,8 @@ impl Budget {
         self.limit <= 0.0
     }
 
-    /// Returns whether the search has spent its credit and found nearly nothing hidden, as a bird does.
+    /// Returns whether the search has spent its credit and found nearly nothing hidden, as in the view of a
+    /// bird.
     pub(super) fn is_spent_in_vain(&self) -> bool {
         self.price > 0.0 && self.credit <= 0.0 && self.earned <= NEARLY_NOTHING * INITIAL_CREDIT
     }
@@ -86,7 +87,8 @@ impl Budget {
         self.spent += work;
     }
 
-    /// Spends work that the credit of the search is not for.
+    /// Adds `work`, in triangles, to the work of this frame, but does not take it from the credit of the
+    /// search.
     pub(super) fn spend_outside_search(&mut self, work: f32) {
         self.limit -= work;
         self.spent += work;
@@ -97,8 +99,8 @@ impl Budget {
         self.limit -= work;
     }
 
-    /// Returns the work that a map may spend on occluders of its own, if `objects` may be found hidden. With
-    /// a price of 0 all that leaves the search a share.
+    /// Returns the work in triangles that a map may spend on occluders that it draws by itself. `objects` may
+    /// be found hidden. With a price of 0, all work that leaves the search its share.
     pub(super) fn for_own_occluders(&self, objects: f32) -> f32 {
         let worth = if self.price > 0.0 { self.worth(objects) } else { f32::INFINITY };
         worth.min(OWN_SHARE * (self.limit - self.reserve))
@@ -119,7 +121,7 @@ impl Budget {
         2.0 * TEST_WORK * objects as f32 <= self.limit
     }
 
-    /// Enters objects found hidden. They pay loans back first.
+    /// Records `objects` found hidden. They pay loans back first.
     pub(super) fn earn(&mut self, objects: f32) {
         let earned = self.worth(objects);
         let paid_back = self.debt.min(earned);
@@ -230,14 +232,15 @@ pub(super) struct LeafSampling {
 }
 
 impl LeafSampling {
-    /// Returns whether the next leaf is to be tested, which [`record`](Self::record) is then told of.
+    /// Returns whether the next leaf is to be tested. If so, the caller must [`record`](Self::record) its
+    /// result.
     pub(super) fn tests_next(&mut self) -> bool {
         let tests = self.left_out >= self.misses.saturating_sub(MOST_MISSES).min(MOST_LEFT_OUT);
         self.left_out = if tests { 0 } else { self.left_out + 1 };
         tests
     }
 
-    /// Enters whether any object of a tested leaf was hidden.
+    /// Records whether any object of a tested leaf was hidden.
     pub(super) fn record(&mut self, is_any_hidden: bool) {
         self.misses = if is_any_hidden { 0 } else { self.misses.saturating_add(1) };
     }

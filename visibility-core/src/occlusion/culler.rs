@@ -118,8 +118,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         Self { work_limit: triangles, ..self }
     }
 
-    /// Returns the occlusion map, with the occluders of the last frame still in it: none of a frame that was
-    /// left out.
+    /// Returns the occlusion map, with the occluders of the last frame still in it. Empty after a frame that
+    /// was left out.
     pub fn map(&self) -> &M {
         &self.map
     }
@@ -226,7 +226,7 @@ enum SweepKind {
     /// All nodes and leaves, before the search for occluders. Objects found hidden add to the search's
     /// credit. Once the credit is spent in vain, only some of the leaves.
     First,
-    /// All that is left after the search.
+    /// All nodes and leaves that are left after the search.
     All,
     /// All nodes, but only some of the leaves.
     Sampled,
@@ -279,7 +279,7 @@ struct Sweep<'a, M> {
 }
 
 impl<M: OcclusionMap> Sweep<'_, M> {
-    /// Returns whether only a choice of the leaves is tested.
+    /// Returns whether only some of the leaves are tested.
     fn samples(&self) -> bool {
         match self.kind {
             SweepKind::First => self.budget.is_spent_in_vain(),

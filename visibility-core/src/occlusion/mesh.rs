@@ -117,7 +117,8 @@ impl OccluderMesh {
         [1, 7, 5],
     ];
 
-    /// Returns a number that depends on all cache lines of the mesh which the choice of occluders reads.
+    /// Reads all cache lines of the mesh that the choice of occluders needs, so that they are loaded. The
+    /// number returned depends on all of them.
     pub(crate) fn fetched(&self) -> u32 {
         let sizes = self.triangles.len() ^ self.solid_triangles;
         sizes as u32 ^ self.bounds.min.x.to_bits() ^ self.facing[0].to_bits() ^ self.facing[5].to_bits()

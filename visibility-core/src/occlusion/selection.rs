@@ -45,13 +45,13 @@ const OBJECTS_PER_LEAF: u32 = 64;
 /// culled as tightly as a large one (measured).
 pub(super) const LEAST_BEHIND: f32 = 256.0;
 
-/// Distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds, up to
-/// which the share is estimated by triangles where the estimate from the middle is too small. The middle of a
-/// wall of length `2 r` that is seen from its end at twice `r` is at twice the distance of the end: the two
-/// estimates differ by no more than about 2 from here on.
+/// Greatest distance from the eye to the middle of a mesh, as a multiple of half the diagonal of its bounds,
+/// at which the share is estimated triangle by triangle. That is done where the estimate from the middle is
+/// too small. The middle of a wall of length `2 r` that is seen from its end at twice `r` is at twice the
+/// distance of the end: from there on the two estimates differ by no more than about 2.
 const NEAR_RADII: f32 = 2.0;
 
-/// Number of triangles whose solid angles are estimated by the work of drawing one.
+/// Number of triangles whose solid angles are estimated in the time in which one is drawn.
 const ESTIMATED_PER_DRAWN: f32 = 4.0;
 
 /// Greatest number of triangles of a mesh whose solid angles are computed for an estimate. Of a larger mesh

@@ -35,7 +35,7 @@ pub struct ScenePvs {
     never_hidden: Vec<ObjectId>,
     /// The revision of the scene for which this value was made. Objects that change later are visible.
     cursor: SceneCursor,
-    /// Whether somebody has checked, or the caller promises, that the PVS is of this scene.
+    /// Whether the PVS is known to be of this scene: it was compared, or the caller promises it.
     is_checked: bool,
     stamp: Stamp,
 }
@@ -149,7 +149,7 @@ impl ScenePvs {
     }
 }
 
-/// Returns how many of the pairs, which ascend, have a target below `target`. Time is logarithmic in that
+/// Returns the number of pairs with a target below `target`. The pairs ascend. Time is logarithmic in that
 /// number.
 fn count_below(pairs: &[(u32, ObjectId)], target: u32) -> usize {
     let is_below = |&(of, _): &(u32, ObjectId)| of < target;

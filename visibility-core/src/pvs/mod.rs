@@ -88,7 +88,7 @@ const DIFFERS: u8 = 1;
 const BITS: u8 = 2;
 /// Number of viewcells whose rows share an offset.
 const BLOCK: usize = 16;
-/// Most rows that a row is the difference from, one after another.
+/// Greatest number of rows that must be read to decode a row, besides the row itself.
 const DEPTH: u8 = 4;
 
 /// Checks the rows of a PVS: each must be strictly ascending, with targets below `target_count`.
