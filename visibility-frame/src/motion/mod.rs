@@ -86,7 +86,7 @@ impl Motion {
 /// Meaning of the bounds that the scene has for a mover.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum State {
-    /// The place in the list is free.
+    /// The place in the list has no mover.
     Free,
     /// The mover is due in the next frame, the first since it was inserted. Its region is relative to the
     /// scene's origin there, whatever the origin is now.
@@ -96,7 +96,7 @@ enum State {
     New,
     /// The mover is due in the present frame: its bounds are exact once the caller has set them.
     Active,
-    /// As `Active`, and visible in the present frame. Used within `end_frame` only.
+    /// The mover is due in the present frame and visible in it. Used within `end_frame` only.
     Visible,
     /// The mover was hidden in the last frame and gets its volume when the next one begins.
     Hidden,
