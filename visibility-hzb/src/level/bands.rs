@@ -17,9 +17,9 @@ use alloc::vec::Vec;
 use visibility_core::jobs::{Jobs, for_each_part};
 use visibility_core::simd::Simd;
 
-/// Number of bands. More bands would share the work among more threads, but what lies in several bands is set
-/// up in each (measured with all bands on one thread: two bands take 1.05 times, four 1.25 times as long as
-/// the buffer as a whole; two halves share the work better than two sides of the clusters' median).
+/// Number of bands. More bands would share the work among more threads, but clusters in several bands are set
+/// up in each (measured with all bands on one thread: two bands take 1.05 times as long as the whole buffer,
+/// four 1.25 times; two halves share the work better than a division at the clusters' median).
 const BANDS: usize = 2;
 
 /// The raster of levels, with its memory from frame to frame.
@@ -29,7 +29,7 @@ pub(crate) struct LevelRaster {
     candidates: Vec<Candidate>,
     scratch: LevelScratch,
     bands: [Band; BANDS],
-    /// Buffers of the bands after the first one, which is drawn where it belongs. Empty before the first
+    /// Buffers of all bands but the first, which is drawn into the buffer itself. Empty before the first
     /// frame on several threads.
     tiles: Vec<Tiles>,
 }

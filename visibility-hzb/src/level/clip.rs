@@ -16,13 +16,14 @@ type Point = [f64; 5];
 pub(super) struct End {
     /// The point in homogeneous screen coordinates.
     pub(super) point: Point,
-    /// Column and row of a plain vertex, which takes part in no cut and is at that very place in all
+    /// Column and row of a plain vertex: one that no cut concerns, and that is at the same place in all
     /// outlines.
     pub(super) plain: Option<[f32; 2]>,
 }
 
 impl End {
-    /// Returns whether value `of` of the end is above `limit`, as it counts as being for a plain vertex.
+    /// Returns whether coordinate `of` of the end is above `limit`. True for a plain vertex, which no cut
+    /// concerns.
     fn stays(&self, of: usize, limit: f64) -> bool {
         self.plain.is_some() || self.point[of] > limit
     }

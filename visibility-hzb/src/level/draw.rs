@@ -27,8 +27,8 @@ use visibility_occluders::{OccluderCluster, OccluderPolygon};
 /// Least area of a drawn polygon on the screen, in square pixels, as estimated from its middle.
 const LEAST_AREA_PX: f32 = 24.0;
 
-/// Work of finding out whether a cluster may be seen, in triangles of a tenth of a microsecond (measured, as
-/// the following).
+/// Work of testing whether a cluster may be seen, in triangles of a tenth of a microsecond (measured, as the
+/// following ones).
 pub(super) const CANDIDATE_WORK: f32 = 0.05;
 
 /// Work of choosing the polygons of a cluster, in triangles.
@@ -43,7 +43,7 @@ const TILE_WORK: f32 = 0.25;
 /// A cluster that may be seen.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
-    /// Order of drawing: less is nearer. Bits of the greatest depth key, inverted.
+    /// Key of the order of drawing: less is nearer. Inverted bits of the greatest depth key.
     order: u32,
     /// Index of the level.
     level: u32,
@@ -62,7 +62,7 @@ impl Candidate {
     }
 }
 
-/// Scratch of the raster of a level, kept from frame to frame.
+/// Scratch memory for drawing a level, kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LevelScratch {
     vertices: Vertices,
@@ -75,7 +75,7 @@ pub(crate) struct LevelScratch {
     far_sides: Vec<f64>,
     /// For each polygon of a cluster, whether it was drawn or waits to be.
     done: Vec<bool>,
-    /// Polygons of a cluster that hang together by edges, in the order of drawing.
+    /// Queue of connected polygons of a cluster, in the order of drawing.
     waiting: Vec<u32>,
     /// Work spent in this frame, in triangles.
     work: f32,
@@ -115,8 +115,8 @@ pub(crate) fn draw_candidates(
     (nearest, scratch.work)
 }
 
-/// Appends the clusters that may be seen of a level, given with its index. Returns the number of clusters
-/// looked at.
+/// Appends the clusters of a level that may be seen. `index` is the index of the level. Returns the number of
+/// clusters tested.
 #[inline(always)]
 pub(crate) fn find_candidates(
     index: u32,
@@ -164,7 +164,8 @@ pub(crate) fn find_candidates(
     looked_at
 }
 
-/// Returns the mask of the clusters whose largest polygon, as near as its cluster, could cover enough pixels.
+/// Returns the mask of the clusters whose largest polygon could cover enough pixels at the nearest distance
+/// of its cluster.
 #[inline(always)]
 fn are_large(boxes: &BoxLanes, largest: &[f32; WIDTH], frame: &LevelFrame) -> u32 {
     let eye = frame.eye.as_vec3().to_array();
@@ -269,7 +270,7 @@ fn is_inside_clip_planes(level: &PreparedLevel, frame: &LevelFrame, cluster: &Oc
     (0..8).all(|i| frame.clip_planes.contains(DVec3::new(side(i, 0), side(i, 1), side(i, 2))))
 }
 
-/// Returns the mask of the polygons that cover enough pixels to be worth drawing, as estimated.
+/// Returns the mask of the polygons that cover enough pixels to be worth drawing, by an estimate.
 #[inline(always)]
 fn worth_drawing(polygons: &Polygons, frame: &LevelFrame) -> u32 {
     let eye = frame.eye.as_vec3().to_array();
@@ -431,9 +432,9 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
 
-/// Returns the coordinate along a polygon's normal of the side of its slab that is away from the eye. `None`
-/// if the polygon is not seen from a side from which it hides, the eye is in the slab, or rays may meet the
-/// slab before the near plane.
+/// Returns the coordinate, along a polygon's normal, of the side of its slab that is away from the eye.
+/// `None` if the polygon does not hide from the side on which the eye is, if the eye is in the slab, or if
+/// rays may meet the slab before the near plane.
 #[inline(always)]
 fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let [low, high] = polygon.extent;
@@ -454,7 +455,8 @@ fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     (seen && (beside > thickness + margin || is_beyond_window(frame, polygon, far))).then_some(far)
 }
 
-/// Returns 1 if the eye is in front of a polygon whose slab has its far side at `far`, -1 if behind.
+/// Returns 1 if the eye is in front of a polygon's slab, -1 if behind it. `far` is the coordinate along
+/// `normal` of the slab's far side.
 #[inline(always)]
 fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     let along = normal.dot(frame.eye);
@@ -462,8 +464,9 @@ fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     if front { 1.0 } else { -1.0 }
 }
 
-/// Returns whether the eye's window is certainly on the eye's side of a polygon's slab, whose far side is at
-/// `far`: then what the picture sees of the slab is beyond the distance at which outlines are cut.
+/// Returns whether the eye's window is certainly on the eye's side of a polygon's slab. `far` is the
+/// coordinate of the slab's far side. Then all points of the slab in the picture are beyond the distance at
+/// which outlines are cut.
 #[inline(always)]
 fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, far: f64) -> bool {
     let (normal, anchor) = (polygon.normal, frame.projection.anchor);
@@ -494,8 +497,8 @@ fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: DVec3, radiu
     height > 0.0 && height * height > sine_squared * distance * distance * (1.0 + 1e-5)
 }
 
-/// Returns the plane, over tile columns and rows, that is the least depth key of a polygon in a tile: that of
-/// the points whose coordinate along `normal` is `far`.
+/// Returns the plane of least depth keys of a polygon, as a function of tile column and tile row: the key of
+/// points whose coordinate along `normal` is `far`.
 fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, far: f64) -> [f32; 3] {
     let axis = normal.abs().min_position();
     let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;

@@ -10,19 +10,19 @@ const LEVEL_EDGE_PX: f32 = 1.0 / 64.0;
 /// lie below all rows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edges16 {
-    /// Column of the upper end; of an edge that counts as level, the least column.
+    /// Column of the upper end, in pixels. For an edge that counts as level, the least column.
     pub(super) x: [f32; WIDTH],
-    /// Row of the upper end.
+    /// Row of the upper end, in pixels.
     pub(super) top: [f32; WIDTH],
-    /// Row of the lower end.
+    /// Row of the lower end, in pixels.
     pub(super) bottom: [f32; WIDTH],
-    /// Change of the column from one row to the next; 0 for an edge that counts as level.
+    /// Change of the column from one row to the next. 0 for an edge that counts as level.
     pub(super) slope: [f32; WIDTH],
     /// Least column of each edge, in pixels.
     pub(super) low: [f32; WIDTH],
     /// Greatest column of each edge, in pixels.
     pub(super) high: [f32; WIDTH],
-    /// Width of an edge that counts as level, else 0.
+    /// Width in pixels of an edge that counts as level, 0 for any other edge.
     pub(super) level: [f32; WIDTH],
     /// Mask of the edges that two polygons of the cluster share: their union does not end there.
     pub(super) shared: u32,
@@ -48,7 +48,7 @@ impl Edges16 {
 pub(crate) struct Edges {
     /// Ends of each edge: column and row of one end, then of the other, [`WIDTH`] edges at a time.
     ends: Vec<[[f32; WIDTH]; 4]>,
-    /// Masks of shared edges, as [`Edges16::shared`].
+    /// Masks of shared edges, like [`Edges16::shared`].
     shared: Vec<u32>,
     /// Number of edges.
     count: usize,

@@ -35,11 +35,11 @@ pub struct PreparedLevel {
     pub(crate) level: Arc<LevelOccluders>,
     /// Origin in world space that all positions are relative to.
     pub(crate) origin: DVec3,
-    /// Middle of the box around all clusters in metres, and the distance of its corners from there.
-    /// The middle is not a number without clusters.
+    /// Middle of the box around all clusters, and distance of the box's corners from it, in metres. The
+    /// middle is NaN without clusters.
     pub(crate) ball: (DVec3, f64),
-    /// Greatest magnitude of the x, y and z of all vertices, and of points beside polygons as far from their
-    /// middles as their vertices.
+    /// Greatest magnitudes of the coordinates of all vertices, and of all points as far from a polygon's
+    /// middle as its vertices.
     pub(crate) reach: DVec3,
     /// Greatest thickness of a polygon's slab in metres.
     pub(crate) thickness: f64,
