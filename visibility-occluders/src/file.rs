@@ -9,7 +9,7 @@ use visibility_core::glam::{DVec3, Vec3};
 
 const FORMAT: Format = Format { magic: *b"VISI-OCC", version: 1 };
 
-/// Kind of a file in whose header the fingerprint is a version, and of one made from a level without.
+/// Kind of a file whose fingerprint is the version of the level.
 const WITH_VERSION: u32 = 1;
 const WITHOUT_VERSION: u32 = 0;
 
@@ -20,7 +20,7 @@ const NORMAL_ERROR: f64 = 1e-9;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum LevelFileError {
-    /// The bytes are damaged, or something else.
+    /// The bytes are damaged, or are not those of a level's occluders.
     Format(FormatError),
     /// The occluders were made from another version of the level.
     OtherVersion {
@@ -161,7 +161,7 @@ impl LevelOccluders {
     }
 }
 
-/// The counts of a report in the order of the file.
+/// Returns the counts of a report in the order of the file.
 fn counts(report: &LevelReport) -> [usize; 7] {
     counts_mut(&mut { *report }).map(|count| *count)
 }
@@ -180,10 +180,10 @@ fn counts_mut(report: &mut LevelReport) -> [&mut usize; 7] {
     [triangles, faces, open_edges, t_junctions, open_edges_left, polygons, straightened]
 }
 
-/// Numbers of a polygon's shape in a file.
+/// Number of numbers that a file has for each polygon: normal, extent, area and least cosine.
 const SHAPE_NUMBERS: usize = 7;
 
-/// Edges, polygons and clusters, and why there are none.
+/// Edges, polygons and clusters that were read, or the reason why they cannot be.
 type Read = Result<(Vec<[u32; 2]>, Vec<OccluderPolygon>, Vec<OccluderCluster>), &'static str>;
 
 /// Reads the polygons and clusters of `vertices` from the last part of a file. `shapes` has

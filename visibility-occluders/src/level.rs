@@ -1,4 +1,4 @@
-//! The occluders of a level, and how they are made.
+//! The occluders of a level: their settings, their making and their parts.
 
 use crate::clusters::{Item, divide};
 use crate::faces::{Faces, LevelTriangle, open_sides};
@@ -95,19 +95,19 @@ pub struct OccluderCluster {
     pub area: f64,
 }
 
-/// Counts of what making the occluders did.
+/// Counts of the steps by which the occluders of a level were made.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 #[non_exhaustive]
 pub struct LevelReport {
     /// Number of triangles given.
     pub triangles: usize,
-    /// Number of triangles left after those without area and all but one of equal ones were left out.
+    /// Number of triangles without those that have no area, and without repeated ones.
     pub faces: usize,
-    /// Number of edges that one face alone has, after welding.
+    /// Number of edges of a single face, after welding.
     pub open_edges: usize,
     /// Number of vertices inserted into edges that they lie on.
     pub t_junctions: usize,
-    /// Number of edges that one face alone has, after T-junctions were resolved.
+    /// Number of edges of a single face, after T-junctions were resolved.
     pub open_edges_left: usize,
     /// Number of polygons found.
     pub polygons: usize,
@@ -121,7 +121,7 @@ pub struct LevelReport {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum LevelError {
-    /// More triangles than indices of corners, 2^32, allow.
+    /// More triangles were given than 32-bit indices of corners allow.
     TooManyTriangles {
         /// Number of triangles given.
         triangles: usize,
@@ -239,8 +239,8 @@ impl LevelOccluders {
         Ok(level)
     }
 
-    /// Makes the occluders of a scene's level from the triangles ([`Scene::set_triangles`]) of the occluders
-    /// that stand still, as `stands_still` tells; see-through objects have none. Triangles of
+    /// Makes the occluders of a scene's level, from the triangles ([`Scene::set_triangles`]) of objects that
+    /// are flagged as occluders, are not see-through and for which `stands_still` returns true. Triangles of
     /// [one-sided](visibility_core::Object::one_sided) objects hide from their front alone. Positions are
     /// relative to [`Scene::origin`]. The occluders have the [version](level_version()) of the scene.
     ///
@@ -347,7 +347,7 @@ impl LevelOccluders {
         self.version
     }
 
-    /// Returns what making the occluders did.
+    /// Returns the counts of the making.
     pub fn report(&self) -> &LevelReport {
         &self.report
     }
