@@ -9,7 +9,7 @@ use visibility_exact::{CellQuery, Effort, ExactSettings, SceneTriangles, Verdict
 /// The search for answers from one viewcell, in the scene of the objects that its sweep has left. The objects
 /// of such a scene have consecutive indices from 0.
 pub(crate) struct Search<'a> {
-    /// `None` if the viewcell cannot be used: then all objects stay open.
+    /// Query from the viewcell. `None` if the viewcell cannot be used: then all objects stay open.
     query: Option<CellQuery<'a>>,
     /// Cost of each object in triangles, at least 0.001, by its index.
     costs: Vec<f64>,
