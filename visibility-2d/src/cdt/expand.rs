@@ -55,7 +55,8 @@ pub(crate) enum Met {
     Far,
 }
 
-/// Eye and plan of an expansion.
+/// The eye of a look and the plan that it looks at: what all cones of one look from triangle to triangle
+/// share.
 #[derive(Clone, Copy)]
 pub(crate) struct Expansion<'a> {
     pub(crate) plan: &'a Plan,

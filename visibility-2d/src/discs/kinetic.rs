@@ -421,9 +421,10 @@ struct Search<'a> {
     /// Length of the segment up to the pivot, in metres.
     length: f64,
     reach: f64,
-    /// Greatest distance at which the front may be met, in metres.
+    /// Greatest distance from the eye, in metres along the segment, at which the segment may meet `front`,
+    /// the disc that stops it; infinite if no disc does.
     farthest: f64,
-    /// Clockwise and counter-clockwise bounds.
+    /// Nearest bitangents found so far on the clockwise and on the counter-clockwise side of the segment.
     bounds: [Bound; 2],
 }
 

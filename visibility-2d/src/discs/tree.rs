@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use core::fmt;
 use smallvec::SmallVec;
 
-/// Children of an inner node.
+/// Greatest number of children of an inner node of the tree of discs.
 pub(crate) const FAN: usize = 8;
 
 /// Greatest number of nodes that are searched for discs that overlap a disc. Beyond it the disc hides

@@ -105,9 +105,10 @@ pub(crate) struct Sheet {
     /// Least and greatest height of unbroken squares in metres.
     pub(crate) bottom: f32,
     pub(crate) top: f32,
-    /// Ends of the lists of [`objects`](Self::objects).
+    /// By number of a list of owners (the objects whose triangles meet a square): the end, exclusive, of the
+    /// list in [`objects`](Self::objects). A list begins where the list before it ends.
     owner_ends: Vec<u32>,
-    /// Positions in [`Terrain::objects`], list by list.
+    /// Owners of all lists, one list after another, as positions in [`Terrain::objects`].
     objects: Vec<u32>,
 }
 

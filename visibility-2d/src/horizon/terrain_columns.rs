@@ -39,7 +39,7 @@ pub(crate) struct Presence {
     lists: Vec<Option<bool>>,
 }
 
-/// Test whether the triangles of an object of the ground may hide in the view.
+/// What decides, in one frame, whether the triangles of an object of the ground may hide others.
 struct Drawn<'a> {
     scene: &'a Scene,
     visible: &'a VisibleSet,

@@ -6,7 +6,7 @@ use crate::median_order::{LEAF, put_in_order};
 use alloc::vec::Vec;
 use visibility_core::geometry::sqrt;
 
-/// Children of an inner node of the tree.
+/// Greatest number of children of an inner node of the tree of solids.
 const FAN: usize = 8;
 
 /// Greatest number of solids of a viewcell. Those that look largest are used.

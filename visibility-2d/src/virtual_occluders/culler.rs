@@ -28,7 +28,8 @@ const WIDER: f64 = 1.1;
 /// Approximate number of objects, evenly chosen by index, by which virtual occluders are compared.
 const SAMPLE: usize = 1024;
 
-/// Shares of the objects whose tops each slice of heights is made for.
+/// For each slice of heights: the share of the sampled objects, lowest tops first, that the slice is high
+/// enough to hide.
 const SLICES: [f64; 5] = [0.5, 0.8, 0.93, 0.98, 0.995];
 
 /// Finds virtual occluders of viewcells on the plan, and removes the objects that they hide. Conservative.
