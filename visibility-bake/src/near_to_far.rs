@@ -278,7 +278,8 @@ impl Around<'_> {
         Ok(())
     }
 
-    /// Opens the nearest of the waiting tiles, until `measure` summed over them is at least `enough`.
+    /// Opens waiting tiles, the nearest first, until the sum of `measure` (a size of one tile) over the
+    /// opened tiles is at least `enough`, or no tile waits.
     fn open_nearest(&mut self, enough: u64, measure: fn(&Tile) -> u64) {
         let is_tile = |waiting: &Waiting| matches!(waiting.what, What::Tile { .. });
         let (mut tiles, objects): (Vec<Waiting>, Vec<Waiting>) = self.waiting.drain(..).partition(is_tile);
