@@ -44,7 +44,7 @@ pub(crate) struct Selector {
     /// Stamp of the polygons that the other fields refer to; `Stamp::NONE` before the first frame and after
     /// a reset.
     occluders: Stamp,
-    /// The scene, and the revision of the scene, up to which changes are recorded in `stale`.
+    /// The scene whose changes `stale` records, and the revision of that scene up to which it does.
     seen: SceneCursor,
     /// Bitset by object index: a bit is 1 if the object has changed since the polygons were made.
     stale: Bits,
