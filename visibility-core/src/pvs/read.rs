@@ -6,7 +6,7 @@ use crate::binary_format::{FormatError, HEADER_LENGTH, Reader, take_number};
 use crate::stamp::Stamp;
 use alloc::vec::Vec;
 
-/// Number of bytes of a source.
+/// Length in bytes of the number after the last row that [`Pvs::source`] returns, where the file has it.
 const SOURCE_BYTES: usize = 8;
 
 impl Pvs {

@@ -194,7 +194,8 @@ impl Scene {
         self.log.push(id, self.generations.len());
     }
 
-    /// Raises the bounds above the object in a slot, and lets [`maintain`](Self::maintain) lower them.
+    /// Raises the [bounds](DetailBounds) of the nodes above the object in `slot` to the object's details, and
+    /// queues the object's leaf, so that [`maintain`](Self::maintain) lowers bounds that are too high.
     fn raise_bounds(&mut self, slot: Slot) {
         self.tree.raise_to_object(slot);
         self.queue.push(slot.node());

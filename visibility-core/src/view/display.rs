@@ -88,7 +88,7 @@ struct Edges {
 }
 
 impl Edges {
-    /// Returns `None` for a matrix without an inverse.
+    /// Returns the points of the edges of a view's picture. `None` for a clip matrix without an inverse.
     fn new(view: &View) -> Option<Self> {
         let local_from_clip: DMat4 = view.clip_from_local.inverse();
         let near = view.depth.at_near();
