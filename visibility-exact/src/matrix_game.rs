@@ -11,9 +11,9 @@ use alloc::vec::Vec;
 /// Sign of the value of a [`MatrixGame`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Value {
-    /// Certainly no weights of columns are positive in all rows; `row_weights` prove that.
+    /// No weights of the columns make all rows positive, for certain: `row_weights` prove that.
     Negative,
-    /// `column_weights` are positive in all rows, up to rounding.
+    /// The weights `column_weights` make all rows positive, up to rounding.
     Positive,
     /// The sign is uncertain within rounding.
     Open,

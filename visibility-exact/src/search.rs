@@ -325,7 +325,8 @@ impl<'a> Search<'a> {
         self.segment(sight.p.center(), sight.q.center())
     }
 
-    /// Makes a segment. Its start is moved into the viewcell if rounding has put it outside.
+    /// Returns the segment from a point `p` of the viewcell to a point `q` of the target. `p` is moved into
+    /// the viewcell if rounding has put it outside.
     pub(crate) fn segment(&self, p: DVec3, q: DVec3) -> Segment {
         Segment { p: p.clamp(self.cell.min, self.cell.max), q }
     }

@@ -26,7 +26,8 @@ pub(super) struct Check<'a> {
 }
 
 impl Check<'_> {
-    /// Returns the corner of the target triangle that a vertex is, `None` for other vertices.
+    /// Returns which corner of the target triangle (0, 1 or 2) the vertex with index `vertex` is. `None` for
+    /// all other vertices, and in proofs with clearance.
     pub(super) fn tag(&self, vertex: u32) -> Option<usize> {
         self.target_vertices.iter().position(|&v| v == vertex)
     }
