@@ -22,7 +22,8 @@ impl DepthPlanes {
     /// No planes: the depth key is bounded by negative infinity, so these planes hide no box.
     pub(crate) const NONE: Self = Self { planes: [[0.0; 3]; 3], count: 0 };
 
-    /// A single plane, as [`ScreenShape::planes`] has it.
+    /// Returns the planes of an occluder that a single plane bounds, with coefficients as in
+    /// [`ScreenShape::planes`].
     #[inline(always)]
     pub(crate) fn one(plane: [f32; 3]) -> Self {
         Self { planes: [plane; 3], count: 1 }

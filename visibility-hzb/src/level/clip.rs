@@ -22,8 +22,8 @@ pub(super) struct End {
 }
 
 impl End {
-    /// Returns whether coordinate `of` of the end is above `limit`. True for a plain vertex, which no cut
-    /// concerns.
+    /// Returns whether the end stays when the edge is cut: coordinate `of` (an index into `point`) is above
+    /// `limit`. True for a plain vertex, which no cut concerns.
     fn stays(&self, of: usize, limit: f64) -> bool {
         self.plain.is_some() || self.point[of] > limit
     }

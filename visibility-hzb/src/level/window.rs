@@ -100,7 +100,7 @@ impl Window {
 /// Edges that meet a row of tiles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RowEdges {
-    /// Index into [`Edges::drawn`].
+    /// Index into [`Edges::drawn`] of the 16 edges that the lanes of the other fields stand for.
     chunk: u32,
     /// Least column that each edge comes near in the row. Infinity for an edge that does not meet it.
     left: [f32; WIDTH],

@@ -30,7 +30,8 @@ pub(crate) struct FaceTest<'a> {
     /// Bounds on the box's depth key by its faces.
     planes: BoxFacePlanes,
     tiles: &'a Tiles,
-    /// May be older than the tiles, which is conservative.
+    /// Pyramid above `tiles`. It may be older than the tiles: its minima are then farther away, and hide
+    /// less.
     pyramid: &'a Pyramid,
     /// Pixels that the box may meet.
     rectangle: Rectangle,
