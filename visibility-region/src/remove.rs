@@ -44,8 +44,8 @@ pub(crate) fn remove_hidden(
     walk.finish()
 }
 
-/// Removes hidden candidates below a node. `live` are the indices of the umbrae that reach into the node.
-/// Returns whether any candidate is left.
+/// Removes hidden candidates below a node (`None`: the root). `live` are the indices of the umbrae that reach
+/// into the node. `or` is a further test of a box. Returns whether any candidate is left.
 fn remove_below(
     walk: &mut Walk<SceneHierarchy>,
     node: Option<usize>,

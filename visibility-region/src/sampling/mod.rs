@@ -211,7 +211,7 @@ struct Search<'a> {
     found: Bits,
     /// Indices of the candidates that have triangles.
     wanted: Bits,
-    /// Number of candidates not found.
+    /// Number of objects in `wanted` that no ray has met so far.
     missing: usize,
     /// Triangles that rays have met.
     explored: Bits,
