@@ -44,7 +44,7 @@ impl Plan {
         }
     }
 
-    /// Returns one line for a person.
+    /// Returns the forecast as one line of text for the terminal.
     pub fn text(&self) -> String {
         let Self { viewcells, first, limit, threads, size } = *self;
         let Some(first) = first.filter(|_| limit > 0.0) else {

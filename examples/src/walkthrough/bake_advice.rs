@@ -38,7 +38,7 @@ fn is_too_late_to_place() -> bool {
 pub struct BakeEstimate {
     /// Measured times and counts of culling by the baked sets after the frustum.
     pub trial: CullerTrial,
-    /// The same of the culler that is advised.
+    /// Measured times and counts of the culler that is advised in place of a bake.
     pub advised: CullerTrial,
     /// Number of objects in the frustum that a line of sight from the viewcell is known to reach, at least
     /// those that the view shows. No bake of these viewcells leaves fewer.
@@ -47,7 +47,7 @@ pub struct BakeEstimate {
     pub viewcells: usize,
     /// Number of viewcells that were baked here.
     pub baked: usize,
-    /// Time in seconds in which they were baked, on all threads of the machine.
+    /// Time in seconds in which these viewcells were baked, on all threads of the machine.
     pub seconds: f64,
     /// Whether the bake here was finished. If not, what is open counts as visible, and a bake with more time
     /// hides more.
